@@ -1,0 +1,621 @@
+// A walker in a page: picture, controls, phase portrait and Floquet multipliers.
+//
+//     import { play } from "./player.js";
+//     play(document.querySelector("#walker"), { walker: "lab", slope: 0.036 });
+
+import { checkWalker, create, library, loadPolicy, readFile } from "./passive-walker.js";
+
+const TORQUE = 0.05; // m g l: the hip torque of the action 1
+const TRAIL = 900; // frames in the phase portrait
+const LONGEST_FRAME = 0.1; // s
+const PUSH_KEY = 0.01; // m sqrt(g l)
+const PUSH_PIXEL = 0.0002;
+const REST = 1.6; // s between a fall and the next start
+const GROUNDS = {
+  smooth: { label: "smooth", terrain: null },
+  rough: { label: "rough, deviation 0.002 l", terrain: { rough: { height_std: 0.002 } } },
+  rougher: { label: "rough, deviation 0.005 l", terrain: { rough: { height_std: 0.005 } } },
+  waves: { label: "waves of 0.004 l", terrain: { waves: { height: 0.004, strides: 6 } } },
+};
+const UNITS = {
+  thigh_length: "m", thigh_offset: "m", thigh_mass: "kg", thigh_gyration: "m", thigh_com: "m",
+  shank_length: "m", shank_offset: "m", shank_mass: "kg", shank_gyration: "m", shank_com: "m",
+  foot_radius: "m", foot_angle: "rad", hip_mass: "kg", hip_stiffness: "N m/rad",
+  hip_friction: "N m s/rad", knee_stiffness: "N m/rad", gravity: "m/s²",
+};
+const ENDINGS = {
+  FELL_FORWARD: "The walker fell forward.",
+  FELL_BACKWARD: "The walker fell backward.",
+  SWING_OVERROTATION: "The swing leg went beyond the upright.",
+  STUBBED_TOE: "The swing foot stubbed its toe.",
+  KNEE_NOT_LOCKED: "The foot came down before the knee had locked.",
+  STALLED: "The walker stalled.",
+  DIVERGED: "The motion diverged.",
+};
+
+let count = 0;
+
+function element(name, attributes = {}, ...children) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
+    else if (value !== false && value !== null) made.setAttribute(key, value === true ? "" : value);
+  }
+  made.append(...children);
+  return made;
+}
+
+function labelled(text, control, output = "") {
+  control.id = `pw-${++count}`;
+  return element("div", { class: "pw-field" }, element("label", { for: control.id }, text), control, output);
+}
+
+function choice(entries, value, change) {
+  const options = entries.map(([key, text]) => element("option", { value: key, selected: key === value }, text));
+  return element("select", { onchange: (event) => change(event.target.value) }, ...options);
+}
+
+function digits(x, places = 4) {
+  return x === 0 ? "0" : Number(x.toPrecision(places)).toString();
+}
+
+/** Whether two objects have the same entries. */
+const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
+
+/** A slope, or the middle of a range of slopes. */
+const middle = (slope = 0) => (Array.isArray(slope) ? 0.5 * (slope[0] + slope[1]) : slope);
+
+/** A player in an element; `play` makes it. */
+export class Player {
+  constructor(root, data, settings) {
+    this.root = root;
+    this.data = data;
+    this.read = settings.read ?? readFile;
+    this.share = settings.share ?? false;
+    this.listener = settings.onstate ?? null;
+    this.compact = settings.compact ?? false;
+    this.settings = {
+      walker: "lab", changes: {}, slope: 0.036, torque: 0, policy: "", ground: "smooth", speed: 1, seed: 0,
+      ...settings.settings,
+    };
+    const still = matchMedia("(prefers-reduced-motion: reduce)");
+    this.running = settings.paused === undefined ? !still.matches : !settings.paused;
+    this.trail = [];
+    this.pending = 0;
+    this.progress = 1;
+    this.rest = 0;
+    this.gait = null;
+    this.last = null;
+    this.drag = null;
+    this.#build();
+  }
+
+  // ------------------------------------------------------------------------------------------
+  // The page's elements.
+
+  #build() {
+    const { settings, data } = this;
+    this.canvas = element("canvas", {
+      class: "pw-scene", width: 960, height: 480, tabindex: 0, role: "img",
+      "aria-label": "A walker on a slope. Press the arrow keys left and right to push it, the space bar to pause.",
+      onkeydown: (event) => this.#key(event),
+      onpointerdown: (event) => this.#press(event),
+      onpointermove: (event) => this.#move(event),
+      onpointerup: (event) => this.#release(event),
+      onpointercancel: () => (this.drag = null),
+    });
+    this.said = element("p", { class: "pw-said", role: "status", "aria-live": "polite" });
+    this.pause = element("button", { type: "button", onclick: () => this.toggle() });
+    const walkers = Object.entries(data.walkers).map(([name, { about }]) => [name, `${name}: ${about}`]);
+    const policies = Object.keys(data.policies).map((name) => [`policy ${name}`, `policy ${name}`]);
+    this.walkerChoice = choice(walkers, settings.walker, (value) => this.#choose(value));
+    this.controllers = choice(
+      [["passive", "passive"], ["torque", "held hip torque"], ...policies],
+      settings.policy ? `policy ${settings.policy}` : settings.torque ? "torque" : "passive",
+      (value) => this.#control(value),
+    );
+    this.grounds = choice(
+      Object.entries(GROUNDS).map(([name, { label }]) => [name, label]), settings.ground,
+      (value) => this.set({ ground: value }, true),
+    );
+    this.sliders = {};
+    const main = [
+      this.#slider("slope", "Slope, rad", -0.02, 0.12, 0.0005),
+      this.#slider("torque", "Hip torque, m g l", -0.03, 0.03, 0.0005),
+      this.#slider("speed", "Speed", 0.0625, 2, 0.0625),
+      this.#slider("gravity", "Gravity, m/s²", 0.5, 25, 0.01),
+    ];
+    const others = data.parameters.filter((name) => name !== "gravity");
+    this.more = element(
+      "details", { class: "pw-more" },
+      element("summary", {}, "All parameters of the walker"),
+      element("div", { class: "pw-fields" }, ...others.map((name) => this.#slider(name, `${name}, ${UNITS[name]}`))),
+    );
+    const buttons = [
+      this.pause,
+      element("button", { type: "button", onclick: () => this.next() }, "Next frame"),
+      element("button", { type: "button", onclick: () => this.begin() }, "Begin again"),
+      element("button", { type: "button", onclick: () => this.push(-PUSH_KEY) }, "Push uphill"),
+      element("button", { type: "button", onclick: () => this.push(PUSH_KEY) }, "Push downhill"),
+    ];
+    if (this.share) buttons.push(element("button", { type: "button", onclick: () => this.#link() }, "Copy link"));
+    this.portrait = element("canvas", {
+      class: "pw-plot", width: 460, height: 320, role: "img",
+      "aria-label": "Phase portrait: angular velocity over angle of both legs",
+    });
+    this.circle = element("canvas", {
+      class: "pw-plot", width: 320, height: 320, role: "img", "aria-label": "Floquet multipliers in the complex plane",
+    });
+    this.multipliers = element("p", { class: "pw-note" });
+    this.measures = element("dl", { class: "pw-measures" });
+    this.root.classList.add("pw");
+    this.root.replaceChildren(
+      this.canvas, this.said, element("div", { class: "pw-buttons" }, ...buttons),
+      element(
+        "div", { class: "pw-fields" }, labelled("Walker", this.walkerChoice),
+        labelled("Controller", this.controllers), labelled("Ground", this.grounds), ...main,
+      ),
+      this.more,
+      element(
+        "div", { class: "pw-plots" },
+        element("figure", {}, this.portrait, element("figcaption", {}, "Phase portrait: angular velocity over angle of both legs; dots are now")),
+        element(
+          "figure", {}, this.circle,
+          element("figcaption", {}, "Floquet multipliers by finite differences of strides"), this.multipliers,
+        ),
+        element("div", {}, element("p", { class: "pw-title" }, "Last stride"), this.measures),
+      ),
+    );
+    if (this.compact) this.root.classList.add("pw-compact");
+  }
+
+  #slider(name, label, least, most, step = "any") {
+    const output = element("output");
+    const input = element("input", {
+      type: "range", step,
+      oninput: () => this.#slide(name, Number(input.value)),
+    });
+    const field = labelled(label, input, output);
+    output.setAttribute("for", input.id);
+    this.sliders[name] = { input, output, field, range: least === undefined ? null : [least, most] };
+    return field;
+  }
+
+  /** Writes the settings into the sliders. */
+  #show() {
+    const { settings, data } = this;
+    const parameters = this.walk.parameters, own = data.walkers[settings.walker].parameters;
+    for (const [name, { input, output, range }] of Object.entries(this.sliders)) {
+      const value = name in settings ? settings[name] : parameters[name];
+      const size = Math.abs(own[name] ?? 0) || (UNITS[name] === "m" ? 0.1 : UNITS[name] === "rad" ? 0.1 : 0.5);
+      const signed = ["thigh_offset", "shank_offset", "foot_angle"].includes(name);
+      const [least, most] = range ?? [signed ? -2 * size : 0, (own[name] ? 2 : 1) * size];
+      input.min = Math.min(least, value);
+      input.max = Math.max(most, value);
+      if (Number(input.value) !== value) input.value = value;
+      output.textContent = name === "speed" ? `× ${digits(value)}` : digits(value);
+      input.setAttribute("aria-valuetext", `${digits(value)} ${UNITS[name] ?? ""}`.trim());
+    }
+    this.sliders.torque.input.disabled = settings.policy !== "";
+    this.pause.textContent = this.running ? "Pause" : "Continue";
+    this.controllers.value = settings.policy ? `policy ${settings.policy}` : settings.torque || this.controllers.value === "torque" ? "torque" : "passive";
+    this.grounds.value = settings.ground;
+    this.walkerChoice.value = settings.walker;
+  }
+
+  // ------------------------------------------------------------------------------------------
+  // What a user changes.
+
+  #slide(name, value) {
+    if (name === "slope" || name === "torque" || name === "speed") this.set({ [name]: value }, name === "torque");
+    else this.set({ changes: { ...this.settings.changes, [name]: value } });
+  }
+
+  #choose(walker) {
+    const gaits = this.data.walkers[walker].gaits;
+    const near = gaits.reduce((best, each) => (Math.abs(each[0] - 0.03) < Math.abs(best[0] - 0.03) ? each : best), gaits[0]);
+    this.set({ walker, changes: {}, policy: "", slope: near ? near[0] : 0.03 }, true);
+  }
+
+  #control(value) {
+    if (value.startsWith("policy ")) {
+      const name = value.slice(7), { scene } = this.data.policies[name];
+      const slope = middle(scene.slope), walker = scene.walker ?? "C";
+      this.set({ policy: name, torque: 0, walker, changes: {}, slope, ground: scene.terrain ? "rough" : "smooth" }, true);
+    } else {
+      this.set({ policy: "", torque: value === "torque" ? this.settings.torque || 0.002 : 0 }, this.settings.policy !== "");
+    }
+  }
+
+  /** Changes settings; a walker that cannot be leaves all as it is, and says why. */
+  async set(changes, again = false) {
+    const before = this.settings;
+    this.settings = { ...before, ...changes };
+    const key = ["walker", "changes", "policy", "ground", "slope"];
+    try {
+      checkWalker(this.#walkerGiven(), this.data);
+      const others = ["walker", "policy", "ground"].some((name) => before[name] !== this.settings[name]);
+      if (others || this.settings.start || (again && this.walk.over)) await this.begin();
+      else if (key.some((name) => !same(before[name], this.settings[name]))) this.#change();
+      this.#tell("");
+    } catch (error) {
+      this.settings = before;
+      this.#tell(error.message);
+    }
+    this.#show();
+    this.#remember();
+    this.listener?.(this);
+  }
+
+  #walkerGiven() {
+    return { preset: this.settings.walker, ...this.settings.changes };
+  }
+
+  #scene() {
+    const { settings } = this, { terrain } = GROUNDS[settings.ground];
+    const own = settings.policy ? this.data.policies[settings.policy].scene : { max_hip_torque: TORQUE };
+    const rules = { reset_noise_scale: 0, slope: settings.slope, terrain: terrain ?? (own.terrain_lookahead ? { stairs: { rise: 0 } } : null) };
+    const stub = settings.policy ? {} : { end_on_toe_stub: false };
+    return { ...own, ...rules, ...stub };
+  }
+
+  #change() {
+    this.walk.change({ walker: this.#walkerGiven(), scene: { slope: this.settings.slope } });
+    this.last = null;
+    this.#seek();
+  }
+
+  /** Begins again with the settings, at the periodic gait or near it. */
+  async begin() {
+    const given = this.#walkerGiven(), scene = this.#scene();
+    const walk = await create(given, scene, { read: this.read });
+    const policy = this.settings.policy ? await loadPolicy(this.settings.policy, { read: this.read }) : null;
+    this.policy = policy;
+    this.walk = walk;
+    const start = this.settings.start ?? null;
+    this.settings.start = undefined;
+    const gait = start || policy ? null : walk.findGait({ hip_torque: this.settings.torque });
+    this.observation = walk.reset({ seed: this.settings.seed++, noise: false, state: start ?? gait?.state ?? null });
+    this.trail = [];
+    this.progress = 1;
+    this.rest = 0;
+    this.last = null;
+    this.action = null;
+    this.#tell("");
+    this.#show();
+    this.#seek();
+    this.draw();
+  }
+
+  push(impulse) {
+    this.pending += impulse;
+  }
+
+  toggle() {
+    this.running = !this.running;
+    this.#show();
+    this.listener?.(this);
+  }
+
+  next() {
+    this.running = false;
+    this.advance(1 / 60);
+    this.#show();
+    this.draw();
+  }
+
+  #key(event) {
+    const does = {
+      " ": () => this.toggle(), n: () => this.next(), r: () => this.begin(),
+      ArrowLeft: () => this.push(-PUSH_KEY), ArrowRight: () => this.push(PUSH_KEY),
+      "+": () => this.set({ speed: Math.min(2, this.settings.speed * 2) }),
+      "-": () => this.set({ speed: Math.max(0.0625, this.settings.speed / 2) }),
+    }[event.key];
+    if (!does || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    event.stopPropagation();
+    does();
+  }
+
+  #press(event) {
+    this.canvas.setPointerCapture(event.pointerId);
+    this.drag = { from: event.clientX, to: event.clientX };
+  }
+
+  #move(event) {
+    if (this.drag) this.drag.to = event.clientX;
+    if (this.drag && !this.running) this.draw();
+  }
+
+  /** A drag pushes by its length; a click pushes away from where it is. */
+  #release(event) {
+    if (!this.drag) return;
+    const moved = event.clientX - this.drag.from;
+    const box = this.canvas.getBoundingClientRect();
+    const side = event.clientX < box.left + box.width / 2 ? 1 : -1;
+    this.push(Math.abs(moved) > 5 ? moved * PUSH_PIXEL : side * PUSH_KEY);
+    this.drag = null;
+  }
+
+  #tell(text) {
+    this.said.textContent = text;
+  }
+
+  // ------------------------------------------------------------------------------------------
+  // Sharing by the address.
+
+  #remember() {
+    if (!this.share) return;
+    const { walker, changes, slope, torque, policy, ground, speed } = this.settings;
+    const given = { walker, slope: digits(slope, 8), ...(torque && { torque }), ...(policy && { policy }) };
+    if (ground !== "smooth") given.ground = ground;
+    if (speed !== 1) given.speed = speed;
+    for (const [name, value] of Object.entries(changes)) given[name] = digits(value, 8);
+    history.replaceState(null, "", `#${new URLSearchParams(given)}`);
+  }
+
+  async #link() {
+    this.#remember();
+    try {
+      await navigator.clipboard.writeText(location.href);
+      this.#tell("The link is copied.");
+    } catch {
+      this.#tell("The address of this page has the settings.");
+    }
+  }
+
+  // ------------------------------------------------------------------------------------------
+  // Time.
+
+  /** Continues by a time in seconds. */
+  advance(seconds) {
+    const { walk } = this;
+    let left = (seconds * this.settings.speed) / walk.timeUnit;
+    if (walk.over && this.progress >= 1) {
+      this.rest += seconds;
+      if (this.rest > REST && this.running) this.begin();
+      return;
+    }
+    for (let i = 0; i < 1000 && left > 0; i++) {
+      const rest = (1 - this.progress) * (walk.duration || 0);
+      if (rest > left) {
+        this.progress += left / walk.duration;
+        left = 0;
+      } else {
+        left -= rest;
+        this.progress = 1;
+        this.#record(walk.frame());
+        if (walk.over) return this.#ended();
+        this.#step();
+        this.progress = 0;
+      }
+    }
+  }
+
+  #step() {
+    const { walk, settings } = this;
+    if (this.pending) {
+      const wanted = Math.max(-0.1, Math.min(0.1, this.pending));
+      walk.push(wanted);
+      this.pending = 0;
+      this.last = null;
+    }
+    this.action = this.policy ? this.policy.predict(this.observation) : [settings.torque / TORQUE];
+    const found = walk.step(this.action);
+    this.observation = found.observation;
+    if (found.info.outcome === "HEELSTRIKE") {
+      this.last = found.info;
+      this.#measure();
+    }
+    this.listener?.(this);
+  }
+
+  #ended() {
+    this.rest = 0;
+    const { outcome } = this.walk;
+    this.#tell(`${ENDINGS[outcome] ?? "The episode ended."} It begins again in a moment, or by “Begin again”.`);
+  }
+
+  #measure() {
+    const { last, walk } = this, l = walk.legLength, t = walk.timeUnit;
+    const rows = [
+      ["step length", `${digits(last.step_length * l)} m`],
+      ["step period", `${digits(last.step_period * t)} s`],
+      ["speed", `${digits((last.speed * l) / t)} m/s`],
+      ["cost of transport", digits(last.cost_of_transport)],
+      ["strides", String(walk.strides)],
+    ];
+    this.measures.replaceChildren(...rows.flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, value)]));
+  }
+
+  /** Searches for the periodic gait when the settings have been left alone for a moment. */
+  #seek() {
+    clearTimeout(this.timer);
+    this.gait = undefined;
+    this.timer = setTimeout(() => {
+      const { slope, torque, policy } = this.settings;
+      this.gait = this.walk.findGait({ slope, hip_torque: policy ? 0 : torque });
+      this.#drawMultipliers();
+    }, 350);
+  }
+
+  // ------------------------------------------------------------------------------------------
+  // Pictures.
+
+  #colors() {
+    const style = getComputedStyle(this.root), get = (name) => style.getPropertyValue(`--pw-${name}`).trim();
+    return Object.fromEntries(["background", "ground", "mark", "even", "odd", "body", "push"].map((name) => [name, get(name)]));
+  }
+
+  draw() {
+    if (!this.walk) return;
+    const frame = this.walk.within(this.progress);
+    this.colors = this.#colors();
+    const push = this.drag ? (this.drag.to - this.drag.from) * PUSH_PIXEL : null;
+    this.walk.render(this.canvas, { colors: this.colors, frame, push });
+    this.#record(frame);
+    this.#drawPortrait(frame);
+  }
+
+  /** Adds a frame to the phase portrait; ends of control steps are in it at any frame rate. */
+  #record(frame) {
+    this.trail.push(frame);
+    if (this.trail.length > TRAIL) this.trail.shift();
+  }
+
+  #drawPortrait(now) {
+    const { portrait: canvas, trail, colors } = this, context = canvas.getContext("2d");
+    context.fillStyle = colors.background;
+    context.fillRect(0, 0, canvas.width, canvas.height);
+    const angle = 0.65, rate = 2.2;
+    const place = (x, v) => [canvas.width * (0.5 + x / (2 * angle)), canvas.height * (0.5 - v / (2 * rate))];
+    context.strokeStyle = colors.mark;
+    context.lineWidth = 1;
+    context.strokeRect(0.5, 0.5, canvas.width - 1, canvas.height - 1);
+    context.beginPath();
+    context.moveTo(...place(-angle, 0));
+    context.lineTo(...place(angle, 0));
+    context.moveTo(...place(0, -rate));
+    context.lineTo(...place(0, rate));
+    context.stroke();
+    for (const odd of [0, 1]) {
+      context.strokeStyle = odd ? colors.odd : colors.even;
+      context.lineWidth = 1.5;
+      context.beginPath();
+      let before = null;
+      for (const { state, strides } of trail) {
+        // A leg is the stance leg in every other stride.
+        const stands = strides % 2 === odd;
+        const at = stands ? place(state[0], state[3]) : place(state[1], state[4]);
+        if (before === strides) context.lineTo(...at);
+        else context.moveTo(...at);
+        before = strides;
+      }
+      context.stroke();
+      const at = now.strides % 2 === odd ? place(now.state[0], now.state[3]) : place(now.state[1], now.state[4]);
+      context.fillStyle = context.strokeStyle;
+      context.beginPath();
+      context.arc(...at, 5, 0, 2 * Math.PI);
+      context.fill();
+    }
+    context.fillStyle = colors.mark;
+    context.font = "15px system-ui, sans-serif";
+    context.textAlign = "right";
+    context.fillText(`${angle} rad`, canvas.width - 6, canvas.height / 2 - 6);
+    context.textAlign = "left";
+    context.fillText(`${rate} √(g/l)`, canvas.width / 2 + 6, 18);
+  }
+
+  #drawMultipliers() {
+    const { circle: canvas, gait } = this, colors = this.#colors(), context = canvas.getContext("2d");
+    context.fillStyle = colors.background;
+    context.fillRect(0, 0, canvas.width, canvas.height);
+    const size = Math.max(1.25, ...(gait?.multipliers ?? []).map(([re, im]) => 1.15 * Math.hypot(re, im)));
+    const scale = canvas.width / (2 * size), middle = canvas.width / 2;
+    context.strokeStyle = colors.mark;
+    context.lineWidth = 1;
+    context.beginPath();
+    context.moveTo(0, middle);
+    context.lineTo(canvas.width, middle);
+    context.moveTo(middle, 0);
+    context.lineTo(middle, canvas.height);
+    context.stroke();
+    context.strokeStyle = colors.ground;
+    context.beginPath();
+    context.arc(middle, middle, scale, 0, 2 * Math.PI);
+    context.stroke();
+    if (!gait) {
+      this.multipliers.textContent = "No periodic gait is found near here.";
+      return;
+    }
+    for (const [re, im] of gait.multipliers) {
+      const inside = Math.hypot(re, im) < 1;
+      context.beginPath();
+      context.arc(middle + re * scale, middle - im * scale, 6, 0, 2 * Math.PI);
+      context.fillStyle = context.strokeStyle = inside ? colors.even : colors.odd;
+      context.lineWidth = 2;
+      if (inside) context.fill();
+      else context.stroke();
+    }
+    const short = (x) => (Math.abs(x) < 1e-6 ? "0" : digits(x, 3).replace("-", "−"));
+    const text = gait.multipliers.map(([re, im]) => `${short(re)}${im ? `${im < 0 ? " − " : " + "}${short(Math.abs(im))} i` : ""}`);
+    const stable = gait.multipliers.every(([re, im]) => Math.hypot(re, im) < 1);
+    const whose = this.settings.policy ? "The passive gait" : "The gait";
+    this.multipliers.textContent = `${whose} is ${stable ? "stable" : "unstable"}: ${text.join(", ")}.`;
+  }
+
+  /** Runs until the element leaves the page. */
+  start() {
+    let before = null;
+    const tick = (now) => {
+      if (this.stopped || !this.root.isConnected) return;
+      const elapsed = before === null ? 0 : Math.min((now - before) / 1000, LONGEST_FRAME);
+      before = now;
+      if (this.visible !== false && this.walk) {
+        if (this.running) this.advance(elapsed);
+        if (this.running || !this.drawn) this.draw();
+        this.drawn = true;
+      }
+      requestAnimationFrame(tick);
+    };
+    if ("IntersectionObserver" in globalThis) {
+      const seen = new IntersectionObserver(([entry]) => (this.visible = entry.isIntersecting));
+      seen.observe(this.canvas);
+    }
+    requestAnimationFrame(tick);
+  }
+
+  stop() {
+    this.stopped = true;
+  }
+}
+
+/** Settings from a page's address. */
+export function settingsFrom(hash, data) {
+  const given = Object.fromEntries(new URLSearchParams(hash.replace(/^#/, "")));
+  const settings = {}, changes = {};
+  for (const [name, value] of Object.entries(given)) {
+    const number = Number(value);
+    if (name === "walker" && data.walkers[value]) settings.walker = value;
+    else if (name === "policy" && data.policies[value]) settings.policy = value;
+    else if (name === "ground" && GROUNDS[value]) settings.ground = value;
+    else if (["slope", "torque", "speed"].includes(name) && Number.isFinite(number)) settings[name] = number;
+    else if (data.parameters.includes(name) && Number.isFinite(number)) changes[name] = number;
+  }
+  const scene = data.policies[settings.policy]?.scene;
+  if (scene) {
+    settings.walker ??= scene.walker ?? "C";
+    settings.slope ??= middle(scene.slope);
+  }
+  return Object.keys(changes).length ? { ...settings, changes } : settings;
+}
+
+/**
+ * Shows a walker in an element, with all controls.
+ *
+ * @param options `walker`, `slope`, `torque`, `policy`, `ground`, `speed`, `changes` of the walker's
+ *   parameters, `start` on the Poincaré section; `share` writes settings to the page's address;
+ *   `compact` hides the plots; `paused`; `read` reads the package's files; `onstate` is called after
+ *   each control step and each change of the settings.
+ */
+export async function play(root, options = {}) {
+  const { read = readFile, share = false, compact = false, paused, onstate, ...settings } = options;
+  try {
+    const data = await library(read);
+    const own = share ? settingsFrom(location.hash, data) : {};
+    const player = new Player(root, data, { settings: { ...settings, ...own }, read, share, compact, paused, onstate });
+    try {
+      await player.begin();
+    } catch (error) {
+      // An address or a caller may ask for a walker that cannot be.
+      player.settings = { ...player.settings, changes: {}, policy: "", slope: 0.036, walker: "lab", start: undefined };
+      await player.begin();
+      player.said.textContent = error.message;
+    }
+    player.start();
+    return player;
+  } catch (error) {
+    root.append(element("p", { role: "alert" }, `The walker cannot be shown here: ${error.message}`));
+    throw error;
+  }
+}
