@@ -598,7 +598,7 @@ export class PassiveWalker {
     data.parameters.forEach((name, i) => block.set("shape.parameters", walker[name], i));
     block.functions.body(block.at("shape"), block.at("bodies"));
     block.set("phases", block.functions.phases(variant));
-    block.set("natives", block.functions.natives(variant));
+    block.set("hooks", block.functions.hooks(variant));
     block.set("count", notes.links.length);
     block.set("constants", notes.constants);
     block.set("radii", walker.foot_radius / this.legLength);
@@ -639,19 +639,19 @@ export class PassiveWalker {
 
   #putOdds(scene) {
     const block = this.#block;
-    block.set("odds.rate", scene.pushes.rate ?? 0);
-    (scene.pushes.impulse ?? [0, 0]).forEach((x, i) => block.set("odds.push", x, i));
+    block.set("settings.rate", scene.pushes.rate ?? 0);
+    (scene.pushes.impulse ?? [0, 0]).forEach((x, i) => block.set("settings.push", x, i));
     const noise = scene.observation_noise;
     const each = Array.isArray(noise) ? noise : [...Array(6).fill(noise), 0, 0];
-    each.forEach((x, i) => block.set("odds.noise", x, i));
-    block.set("odds.noisy", each.some((x) => x > 0) ? 1 : 0);
-    block.set("odds.action_noise", scene.action_noise);
-    block.set("odds.commanded", scene.command === null ? 0 : 1);
-    (scene.command ?? [0, 0]).forEach((x, i) => block.set("odds.command", x, i));
-    block.set("odds.command_weight", scene.command_weight);
-    block.set("odds.uneven", scene.terrain === null ? 0 : 1);
-    block.set("odds.terrain_lookahead", scene.terrain_lookahead);
-    block.set("odds.interval", Infinity);
+    each.forEach((x, i) => block.set("settings.noise", x, i));
+    block.set("settings.noisy", each.some((x) => x > 0) ? 1 : 0);
+    block.set("settings.action_noise", scene.action_noise);
+    block.set("settings.commanded", scene.command === null ? 0 : 1);
+    (scene.command ?? [0, 0]).forEach((x, i) => block.set("settings.command", x, i));
+    block.set("settings.command_weight", scene.command_weight);
+    block.set("settings.uneven", scene.terrain === null ? 0 : 1);
+    block.set("settings.terrain_lookahead", scene.terrain_lookahead);
+    block.set("settings.interval", Infinity);
     const terrain = scene.terrain ?? { rises: [0], slopes: [0], repeats: true, height_std: 0, slope_std: 0 };
     terrain.rises.forEach((rise, i) => {
       block.f8[block.table / 8 + 2 * i] = rise;
@@ -794,7 +794,7 @@ export class PassiveWalker {
       block.set("slopes", slope);
       block.set("drawn", 0);
       for (let i = 0; i < 4; i++) block.set("draws", 0.5, i);
-      block.set("odds.uneven", 0);
+      block.set("settings.uneven", 0);
       block.run(BEGIN);
       const extras = ankle_torque || push_off || FITTINGS.some((name) => this.parameters[name] !== 0);
       const variant = height_change || slope_change ? 2 : extras ? 1 : 0;
@@ -889,7 +889,7 @@ export class PassiveWalker {
   #lean(slope) {
     const block = this.#block, kept = block.bytes.slice(block.base, block.table);
     block.set("slopes", slope + block.get("disturbance.tilt"));
-    block.set("odds.uneven", 0);
+    block.set("settings.uneven", 0);
     block.run(BEGIN);
     const ground = [block.get("record.ground", 0), block.get("record.ground", 1)];
     block.bytes.set(kept, block.base);
