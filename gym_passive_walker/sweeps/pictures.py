@@ -56,7 +56,7 @@ def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> 
     if all(isinstance(value, bool | np.bool_) for value in kinds):
         no, yes = done.copy(), done.copy()
         no[done], yes[done] = ~kinds.astype(bool), kinds.astype(bool)
-        for which, text, style in (
+        for which, group, style in (
             (yes, by, {"c": BLUE, "linewidths": 0.0, "s": size}),
             (
                 no,
@@ -64,13 +64,13 @@ def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> 
                 {"c": VERMILION, "marker": "x", "linewidths": 0.3 * size**0.5, "s": 1.3 * size},
             ),
         ):  # fmt: skip
-            ax.scatter(across[which], up[which], label=f"{text}: {which.sum()}", **style)
+            ax.scatter(across[which], up[which], label=f"{group}: {which.sum()}", **style)
     else:
         points = ax.scatter(across[done], up[done], c=drawn(by)[done].astype(float), s=size)
         figure_of(ax).colorbar(points, ax=ax, label=label(by))
     if not done.all():
-        text = f"failed: {np.sum(~done)}"
-        ax.scatter(across[~done], up[~done], c=GREY, marker="+", s=12.0, label=text)
+        group = f"failed: {np.sum(~done)}"
+        ax.scatter(across[~done], up[~done], c=GREY, marker="+", s=12.0, label=group)
     ax.set(xlabel=label(x), ylabel=label(y))
     if ax.get_legend_handles_labels()[0]:
         legend(ax)
