@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from gym_passive_walker.engine import compiled
 from gym_passive_walker.modeling.checks import StatementError, check
 from gym_passive_walker.modeling.mechanics import Derived, Link, Motion, is_zero, rates_by, solve
+from gym_passive_walker.modeling.statement import push_of
 from gym_passive_walker.physics import hybrid
 from gym_passive_walker.physics.hybrid import SMOOTH, Ground, Guard, Outcome, Watch
-from gym_passive_walker.physics.systems import SYSTEMS
+from gym_passive_walker.physics.systems import register
 from gym_passive_walker.walkers import Mechanism
 
 _BETWEEN = 7  # looks at a guard within a step; a foot may dip and rise between its ends
@@ -125,8 +126,9 @@ class System(Mechanism):
         The package states its own walkers in this way: `physics.straight.SYSTEM` is an example.
 
         Args:
-            equations: The hybrid system. Its phases have accelerations, guards and resets; the last
-                phase ends with a heelstrike.
+            equations: The hybrid system, a `gym_passive_walker.modeling.HybridSystem`. Its phases
+                have accelerations, guards and resets; the last phase ends with a heelstrike. A
+                `push` that a phase lacks follows from the mass matrix.
             body: Its parameters, of the type `equations.Body`.
             centre: Function of body and state: x and y of the centre of mass from the stance foot.
             mass: Its total mass.
@@ -137,6 +139,7 @@ class System(Mechanism):
                 positive, a power balance that does not close, a guard that never falls, a reset
                 that gains energy or moves the walker. The message names the function.
         """
+        equations = _pushed(equations)
         falls = {
             guard.outcome.name.lower(): partial(_falls, guard)
             for guard in equations.phases[0].guards
@@ -251,6 +254,10 @@ class System(Mechanism):
     @property
     def uneven(self) -> hybrid.System:  # type: ignore[override]
         """The same on footholds of different heights."""
+        if self.equations is not None and "height_change" in self.equations.absent:
+            raise StatementError(
+                f"equations of system {self.name!r} are for even ground: `height_change` is absent"
+            )
         if "uneven" not in self._made:
             absent = tuple(name for name in self.hybrid.absent if name != "height_change")
             self._made["uneven"] = _registered(self.hybrid._replace(absent=absent))
@@ -406,12 +413,22 @@ class System(Mechanism):
         return power
 
 
+def _pushed(equations: hybrid.System) -> hybrid.System:
+    """A hybrid system in which all phases have a `push`, if it has a mass matrix."""
+    matrix, gain = equations.mass_matrix, equations.potential_gain
+    if matrix is None:
+        return equations
+    phases = (
+        phase if phase.push else phase._replace(push=push_of(matrix, gain, phase.links))
+        for phase in equations.phases
+    )
+    return equations._replace(phases=tuple(phases))
+
+
 def _registered(stated: hybrid.System) -> hybrid.System:
     """Name a system by its compiled text, and make it known by this name."""
     digest = hashlib.sha256(str(compiled.written(stated)).encode()).hexdigest()[:16]
-    stated = stated._replace(name=f"own-{digest}")
-    SYSTEMS[stated.name] = stated
-    return stated
+    return register(stated._replace(name=f"own-{digest}"))
 
 
 def _on_ground(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any, Ground], Any]:

@@ -9,7 +9,6 @@ from examples.torso import TORSO
 from gym_passive_walker import gpu
 from tests.modeling.statements import PROGRESSIVE
 
-
 SYSTEMS = [(TORSO, 0.03), (FIVE_LINKS, 0.05), (PROGRESSIVE, 0.03)]
 
 
