@@ -178,13 +178,16 @@ class System(Mechanism):
 
     def drawn(self, state: Sequence[float]) -> list[NDArray[np.float64]]:
         """Lines of points (x, y) that show a state (2 m,), each of shape (points, 2)."""
-        given = self.State(*state)
+        return [np.array(line, dtype=float) for line in self.lines(self.body, self.State(*state))]
+
+    def lines(self, body: Any, state: Any) -> Sequence[Sequence[tuple[Any, Any]]]:
+        """Lines of points (x, y) that show a state of a body, of the kind of numbers given."""
         if self.pose is not None:
-            return [np.array(line, dtype=float) for line in self.pose(self.body, given)]
+            return self.pose(body, state)
         if self.equations is not None:
-            return [np.array([(0.0, 0.0), self.centre(self.body, given)], dtype=float)]
-        links = [Link(*link) for link in self.links(self.body, given)]
-        return [np.array([(0.0, 0.0), (link.x, link.y)], dtype=float) for link in links]
+            return [[(0.0, 0.0), self.centre(body, state)]]
+        links = (Link(*link) for link in self.links(body, state))
+        return [[(0.0, 0.0), (link.x, link.y)] for link in links]
 
     def centre_of_mass(self, state: Sequence[float]) -> NDArray[np.float64]:
         """Position (x, y) of the centre of mass in a state (2 m,), from the stance foot, (2,)."""
