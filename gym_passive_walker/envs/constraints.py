@@ -19,6 +19,7 @@ from gym_passive_walker.engine.expressions import choose, larger
 from gym_passive_walker.engine.layout import RECORD, layout_of, record_for
 from gym_passive_walker.engine.native import Memory, Module
 from gym_passive_walker.gaits.forces import borne, landing, pushed_off, struck
+from gym_passive_walker.modeling.mechanics import Derived
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Control, Outcome, Phase, State, System
 from gym_passive_walker.physics.systems import SYSTEMS
@@ -132,7 +133,7 @@ def _push(system: System, phase: Phase, record: Memory, body: Memory) -> None:
     rates = [rate + jump for rate, jump in zip(state[count:], jumps, strict=True)]
     for place, rate in zip(places_of(system, record)[count:], rates, strict=True):
         record["state", place] = rate
-    if system.State is State:
+    if system.State is State and not isinstance(phase.push, Derived):
         moment = legs.moment_of_push(constants, state.stance, back, up)
         work = moment * (state.stance_rate + 0.5 * jumps[0])
     else:

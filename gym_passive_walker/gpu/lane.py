@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.engine import jit, lanes
 from gym_passive_walker.engine.compiled import phases_of, written
-from gym_passive_walker.engine.layout import HISTORY, PAIR, tile_for
+from gym_passive_walker.engine.layout import HISTORY, PAIR, history_for, layout_of, tile_for
 from gym_passive_walker.engine.one_walker import entry, integrate_phase
 from gym_passive_walker.envs.constraints import equipped, look_code, push_code
 from gym_passive_walker.envs.custom import Rule
@@ -19,10 +19,18 @@ from gym_passive_walker.gpu import primitives
 from gym_passive_walker.gpu.bookkeeping import DeviceLinker
 from gym_passive_walker.gpu.device import kind
 from gym_passive_walker.gpu.source import Source
+from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.physics.systems import SYSTEMS
 
 TILE, RUN = kind(tile_for(PAIR, width=1)), kind(HISTORY)
 """A tile for one walker, and how guards run over its step."""
+
+
+def rooms(system: System) -> dict[str, np.dtype]:
+    """`TILE` and `RUN` of a system, which has more coordinates than the package's if a user's."""
+    layout = layout_of(system)
+    tile = tile_for(PAIR, width=1, layout=layout)
+    return {"TILE": kind(tile), "RUN": kind(history_for(layout))}
 
 
 class Machinery:

@@ -8,8 +8,9 @@ from typing import Any
 from gym_passive_walker.engine import run
 from gym_passive_walker.gpu import device
 from gym_passive_walker.gpu.device import cuda
-from gym_passive_walker.gpu.lane import RUN, TILE, machinery
+from gym_passive_walker.gpu.lane import RUN, TILE, machinery, rooms
 from gym_passive_walker.physics.hybrid import System
+from gym_passive_walker.physics.systems import SYSTEMS
 
 
 def _stride_kernel(records, bodies, phases, options):
@@ -25,7 +26,9 @@ def _stride_kernel(records, bodies, phases, options):
 def _made(system: str) -> tuple[Any, Any]:
     """A system's phases on the GPU, and the kernel that integrates its walkers."""
     here = machinery(system)
-    return device.put(here.phases), device.kernel(here.bound.rebound(_stride_kernel))
+    kernel = here.bound.rebound(_stride_kernel)
+    kernel.__globals__.update(rooms(SYSTEMS[system]))
+    return device.put(here.phases), device.kernel(kernel)
 
 
 @lru_cache

@@ -1,1 +1,43 @@
-"""Systems that users state themselves: equations derived from where masses are."""
+"""Systems that users state themselves, by their masses or by their equations.
+
+The named tuples here state the package's own kinds of walkers too.
+"""
+
+from gym_passive_walker.modeling.checks import StatementError
+from gym_passive_walker.modeling.mechanics import Link
+from gym_passive_walker.modeling.statement import accelerations_of, kinetic_energy_of, stop_of
+from gym_passive_walker.modeling.system import Free, System
+from gym_passive_walker.physics.hybrid import (
+    Ground,
+    Guard,
+    Outcome,
+    Phase,
+    Refusal,
+    Reset,
+    Stage,
+    Step,
+    Strike,
+    Watch,
+)
+from gym_passive_walker.physics.hybrid import System as HybridSystem
+
+__all__ = [
+    "Free",
+    "Ground",
+    "Guard",
+    "HybridSystem",
+    "Link",
+    "Outcome",
+    "Phase",
+    "Refusal",
+    "Reset",
+    "Stage",
+    "StatementError",
+    "Step",
+    "Strike",
+    "System",
+    "Watch",
+    "accelerations_of",
+    "kinetic_energy_of",
+    "stop_of",
+]

@@ -313,6 +313,12 @@ def _check_resets(checks: Checks, equations: hybrid.System, phase: Phase, state:
             moved = np.abs(np.subtract(after, struck)[: checks.count]).max()
         if abs(moved) > 1e-6:
             raise checks.error(name, f"moves the walker by {abs(moved):.3g}: its posture must stay")
+        links = equations.phases[reset.into or 0].links
+        if not np.allclose(after, _tied(equations.phases[reset.into or 0], after), atol=1e-9):
+            raise checks.error(
+                name, f"leaves coordinates moving apart that its next phase, of {links} links, "
+                "moves together"
+            )  # fmt: skip
 
 
 def _on_guard(checks: Checks, phase: Phase, value: Any, state: Any) -> Any:

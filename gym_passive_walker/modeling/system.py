@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from gym_passive_walker.engine import compiled
 from gym_passive_walker.modeling.checks import StatementError, check
 from gym_passive_walker.modeling.mechanics import Derived, Link, Motion, is_zero, rates_by, solve
+from gym_passive_walker.modeling.statement import push_of
 from gym_passive_walker.physics import hybrid
 from gym_passive_walker.physics.hybrid import SMOOTH, Ground, Guard, Outcome, Watch
-from gym_passive_walker.physics.systems import SYSTEMS
+from gym_passive_walker.physics.systems import register
 from gym_passive_walker.walkers import Mechanism
 
 _BETWEEN = 7  # looks at a guard within a step; a foot may dip and rise between its ends
@@ -125,8 +126,9 @@ class System(Mechanism):
         The package states its own walkers in this way: `physics.straight.SYSTEM` is an example.
 
         Args:
-            equations: The hybrid system. Its phases have accelerations, guards and resets; the last
-                phase ends with a heelstrike.
+            equations: The hybrid system, a `gym_passive_walker.modeling.HybridSystem`. Its phases
+                have accelerations, guards and resets; the last phase ends with a heelstrike. A
+                `push` that a phase lacks follows from the mass matrix.
             body: Its parameters, of the type `equations.Body`.
             centre: Function of body and state: x and y of the centre of mass from the stance foot.
             mass: Its total mass.
@@ -137,6 +139,7 @@ class System(Mechanism):
                 positive, a power balance that does not close, a guard that never falls, a reset
                 that gains energy or moves the walker. The message names the function.
         """
+        equations = _pushed(equations)
         falls = {
             guard.outcome.name.lower(): partial(_falls, guard)
             for guard in equations.phases[0].guards
@@ -175,13 +178,16 @@ class System(Mechanism):
 
     def drawn(self, state: Sequence[float]) -> list[NDArray[np.float64]]:
         """Lines of points (x, y) that show a state (2 m,), each of shape (points, 2)."""
-        given = self.State(*state)
+        return [np.array(line, dtype=float) for line in self.lines(self.body, self.State(*state))]
+
+    def lines(self, body: Any, state: Any) -> Sequence[Sequence[tuple[Any, Any]]]:
+        """Lines of points (x, y) that show a state of a body, of the kind of numbers given."""
         if self.pose is not None:
-            return [np.array(line, dtype=float) for line in self.pose(self.body, given)]
+            return self.pose(body, state)
         if self.equations is not None:
-            return [np.array([(0.0, 0.0), self.centre(self.body, given)], dtype=float)]
-        links = [Link(*link) for link in self.links(self.body, given)]
-        return [np.array([(0.0, 0.0), (link.x, link.y)], dtype=float) for link in links]
+            return [[(0.0, 0.0), self.centre(body, state)]]
+        links = (Link(*link) for link in self.links(body, state))
+        return [[(0.0, 0.0), (link.x, link.y)] for link in links]
 
     def centre_of_mass(self, state: Sequence[float]) -> NDArray[np.float64]:
         """Position (x, y) of the centre of mass in a state (2 m,), from the stance foot, (2,)."""
@@ -251,6 +257,10 @@ class System(Mechanism):
     @property
     def uneven(self) -> hybrid.System:  # type: ignore[override]
         """The same on footholds of different heights."""
+        if self.equations is not None and "height_change" in self.equations.absent:
+            raise StatementError(
+                f"equations of system {self.name!r} are for even ground: `height_change` is absent"
+            )
         if "uneven" not in self._made:
             absent = tuple(name for name in self.hybrid.absent if name != "height_change")
             self._made["uneven"] = _registered(self.hybrid._replace(absent=absent))
@@ -406,12 +416,22 @@ class System(Mechanism):
         return power
 
 
+def _pushed(equations: hybrid.System) -> hybrid.System:
+    """A hybrid system in which all phases have a `push`, if it has a mass matrix."""
+    matrix, gain = equations.mass_matrix, equations.potential_gain
+    if matrix is None:
+        return equations
+    phases = (
+        phase if phase.push else phase._replace(push=push_of(matrix, gain, phase.links))
+        for phase in equations.phases
+    )
+    return equations._replace(phases=tuple(phases))
+
+
 def _registered(stated: hybrid.System) -> hybrid.System:
     """Name a system by its compiled text, and make it known by this name."""
     digest = hashlib.sha256(str(compiled.written(stated)).encode()).hexdigest()[:16]
-    stated = stated._replace(name=f"own-{digest}")
-    SYSTEMS[stated.name] = stated
-    return stated
+    return register(stated._replace(name=f"own-{digest}"))
 
 
 def _on_ground(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any, Ground], Any]:

@@ -224,6 +224,18 @@ class Step(NamedTuple):
     spring_work: Number = 0.0
 
 
+def measured(system: Any, body: Any, start: Any, before: Any, after: Any, ground: Ground) -> Step:
+    """The stride that a heelstrike has ended, by its `place` over the old foot and over the new."""
+    began = before._make([*start, *before[len(start) :]])
+    passed = system.place(body, before)
+    return Step(
+        passed - system.place(body, after),
+        passed,
+        -system.potential_gain(body, began, before, ground),
+        -system.spring_gain(body, began, before) if system.spring_gain else 0.0,
+    )
+
+
 class System(NamedTuple):
     """A kind of walker.
 
@@ -231,8 +243,6 @@ class System(NamedTuple):
         name: What it is called.
         Body: Named tuple of what its equations need to know of a walker.
         phases: Its phases; a stride begins in the first.
-        measure: Function of system, body, angles where the stride began, states just before and
-            after a heelstrike, and ground: the `Step` that has ended.
         place: Function of body and state: how far the hip is ahead of where its foot stands at
             stance angle 0.
         kinetic_energy: Function of body and state.
@@ -241,6 +251,8 @@ class System(NamedTuple):
             where they are close.
         foot_clearance: Function of body and state: height of the swing foot over the ground, which
             is a whole circle here.
+        measure: Function of system, body, angles where the stride began, states just before and
+            after a heelstrike, and ground: the `Step` that has ended.
         mass_matrix: Function of body and state: its upper triangle, row by row; of legs that have
             mass.
         travel: Function of a state: for each control the coordinate that it moves, so that the work
@@ -258,11 +270,11 @@ class System(NamedTuple):
     name: str
     Body: type
     phases: tuple[Phase, ...]
-    measure: Callable[[Any, Any, Any, State, State, Ground], Step]
     place: Callable[[Any, State], Number]
     kinetic_energy: Callable[[Any, State], Number]
     potential_gain: Callable[[Any, State, State, Ground], Number]
     foot_clearance: Callable[[Any, State], Number]
+    measure: Callable[[Any, Any, Any, Any, Any, Ground], Step] = measured
     mass_matrix: Callable[[Any, State], tuple[Number, ...]] | None = None
     travel: Callable[[State], Control] = travel
     works: Control = Control(1.0, 1.0)

@@ -51,12 +51,20 @@ def _anywhere(kind: System) -> System:
     return kind._replace(name=f"{kind.name}-uneven")
 
 
-SYSTEMS = {
-    system.name: system
-    for made in (_bare, _on_smooth_ground, _anywhere)
-    for system in map(made, _KINDS)
-}
-"""By name; of each kind a bare one, one with all `EXTRAS`, and one for `UNEVEN` ground too."""
+SYSTEMS: dict[str, System] = {}
+"""By name: users' systems, and of each kind of the package a bare one, one with all `EXTRAS`, and
+one for `UNEVEN` ground too."""
+
+
+def register(system: System) -> System:
+    """Make a system known by its name; the package registers its own in this way too."""
+    SYSTEMS[system.name] = system
+    return system
+
+
+for _made in (_bare, _on_smooth_ground, _anywhere):
+    for _kind in _KINDS:
+        register(_made(_kind))
 
 
 def kind_of(walker: Walker) -> str:

@@ -31,6 +31,7 @@ class Mechanism:
     """The same on footholds of different heights."""
     falls: Any
     drawn: Any
+    lines: Any
     standing: Any
     with_both_feet_down: Any
     struck: Any

@@ -5,14 +5,19 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
+from gym_passive_walker.arguments import shown
 from gym_passive_walker.engine import cache
+from gym_passive_walker.engine.layout import NARROW, layout_of
 from gym_passive_walker.policies import TENSORS, policy_folder, shipped_policies
 from gym_passive_walker.progress import compiling
+from gym_passive_walker.walkers import Mechanism
 from gym_passive_walker.web import notes
 
 _ROOT = Path(__file__).parent
@@ -73,8 +78,36 @@ def data() -> bytes:
     return found
 
 
-def _compile(folder: Path) -> None:
-    command = [sys.executable, "-m", "gym_passive_walker.web.compile", str(folder)]
+def system_module(system: Mechanism) -> bytes:
+    """Return the WebAssembly module of a user's system; cached by its equations.
+
+    Raises:
+        ValueError: if the system is too large for a page.
+        WebError: if the module cannot be compiled here.
+    """
+    if layout_of(system.hybrid) != NARROW:
+        raise ValueError(
+            f"system {system.title!r} is too large for a page: at most {NARROW.links} coordinates "
+            f"and {NARROW.controls} controls"
+        )
+    from gym_passive_walker.web import code, container  # numba is imported where it is needed
+
+    texts = code.of_system(system)
+    digest = hashlib.sha256("".join(texts).encode()).hexdigest()[:16]
+    made = cache.found(f"web-{_name()}-{digest}.o")
+    if made is None:
+        with compiling("a system for web pages"), tempfile.TemporaryDirectory() as folder:
+            for i, text in enumerate(texts):
+                (Path(folder) / f"system-{i}.ll").write_text(text, encoding="utf-8")
+            _compile(Path(folder), "system")
+            made = (Path(folder) / "system.o").read_bytes()
+        cache.keep(f"web-{_name()}-{digest}.o", made)
+    told = notes.of_system(system, container.data_end(made))
+    return container.module(made, code.EXPORTED_OF_SYSTEM, {notes.SECTION: told})
+
+
+def _compile(folder: Path, *names: str) -> None:
+    command = [sys.executable, "-m", "gym_passive_walker.web.compile", str(folder), *names]
     path = os.pathsep.join([str(_ROOT.parent.parent), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, **_PLAIN, "PYTHONPATH": path.rstrip(os.pathsep)}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
@@ -100,17 +133,27 @@ def files() -> dict[str, bytes]:
     return found
 
 
-def build(folder: str | Path) -> Path:
+def build(folder: str | Path, systems: Mapping[str, Mechanism] | None = None) -> Path:
     """Write the JavaScript package into a folder, ready for a page or for npm.
 
     Args:
         folder: The folder; it is made if it does not exist.
+        systems: Systems of one's own, by the names of their modules: "torso" is written to
+            "systems/torso.wasm". They have at most three coordinates and two controls.
 
     Raises:
+        ValueError: if a system is too large for a page, or a name is not that of a file.
         WebError: if the modules cannot be compiled here.
     """
+    systems = {} if systems is None else systems
+    for name, system in systems.items():
+        if not re.fullmatch(r"[\w-]+", name):
+            raise ValueError(f"systems: {name!r} must be letters, digits, '-' and '_'")
+        if not isinstance(system, Mechanism):
+            raise ValueError(f"systems[{name!r}] must be a gpw.System, not {shown(system)}")
+    own = {f"systems/{name}.wasm": system_module(system) for name, system in systems.items()}
     folder = Path(folder)
-    for name, content in files().items():
+    for name, content in (files() | own).items():
         place = folder / name
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_bytes(content)

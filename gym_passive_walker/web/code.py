@@ -7,6 +7,7 @@ process of its own; see `build`.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import lru_cache, partial
 from types import FunctionType, SimpleNamespace
 from typing import Any
@@ -29,6 +30,7 @@ from gym_passive_walker.physics import bodies, kneed, simplest, straight
 from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.physics.systems import SYSTEMS
 from gym_passive_walker.render.pose import hip_over, joints
+from gym_passive_walker.walkers import Mechanism
 from gym_passive_walker.walkers.walker import PARAMETERS
 from gym_passive_walker.web import elementary, kernels
 
@@ -37,6 +39,7 @@ VARIANTS = ("", "-fitted", "-uneven")
 """Endings of the names of a kind's systems: bare, with springs and all actuators, on any ground."""
 
 EXPORTED = ("run", "phases", "hooks", "body", "joints")
+EXPORTED_OF_SYSTEM = ("run", "phases", "hooks", "pose")
 
 TRIPLE = "wasm32-unknown-unknown"
 _FEATURES = "+bulk-memory,+nontrapping-fptoint,+sign-ext,+mutable-globals"
@@ -157,18 +160,25 @@ def _constant(name: str, array: NDArray, fields: tuple[str, ...], names: list[st
     return f"@{name} = internal constant <{{ {kinds} }}> <{{ {', '.join(words)} }}>, align 8"
 
 
-def equations(kind: str) -> list[str]:
-    """Return the texts of a kind's equations, and of the tables of their addresses."""
+def equations(systems: Sequence[System], *, pushed: bool = True) -> list[str]:
+    """Return the texts of systems' equations, and of the tables of their addresses.
+
+    Args:
+        systems: Variants of one walker.
+        pushed: Whether there is code that pushes them.
+    """
     texts, tables = [], []
-    for number, variant in enumerate(VARIANTS):
-        system = SYSTEMS[kind + variant]
+    for number, system in enumerate(systems):
         names: list[str] = []
-        own, pushed = f"v{number}_", f"p{number}_"
+        own, prefix = f"v{number}_", f"p{number}_"
         phases = phases_of(system, _Addresses(own, names))
         phases["move"] = 0  # one walker needs no other lane
-        phases, hooks = equipped(system, phases, _Addresses(pushed, names), None)
+        phases, hooks = equipped(
+            system, phases, _Addresses(prefix, names) if pushed else None, None
+        )
         texts.append(_prefixed(written(system, module=Module(group=1), width=1), own))
-        texts.append(_prefixed(push_code(system, Module(group=1)), pushed))
+        if pushed:
+            texts.append(_prefixed(push_code(system, Module(group=1)), prefix))
         tables.append(_constant(f"phases{number}", phases, _ADDRESSES, names))
         tables.append(_constant(f"hooks{number}", hooks, tuple(HOOK.names or ()), names))
         tables += [
@@ -177,9 +187,9 @@ def equations(kind: str) -> list[str]:
             if not name.endswith(tuple(f"_move{i}" for i in range(9)))
         ]
     for name in ("phases", "hooks"):
-        rows = ", ".join(f"ptr @{name}{number}" for number in range(len(VARIANTS)))
+        rows = ", ".join(f"ptr @{name}{number}" for number in range(len(systems)))
         tables.append(
-            f"@all_{name} = internal constant [{len(VARIANTS)} x ptr] [{rows}]\n"
+            f"@all_{name} = internal constant [{len(systems)} x ptr] [{rows}]\n"
             f"define i32 @{name}(i32 %variant) {{\n"
             f"%place = getelementptr ptr, ptr @all_{name}, i32 %variant\n"
             "%found = load ptr, ptr %place\n%address = ptrtoint ptr %found to i32\n"
@@ -240,9 +250,14 @@ def geometry(kind: System) -> str:
         function = module.function(f"traced_{name}", (kernels.SHAPE, layout))
         function.once(partial(code, kind))
         function.end()
+    return _called(module, "body", "joints")
+
+
+def _called(module: Module, *names: str) -> str:
+    """Return a module's text with its functions `traced_NAME` by their names, for a page."""
     text = re.sub(r"^@table = [^\n]*\n?", "", str(module), flags=re.M)
     text = text.replace("define void @traced", "define internal void @traced")
-    for name in ("body", "joints"):
+    for name in names:
         text += (
             f"\ndefine void @{name}(i32 %first, i32 %second) {{\n"
             "%a = zext i32 %first to i64\n%b = zext i32 %second to i64\n"
@@ -250,6 +265,30 @@ def geometry(kind: System) -> str:
             "ret void\n}\n"
         )
     return text
+
+
+def of_system(system: Mechanism) -> list[str]:
+    """Return the texts of a user's system: its equations, and the lines that show it."""
+    lines = [len(line) for line in system.drawn(np.zeros(2 * system.coordinates))]
+    module = Module(fuses=False, group=1)
+    given = np.dtype(
+        [("body", "f8", (len(system.body),)), ("state", "f8", (2 * system.coordinates,))]
+    )
+    function = module.function(
+        "traced_pose", (given, np.dtype([("points", "f8", (2 * sum(lines),))]))
+    )
+    function.once(partial(_pose, system))
+    function.end()
+    return [*equations([system.hybrid], pushed=False), _called(module, "pose")]
+
+
+def _pose(system: Mechanism, given: Memory, points: Memory) -> None:
+    """Write the points of a system's lines."""
+    body = type(system.body)(*given.entries("body"))
+    found = system.lines(body, system.State(*given.entries("state")))
+    numbers = [number for line in found for point in line for number in point]
+    for i, value in enumerate(numbers):
+        points["points", i] = value
 
 
 def _given(shape: Memory) -> SimpleNamespace:
@@ -289,8 +328,13 @@ def machine() -> Any:
     return target.create_target_machine(opt=2, features=_FEATURES, reloc="static")
 
 
-def object_code(kind: str) -> bytes:
-    """Return the object file of a kind of walker, with all code that it needs."""
+def of_kind(kind: str) -> list[str]:
+    """Return the texts of a kind of walker: its equations, its constants and its joints."""
+    return [*equations([SYSTEMS[kind + variant] for variant in VARIANTS]), geometry(KINDS[kind])]
+
+
+def object_code(texts: Sequence[str], exported: Sequence[str]) -> bytes:
+    """Return the object file of a walker's texts, with all other code that it needs."""
     context = llvm.create_context()
 
     def parsed(text: str) -> Any:
@@ -299,10 +343,10 @@ def object_code(kind: str) -> bytes:
         return found
 
     whole = parsed("")
-    for text in (*equations(kind), geometry(KINDS[kind]), *bookkeeping()):
+    for text in (*texts, *bookkeeping()):
         whole.link_in(parsed(text))
     for function in whole.functions:
-        if not function.is_declaration and function.name not in EXPORTED:
+        if not function.is_declaration and function.name not in exported:
             function.linkage = "internal"
     whole.verify()
     tuning = llvm.create_pipeline_tuning_options(speed_level=2)

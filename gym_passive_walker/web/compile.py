@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from gym_passive_walker.web import code, container, notes
@@ -11,16 +12,27 @@ from gym_passive_walker.web.build import KINDS
 _GIVEN = ("__linear_memory", "__stack_pointer", "__indirect_function_table")
 
 
-def main(folder: Path) -> None:
-    """Write a module for each kind of walker."""
+def _object(name: str, texts: Sequence[str], exported: Sequence[str]) -> bytes:
+    made = code.object_code(texts, exported)
+    if strange := set(container.imports(made)) - set(_GIVEN):
+        raise SystemExit(f"the module {name} needs {', '.join(sorted(strange))}")
+    return made
+
+
+def main(folder: Path, *names: str) -> None:
+    """Write a module for each kind of walker, or object files of systems whose texts are there."""
+    for name in names:
+        texts = [part.read_text(encoding="utf-8") for part in sorted(folder.glob(f"{name}-*.ll"))]
+        made = _object(name, texts, code.EXPORTED_OF_SYSTEM)
+        (folder / f"{name}.o").write_bytes(made)
+    if names:
+        return
     for kind in KINDS:
-        made = code.object_code(kind)
-        if strange := set(container.imports(made)) - set(_GIVEN):
-            raise SystemExit(f"the module {kind} needs {', '.join(sorted(strange))}")
+        made = _object(kind, code.of_kind(kind), code.EXPORTED)
         told = notes.of_module(code.KINDS[kind], code.VARIANTS, container.data_end(made))
         module = container.module(made, code.EXPORTED, {notes.SECTION: told})
         (folder / f"{kind}.wasm").write_bytes(module)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), *sys.argv[2:])

@@ -18,7 +18,7 @@ from gym_passive_walker.envs.starts import REFERENCE_SLOPES, searched_gait
 from gym_passive_walker.physics.hybrid import Outcome, System
 from gym_passive_walker.physics.systems import kind_of
 from gym_passive_walker.policies import DESCRIPTION, policy_folder, shipped_policies
-from gym_passive_walker.walkers import WALKERS
+from gym_passive_walker.walkers import WALKERS, Mechanism
 from gym_passive_walker.walkers.presets import ABOUT
 from gym_passive_walker.walkers.walker import PARAMETERS
 from gym_passive_walker.web import kernels
@@ -54,30 +54,51 @@ def of_module(kind: System, variants: tuple[str, ...], end: int) -> bytes:
         variants: Endings of the names of its systems.
         end: First address after the module's data.
     """
+    told = {
+        "kind": kind.name,
+        "variants": variants,
+        "constants": len(kind.Body._fields),  # type: ignore[attr-defined]
+        "rules": _rules(kind),
+        "points": kernels.POINTS,
+    }
+    return _noted(kind, end, told)
+
+
+def of_system(system: Mechanism, end: int) -> bytes:
+    """Return the notes of the module of a user's system, as JSON."""
+    start = None if system.start is None else list(map(float, system.start))
+    lines = system.drawn(np.zeros(2 * system.coordinates) if start is None else start)
+    told = {
+        "system": system.title,
+        "body": system.body._asdict(),
+        "state": system.State._fields,  # type: ignore[attr-defined]
+        "controls": system.controls,
+        "start": start,
+        "lines": [len(line) for line in lines],
+        "outcomes": [outcome.name for outcome in Outcome],
+    }
+    return _noted(system.hybrid, end, told)
+
+
+def _noted(system: System, end: int, told: dict[str, Any]) -> bytes:
+    """Return notes with what every module says: where fields are, and the engine's options."""
     left = {"tile", "history"}
-    return json.dumps(
-        {
-            "version": __version__,
-            "kind": kind.name,
-            "variants": variants,
-            "end": end,
-            "size": kernels.WALK.itemsize,
-            "places": {
-                name: place
-                for name, place in _places(kernels.WALK).items()
-                if name.partition(".")[0] not in left and not name.startswith(("blank", "before."))
-            },
-            "links": [phase.links for phase in kind.phases],
-            "constants": len(kind.Body._fields),  # type: ignore[attr-defined]
-            "rules": _rules(kind),
-            "points": kernels.POINTS,
-            "options": {
-                f"{tolerance:g}": [options(tolerance)[name].item() for name in _TOLD]
-                for tolerance in TOLERANCES
-            },
+    shared = {
+        "version": __version__,
+        "end": end,
+        "size": kernels.WALK.itemsize,
+        "places": {
+            name: place
+            for name, place in _places(kernels.WALK).items()
+            if name.partition(".")[0] not in left and not name.startswith(("blank", "before."))
         },
-        separators=(",", ":"),
-    ).encode()
+        "links": [phase.links for phase in system.phases],
+        "options": {
+            f"{tolerance:g}": [options(tolerance)[name].item() for name in _TOLD]
+            for tolerance in TOLERANCES
+        },
+    }
+    return json.dumps(shared | told, separators=(",", ":"), allow_nan=False).encode()
 
 
 def _rules(kind: System) -> dict[str, list[float]]:

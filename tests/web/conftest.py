@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
+from examples.torso import TORSO
 from gym_passive_walker.web.build import build
+from tests.modeling.statements import DRIVEN
 from tests.web.browser import Browser
 
 
@@ -25,7 +27,7 @@ def node() -> str:
 @pytest.fixture(scope="session")
 def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the JavaScript package."""
-    return build(tmp_path_factory.mktemp("package"))
+    return build(tmp_path_factory.mktemp("package"), {"torso": TORSO, "driven": DRIVEN})
 
 
 @pytest.fixture(scope="session")

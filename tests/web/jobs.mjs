@@ -73,7 +73,24 @@ async function gait(walkers, { walker, slope }) {
   return walk.findGait();
 }
 
-const DOES = { strides, episodes, refusal, policy, joints, gait };
+/** Strides of a system of one's own, a walk by control steps, the lines of its states, and a refusal. */
+async function system(walkers, { name, options, states, controls, ticks }) {
+  const walk = await walkers.createSystem(name, options);
+  const strides = states.map((state) => walk.strideFrom(state, { controls }));
+  const lines = states.map((state) => walk.lines(state));
+  walk.reset(states[0]);
+  const steps = [];
+  for (let i = 0; i < ticks; i++) steps.push([walk.step(0.1, controls), walk.state]);
+  let refused = null;
+  try {
+    walk.change({ body: { knee: 1 } });
+  } catch (error) {
+    refused = `${error.name}: ${error.message}`;
+  }
+  return { strides, lines, steps, walked: walk.strides, refused };
+}
+
+const DOES = { strides, episodes, refusal, policy, joints, gait, system };
 
 /** Does a job with the module `passive-walker.js`; returns its result. */
 export const run = (walkers, job) => DOES[job.what](walkers, job);

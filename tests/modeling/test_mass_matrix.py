@@ -1,0 +1,143 @@
+"""Systems by mass matrix and forces: the package's walkers without their special equations."""
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.modeling import (
+    Ground,
+    Outcome,
+    StatementError,
+    accelerations_of,
+    kinetic_energy_of,
+    stop_of,
+)
+from gym_passive_walker.physics import kneed
+from gym_passive_walker.physics.hybrid import measured
+from gym_passive_walker.physics.systems import SYSTEMS, body_of
+from tests.modeling.statements import COMPASS
+from tests.modeling.test_equations import dimensionless, hip, stated
+
+KNEED = SYSTEMS["kneed"]
+
+
+def closed(body, state):
+    """How far the shank is behind the thigh."""
+    return state.thigh - state.shank
+
+
+def by_matrix():
+    """The kneed walker by one mass matrix and one set of forces; its kneestrike is derived."""
+    free, locked = KNEED.phases
+    strike = free.resets[Outcome.KNEESTRIKE]._replace(strike=stop_of(kneed.mass_matrix, closed))
+    forces = kneed.mass_matrix, kneed.forces
+    return KNEED._replace(
+        kinetic_energy=kinetic_energy_of(kneed.mass_matrix),
+        phases=(
+            free._replace(
+                accelerations=accelerations_of(*forces),
+                resets={Outcome.KNEESTRIKE: strike},
+                push=None,
+            ),
+            locked._replace(accelerations=accelerations_of(*forces, links=2), push=None),
+        ),
+    )
+
+
+@pytest.fixture(scope="module", name="system")
+def a_kneed_walker_by_its_mass_matrix():
+    gait = gpw.find_gait("lab", 0.036)
+    body = body_of(gpw.WALKERS["lab"])
+    return gpw.System.of(by_matrix(), body, centre=hip, start=dimensionless("kneed", gait.state))
+
+
+def random_state(system, seed, links=3):
+    state = np.random.default_rng(seed).uniform(-0.5, 0.5, 6)
+    if links == 2:
+        state[2], state[5] = state[1], state[4]
+    return system.State(*state)
+
+
+@pytest.mark.parametrize("links", [3, 2])
+def test_a_mass_matrix_and_forces_give_the_accelerations_of_each_phase(system, links):
+    ground, control = Ground(0.1, 0.99), KNEED.Control(0.03, 0.0)
+    own, package = system.hybrid.phases[3 - links], KNEED.phases[3 - links]
+    for seed in range(5):
+        state = random_state(system, seed, links)
+        found = own.accelerations(system.body, state, control, ground)
+        expected = package.accelerations(system.body, state, control, ground)
+        np.testing.assert_allclose(found, expected, rtol=1e-11)
+
+
+def compass_without(**left_out):
+    """The compass of its masses as given equations, some of them left to be derived."""
+    given = COMPASS.hybrid
+    phases = (given.phases[0]._replace(push=None),)
+    return gpw.System.of(
+        given._replace(phases=phases, **left_out), COMPASS.body, start=COMPASS.start,
+        centre=lambda body, state: COMPASS._centre(body, state)[1:],
+    )  # fmt: skip
+
+
+def test_a_push_follows_from_the_mass_matrix_and_gravity():
+    system = compass_without()
+    for seed in range(5):
+        state = system.State(*np.random.default_rng(seed).uniform(-0.5, 0.5, 4))
+        for impulse in ((0.1, 0.0), (0.0, 0.2)):
+            found, expected = (
+                each.hybrid.phases[0].push(system.body, state, *impulse)
+                for each in (system, COMPASS)
+            )
+            np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-15)
+
+
+def test_a_stride_is_measured_by_the_centre_of_mass_where_no_measure_is_given():
+    own, usual = (
+        gpw.stride(each, 0.03, COMPASS.start)
+        for each in (compass_without(measure=measured), COMPASS)
+    )
+    assert own.step_length == pytest.approx(usual.step_length, rel=1e-13)
+    assert own.gravity_work == pytest.approx(usual.gravity_work, rel=1e-13)
+    assert own.state.tobytes() == usual.state.tobytes()
+
+
+def test_a_stop_is_the_kneestrike_of_the_package(system):
+    for seed in range(5):
+        state = random_state(system, seed)
+        state = state._replace(shank=state.thigh)
+        own, package = (
+            each.phases[0].resets[Outcome.KNEESTRIKE].strike(system.body, state, 0.0, Ground(0, 1))
+            for each in (system.hybrid, KNEED)
+        )
+        np.testing.assert_allclose(own.after, package.after, rtol=1e-11, atol=1e-14)
+        assert own.lost == pytest.approx(package.lost, rel=1e-10) and own.lost > 0.0
+
+
+def test_its_strides_are_the_packages(system):
+    package = stated("kneed", start=system.start)
+    states = np.array(system.start) * (1.0 + 0.02 * np.random.default_rng(0).normal(size=(16, 6)))
+    states[:, 2] = states[:, 1]
+    own, usual = (gpw.stride(each, 0.036, states, tolerance=1e-12) for each in (system, package))
+    np.testing.assert_array_equal(own.outcome, usual.outcome)
+    walked = own.outcome == gpw.Outcome.HEELSTRIKE
+    assert walked.sum() > 4
+    np.testing.assert_allclose(own.state[walked], usual.state[walked], atol=1e-10)
+    losses = (each.kneestrike_loss[walked] for each in (own, usual))
+    np.testing.assert_allclose(*losses, atol=1e-11)
+
+
+def test_even_equations_are_refused_on_footholds_of_different_heights():
+    system = stated("straight")
+    with pytest.raises(StatementError, match="equations of system 'straight' are for even ground"):
+        gpw.stride(system, 0.03, np.zeros(6), height_change=0.01)
+
+
+def test_a_stop_that_leaves_the_knee_bending_is_refused_by_name():
+    wrong = stop_of(kneed.mass_matrix, lambda body, state: state.thigh - state.stance)
+    equations = by_matrix()
+    free, locked = equations.phases
+    strike = free.resets[Outcome.KNEESTRIKE]._replace(strike=wrong)
+    phases = free._replace(resets={Outcome.KNEESTRIKE: strike}), locked
+    with pytest.raises(StatementError, match="reset KNEESTRIKE of phase FREE") as raised:
+        gpw.System.of(equations._replace(phases=phases), body_of(gpw.WALKERS["lab"]), centre=hip)
+    assert "\n" not in str(raised.value)
