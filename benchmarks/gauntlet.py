@@ -19,7 +19,9 @@ from benchmarks.report import command, machine, table
 from benchmarks.tables import DOCS, keep
 from gym_passive_walker import console
 from gym_passive_walker.control import optimal
+from gym_passive_walker.control.controlled import ControlledMap
 from gym_passive_walker.control.maps import calm
+from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.gaits.first_passage import FirstPassage
 from gym_passive_walker.policies import shipped_policies
 
@@ -105,6 +107,7 @@ class Judged(NamedTuple):
 def judge(controller: str, scene: str | None = None) -> Judged:
     """Measure a controller in its scene."""
     strides = gpw.stride_map(controller=controller, scene=scene)
+    assert isinstance(strides, ControlledMap)
     gait = gpw.find_gait(strides)
     walked = strides.with_tolerance(1e-8)
     kind = {"passive": "no feedback", "constant": "no feedback", "lqr": "feedback"}
@@ -119,9 +122,9 @@ def judge(controller: str, scene: str | None = None) -> Judged:
     )
 
 
-def least_cost(scene: object, speed: float) -> float:
+def least_cost(scene: Scene, speed: float) -> float:
     """Least cost of transport in a scene without disturbances at a speed over √(g l)."""
-    there = calm(scene)  # type: ignore[arg-type]
+    there = calm(scene)
     try:
         return optimal.least_cost(optimal.stored_name(there), speed)
     except ValueError:  # none are stored
