@@ -19,7 +19,9 @@ from benchmarks.report import command, machine, table
 from benchmarks.tables import DOCS, keep
 from gym_passive_walker import console
 from gym_passive_walker.control import optimal
+from gym_passive_walker.control.controlled import ControlledMap
 from gym_passive_walker.control.maps import calm
+from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.gaits.first_passage import FirstPassage
 from gym_passive_walker.policies import shipped_policies
 
@@ -105,6 +107,7 @@ class Judged(NamedTuple):
 def judge(controller: str, scene: str | None = None) -> Judged:
     """Measure a controller in its scene."""
     strides = gpw.stride_map(controller=controller, scene=scene)
+    assert isinstance(strides, ControlledMap)
     gait = gpw.find_gait(strides)
     walked = strides.with_tolerance(1e-8)
     kind = {"passive": "no feedback", "constant": "no feedback", "lqr": "feedback"}
@@ -119,9 +122,9 @@ def judge(controller: str, scene: str | None = None) -> Judged:
     )
 
 
-def least_cost(scene: object, speed: float) -> float:
+def least_cost(scene: Scene, speed: float) -> float:
     """Least cost of transport in a scene without disturbances at a speed over √(g l)."""
-    there = calm(scene)  # type: ignore[arg-type]
+    there = calm(scene)
     try:
         return optimal.least_cost(optimal.stored_name(there), speed)
     except ValueError:  # none are stored
@@ -129,25 +132,34 @@ def least_cost(scene: object, speed: float) -> float:
 
 
 def draw(found: list[Judged]) -> None:
-    """Draw the cost of transport over both measures of robustness."""
+    """Draw the cost of transport over both measures of robustness, numbered as in the table."""
     from gym_passive_walker.render.axes import legend, panels, save, series
 
-    figure, axes = panels(1, 2, (10.0, 6.0), sharey=True)
-    for ax, across in zip(axes, ("score", "passage"), strict=True):
-        for index, (kind, marker) in enumerate(KINDS.items()):
-            style = {**series(index), "marker": marker, "linestyle": "", "markersize": 5.0}
-            these = [each for each in found if each.kind == kind]
-            points = [each.card.score if across == "score" else each.reach for each in these]
-            ax.plot(points, [each.gait.cost_of_transport for each in these], label=kind, **style)
-            for each, x in zip(these, points, strict=True):
-                ax.annotate(
-                    each.name, (x, each.gait.cost_of_transport), (4, 3),
-                    textcoords="offset points", fontsize=6,
-                )  # fmt: skip
+    figure, axes = panels(1, 2, (11.0, 5.6), sharey=True)
     axes[0].set(xlabel="score of the gauntlet", ylabel="cost of transport", yscale="log")
     axes[1].set(xlabel=f"mean strides to a fall, heights with σ = {ROUGHNESS:g} l", xscale="log")
-    axes[0].set_xlim(0.15, 1.08)
-    axes[1].set_xlim(0.7, 3.0 * max(each.reach for each in found))
+    axes[0].set(xlim=(-0.05, 1.05), ylim=(1.4e-3, 0.2))
+    axes[1].set_xlim(0.7, 2.0 * max(each.reach for each in found))
+    for ax, across in zip(axes, ("score", "reach"), strict=True):
+        labels: dict[tuple[float, float], str] = {}
+        for index, (kind, marker) in enumerate(KINDS.items()):
+            style = {**series(index), "marker": marker, "linestyle": "", "markersize": 5.0}
+            these = [(n, each) for n, each in enumerate(found, 1) if each.kind == kind]
+            points = [(each.card.score, each.reach)[across == "reach"] for _, each in these]
+            costs = [each.gait.cost_of_transport for _, each in these]
+            ax.plot(points, costs, label=kind, **style)
+            for (n, _), point in zip(these, zip(points, costs, strict=True), strict=True):
+                at = ax.transAxes.inverted().transform(ax.transData.transform(point))
+                near = [x for x in labels if max(abs(x[0] - at[0]), abs(x[1] - at[1])) < 0.03]
+                place = near[0] if near else (float(at[0]), float(at[1]))
+                labels[place] = f"{labels[place]}, {n}" if near else str(n)
+        for place, text in labels.items():
+            ax.annotate(
+                text, place, (0, 5), xycoords="axes fraction", textcoords="offset points",
+                fontsize=7, ha="center",
+            )  # fmt: skip
+    names = "\n".join(f"{n}  {each.name}" for n, each in enumerate(found, 1))
+    axes[1].text(1.04, 1.0, names, transform=axes[1].transAxes, va="top", fontsize=8)
     legend(axes[0], columns=2)
     save(figure, DOCS / "images" / "controllers.png")
 
@@ -161,12 +173,17 @@ def main() -> None:
         print(found[-1].name, found[-1].score, found[-1].lasts, sep=" | ", flush=True)
     found.sort(key=lambda each: each.card.score, reverse=True)
     rows = []
-    for each in found:
+    for number, each in enumerate(found, 1):
         shares = dict(zip(each.card.walks, each.card.survival, strict=True))
         cost, above = f"{each.gait.cost_of_transport:.4f}", f"{max(each.above, 0.0):.1%}"
-        columns = (each.name, each.score, each.lasts, cost, above)
+        columns = (number, each.name, each.score, each.lasts, cost, above)
         rows.append((*columns, *(f"{shares[test]:.0%}" for test in SHOWN)))
-    titles = ["controller", "score, 95 % interval", f"first passage at {ROUGHNESS:g} l, strides"]
+    titles = [
+        "no.",
+        "controller",
+        "score, 95 % interval",
+        f"first passage at {ROUGHNESS:g} l, strides",
+    ]
     titles += ["cost of transport", "above the optimum"]
     text = table([*titles, *SHOWN.values()], rows)
     draw(found)

@@ -63,8 +63,8 @@ def pytest_runtest_makereport() -> Iterator[None]:
     return _failed_if_skipped((yield))
 
 
-OF_LIBRARIES = ("pymp-", "torchinductor_", "pytest-of-")
-"""How folders begin that multiprocessing (which removes them at the end), torch and pytest make."""
+OF_LIBRARIES = ("pymp-", "torchinductor_", "pytest-of-", ".ses")
+"""How the names of files begin that multiprocessing, torch, pytest and onnxruntime make."""
 
 
 @pytest.fixture(scope="session")

@@ -24,6 +24,7 @@ from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 
 _STANDS = 1e-5  # rad, in single precision: legs that mirror each other have just changed roles
+_SWAPPED = 0.1  # rad: angles of both legs jump by more where they change roles on uneven ground
 
 
 class ConstantTorque:
@@ -74,7 +75,8 @@ class Passive(ConstantTorque):
 class StrideFeedback:
     """The actions of a stride, set at its start by how far the walker is from a gait.
 
-    The policy's `state` says which actions a walker's stride has and how far it has come.
+    The policy's `state` says which actions a walker's stride has, how far it has come, and the last
+    angles of stance leg and swing thigh.
 
     Args:
         name: What the policy is called.
@@ -84,7 +86,12 @@ class StrideFeedback:
             where there is one; the last are held until heelstrike.
         rows: How actions answer to deviations from the gait: -rows @ deviation; (N, actions, m),
             or (N, m). They do not when None.
+
+    Attributes:
+        every: Whether each observation is at the start of a stride, as with control="stride".
     """
+
+    every = False
 
     def __init__(
         self,
@@ -129,13 +136,17 @@ class StrideFeedback:
         plan = self.plan(seen[:, self._seen], seen[:, 7])
         step = np.zeros(len(seen), int)
         if state is not None:
-            begun = np.max(np.abs(seen[:, :1] + seen[:, 1:3]), axis=1) < _STANDS
+            # A heelstrike raises the stance angle and lowers the swing angle; a stride does not.
+            jump = seen[:, :2] - state[2]
+            begun = (jump[:, 0] > _SWAPPED) & (jump[:, 1] < -_SWAPPED) | self.every
+            begun |= np.max(np.abs(seen[:, :1] + seen[:, 1:3]), axis=1) < _STANDS
             if episode_start is not None:
                 begun |= np.asarray(episode_start, dtype=bool)
             plan = np.where(begun[:, None, None], plan, state[0])
             step = np.where(begun, 0, np.minimum(state[1] + 1, plan.shape[1] - 1))
         action = plan[np.arange(len(plan)), step].astype(np.float32)
-        return action.reshape(*np.shape(observation)[:-1], plan.shape[2]), (plan, step)
+        angles = seen[:, :2].copy()
+        return action.reshape(*np.shape(observation)[:-1], plan.shape[2]), (plan, step, angles)
 
 
 class Schedule(StrideFeedback):
@@ -157,6 +168,7 @@ class Schedule(StrideFeedback):
         actions = np.array([given[name] for name in self.scene.actions], dtype=float).T
         largest = np.array([self.scene.largest(name) for name in self.scene.actions])
         super().__init__("schedule", self.scene.walker, np.array(gait.point), actions / largest)
+        self.every = self.scene.control == "stride"
 
 
 class LinearFeedback(StrideFeedback):
@@ -208,6 +220,7 @@ class LinearFeedback(StrideFeedback):
         name = {"lqr": "LQR", "deadbeat": "deadbeat"}[method] + (", two torques" * (pieces - 1))
         scale = scene.max_hip_torque
         super().__init__(name, walker, point, torques / scale, held @ answer / scale)
+        self.every = scene.control == "stride"
 
 
 class Optimal(StrideFeedback):
@@ -249,6 +262,7 @@ class Optimal(StrideFeedback):
         self.closed_loop = walked.by_point - walked.by_torque @ rows
         scale = scene.max_hip_torque
         super().__init__("optimal", scene.walker, point, torques / scale, rows / scale)
+        self.every = scene.control == "stride"
 
 
 CONSTANT_TORQUE = 0.0025

@@ -140,11 +140,7 @@ class OnnxPolicy:
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.path, self.name = Path(path), Path(path).name
-        try:
-            self._model = self.path.read_bytes()
-        except OSError as error:
-            raise PolicyError(f"{path} cannot be read: {error.strerror}") from None
+        self.path, self.name = Path(path).absolute(), Path(path).name
         self._open()
         found = self._session.get_modelmeta().custom_metadata_map
         self.scene: Any = None
@@ -156,6 +152,11 @@ class OnnxPolicy:
 
     def _open(self) -> None:
         """Prepare the evaluation."""
+        try:
+            with self.path.open("rb"):
+                pass
+        except OSError as error:
+            raise PolicyError(f"{self.path} cannot be read: {error.strerror}") from None
         with extra(EXTRA):
             import onnxruntime
         options = onnxruntime.SessionOptions()
@@ -163,8 +164,9 @@ class OnnxPolicy:
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 3
         try:
+            # By its path, because its tensors may be in another file beside it.
             self._session = onnxruntime.InferenceSession(
-                self._model, options, providers=["CPUExecutionProvider"]
+                str(self.path), options, providers=["CPUExecutionProvider"]
             )
         except Exception as error:  # onnxruntime's errors have no common class
             said = str(error).splitlines()[0]

@@ -13,6 +13,7 @@ from gym_passive_walker.control.baselines import (
     BASELINES,
     ConstantTorque,
     LinearFeedback,
+    Optimal,
     Passive,
     Schedule,
 )
@@ -24,6 +25,7 @@ from gym_passive_walker.envs.registration import (
     REWARD_THRESHOLD,
 )
 from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.evaluation.steps import steps
 from gym_passive_walker.evaluation.walks import WALKED_ON, evaluate
 from gym_passive_walker.units import units_of
@@ -236,7 +238,7 @@ def test_feedback_begins_again_with_each_episode_wherever_it_starts():
     seen = np.tile([0.2, -0.25, -0.3, -0.5, -0.1, -0.2, 0.0, 0.0], (2, 1))  # in mid-stride
     _, memory = policy.predict(np.tile([0.3, -0.3, -0.3, -0.4, -0.2, -0.4, 0.0, 0.0], (2, 1)))
     fresh, _ = policy.predict(seen)
-    both, (_, step) = policy.predict(seen, memory, np.array([True, False]))
+    both, (_, step, _) = policy.predict(seen, memory, np.array([True, False]))
     assert both[0] == fresh[0] and both[1] != fresh[1]
     assert step.tolist() == [0, 1]
 
@@ -270,3 +272,34 @@ def test_a_constant_torque_is_that_of_the_hip_alone():
     np.testing.assert_allclose(action, [0.0, 0.01 / scene.largest("hip")], rtol=1e-6)
     with pytest.raises(ValueError, match="a hip torque is none of"):
         ConstantTorque(0.01, {"actions": ("push_off",), "max_push_off": 0.1})
+
+
+@pytest.mark.parametrize("scene", ["level", "steep"])
+@pytest.mark.parametrize(
+    "changes",
+    [{"terrain": {"rough": {"height_std": 0.003}}}, {"observation_noise": 0.02}],
+    ids=["rough ground", "noise"],
+)
+def test_feedback_notices_a_heelstrike_where_legs_do_not_mirror_each_other(scene, changes):
+    there = make_scene(scene, **changes)
+    policy, arena = Optimal(scene), gymnasium.make_vec("PassiveWalker-v0", num_envs=20, scene=there)
+    observations, _ = arena.reset(seed=3)
+    memory, begun, strikes = None, np.ones(20, bool), 0
+    for _ in range(150):
+        actions, memory = policy.predict(observations, memory, begun)
+        assert np.array_equal(memory[1] == 0, begun) or scene == "steep"
+        assert memory[1].max() == 0 or scene == "level"
+        observations, _, terminated, truncated, infos = arena.step(actions)
+        struck = infos.get("_step_length", np.zeros(20, bool))
+        begun = struck | terminated | truncated
+        strikes += int((struck & ~terminated).sum())
+    assert strikes > 40
+
+
+def test_feedback_walks_as_far_in_the_environment_as_by_its_stride_map():
+    """On rough ground, where linear feedback walks for some 60 strides and the passive walker 8."""
+    rough = {"terrain": {"rough": {"height_std": 0.002}}, "reset_noise_scale": 0.0}
+    there = make_scene("steep", **rough)
+    arena = PassiveWalkerVectorEnv(200, there, max_episode_steps=33)
+    done = evaluate(LinearFeedback("steep"), arena, seed=0)
+    assert 0.4 < done.endings.count(WALKED_ON) / 200 < 0.75

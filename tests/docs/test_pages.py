@@ -32,7 +32,6 @@ NEEDS = {
     "stable_baselines3": "stable_baselines3",
     "torchrl": "torchrl",
     ".onnx": "onnxruntime",
-    "torch.onnx": "onnxscript",
     "RecordVideo": "moviepy",
 }
 """Libraries of extras, by a word in the recipes that need them."""

@@ -189,6 +189,21 @@ def test_files_of_other_programs_are_read(options, tmp_path):
             policy.predict(seen[:4])
 
 
+def test_tensors_may_be_in_another_file(tmp_path, monkeypatch):
+    path, seen = linear(tmp_path / "other.onnx"), seen_by(8)
+    model = onnx.load(path)
+    onnx.save(model, path, save_as_external_data=True, location="other.onnx.data", size_threshold=0)
+    assert (tmp_path / "other.onnx.data").is_file()
+    monkeypatch.chdir(tmp_path)
+    policy = gpw.load_policy("other.onnx")
+    monkeypatch.chdir("/")
+    again = pickle.loads(pickle.dumps(policy))
+    assert again.predict(seen)[0] == pytest.approx(seen @ WEIGHT, rel=1e-5, abs=1e-6)
+    (tmp_path / "other.onnx.data").unlink()
+    with pytest.raises(gpw.PolicyError, match="no ONNX file that can be read"):
+        gpw.load_policy(path)
+
+
 def test_without_a_known_name_the_first_output_is_the_action(tmp_path):
     policy = gpw.load_policy(linear(tmp_path / "other.onnx", outputs=("mean", "value")))
     seen = seen_by(8)
