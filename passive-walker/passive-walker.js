@@ -1252,3 +1252,196 @@ export async function loadPolicy(name, { read = readFile } = {}) {
   };
   return { name, scene, predict };
 }
+
+// ---------------------------------------------------------------------------------------------
+// Systems of one's own, compiled by Python's `web.build(folder, systems)`.
+
+const SCRATCH = 4096; // bytes from a system's numbers to the points that show it
+
+/**
+ * Makes a walker of a system of one's own.
+ *
+ * @param name The system's name in `web.build`, as "torso".
+ * @param options `slope` in rad, `body` with other values of its fields, `state` to start from,
+ *   `tolerance`, and `read`, which reads the package's files by name.
+ */
+export async function createSystem(name, { read = readFile, ...options } = {}) {
+  return new SystemWalker(await compiled(`systems/${name}`, read), options);
+}
+
+/** A system of one's own: its stride map, a walk under held controls, and its picture. */
+export class SystemWalker {
+  #block;
+  #contact = 0;
+
+  constructor(module, { slope = 0, body = {}, state = null, tolerance = 1e-8 } = {}) {
+    const block = (this.#block = new Block(module)), { notes } = block;
+    this.name = notes.system;
+    this.fields = { ...notes.body };
+    this.controls = notes.controls;
+    block.set("phases", block.functions.phases(0));
+    block.set("hooks", block.functions.hooks(0));
+    block.set("count", notes.links.length);
+    block.set("constants", Object.keys(notes.body).length);
+    block.set("table", block.table);
+    this.#tolerate(tolerance);
+    this.change({ slope, body });
+    this.reset(state);
+  }
+
+  /** Block of memory, for tests. */
+  get block() {
+    return this.#block;
+  }
+
+  get #size() {
+    return this.#block.notes.state.length;
+  }
+
+  #tolerate(tolerance) {
+    const block = this.#block, told = block.notes.options[short(tolerance)];
+    if (!told) {
+      throw new SceneError(`tolerance must be one of ${Object.keys(block.notes.options).join(", ")}, not ${shown(tolerance)}`);
+    }
+    ["tolerance", "landing", "doubt", "first_step", "fineness"].forEach((name, i) => block.set(`options.${name}`, told[i]));
+    block.set("options.scuff", 0);
+  }
+
+  /** Changes fields of the body and the slope; coordinates and their rates stay. */
+  change({ slope = this.slope, body = {} } = {}) {
+    const block = this.#block;
+    if (!(Math.abs(slope) < Math.PI / 2)) {
+      throw new SceneError(`slope must be an angle in rad between -pi/2 and pi/2, not ${shown(slope)}`);
+    }
+    const said = unknown(Object.keys(body), Object.keys(this.fields), `the body of ${this.name}`);
+    if (said) throw new SceneError(said);
+    for (const [name, value] of Object.entries(body)) {
+      if (!Number.isFinite(value)) throw new SceneError(`${name} must be a finite number, not ${shown(value)}`);
+    }
+    this.slope = slope;
+    this.fields = { ...this.fields, ...body };
+    Object.values(this.fields).forEach((value, i) => block.set("bodies", value, i));
+    // The compiled code has Python's sine: the ground is that of an episode's begin.
+    const kept = block.record("record").slice();
+    block.set("slopes", slope);
+    block.set("drawn", 0);
+    block.run(BEGIN);
+    const ground = [block.get("record.ground", 0), block.get("record.ground", 1)];
+    block.record("record").set(kept);
+    ground.forEach((x, i) => block.set("record.ground", x, i));
+  }
+
+  #put(state) {
+    const block = this.#block, half = this.#size / 2, row = Array.from(state ?? []);
+    if (row.length !== this.#size || !row.every(Number.isFinite)) {
+      throw new SceneError(`state must be ${this.#size} finite numbers, not ${shown(state)}`);
+    }
+    const ground = [block.get("record.ground", 0), block.get("record.ground", 1)];
+    block.record("record").fill(0);
+    ground.forEach((x, i) => block.set("record.ground", x, i));
+    row.forEach((x, i) => block.set("record.state", x, i < half ? i : 3 + i - half));
+  }
+
+  #hold(controls) {
+    const given = Array.from(controls ?? Array(this.controls.length).fill(0));
+    if (given.length !== this.controls.length || !given.every(Number.isFinite)) {
+      throw new SceneError(`controls must be ${this.controls.length} finite numbers, not ${shown(controls)}`);
+    }
+    given.forEach((x, i) => this.#block.set("record.control", x, i));
+  }
+
+  #advance(end, fromSection) {
+    const block = this.#block;
+    block.set("record.end", end);
+    block.set("options.from_section", fromSection ? 1 : 0);
+    block.run(ADVANCE);
+  }
+
+  /** Begins again just after a heelstrike; without a state, at the system's start. */
+  reset(state = null) {
+    const { notes } = this.#block;
+    this.#put(state ?? notes.start ?? Array(this.#size).fill(0));
+    this.#contact = 0;
+    this.strides = 0;
+    this.fresh = true;
+    this.outcome = null;
+  }
+
+  get state() {
+    const row = this.#block.row("record.state"), half = this.#size / 2;
+    return Array.from({ length: this.#size }, (_, i) => row[i < half ? i : 3 + i - half]);
+  }
+
+  /** The stride map under held controls; the walk of this object stays as it is. */
+  strideFrom(state, { controls = null, end = 20 } = {}) {
+    const block = this.#block, kept = block.record("record").slice();
+    try {
+      this.#put(state);
+      this.#hold(controls);
+      this.#advance(end, true);
+      const outcome = block.get("record.outcome") || block.notes.outcomes.indexOf("STALLED");
+      return {
+        outcome: block.notes.outcomes[outcome], state: this.state, duration: block.get("record.time"),
+        step_length: block.get("record.step_length"), heel_loss: block.get("record.heel_loss"),
+      };
+    } finally {
+      block.record("record").set(kept);
+    }
+  }
+
+  /** Walks for a time in sqrt(l/g), or to the next heelstrike; returns how it ended, or null. */
+  step(duration = 0.1, controls = null) {
+    const block = this.#block, { outcomes } = block.notes;
+    if (this.outcome !== null && this.outcome !== "HEELSTRIKE") return this.outcome;
+    if (this.outcome === "HEELSTRIKE") {
+      this.#put(this.state);
+      this.fresh = true;
+    }
+    this.#hold(controls);
+    this.#advance(block.get("record.time") + duration, this.fresh);
+    this.fresh = false;
+    const outcome = block.get("record.outcome");
+    this.outcome = outcome ? outcomes[outcome] : null;
+    if (this.outcome === "HEELSTRIKE") {
+      this.strides += 1;
+      this.#contact += block.get("record.step_length");
+    }
+    return this.outcome;
+  }
+
+  /** Lines of points [x, y] that show a state, from the stance foot. */
+  lines(state = this.state) {
+    const block = this.#block, at = block.table, { notes } = block;
+    [...Object.values(this.fields), ...state].forEach((x, i) => (block.f8[at / 8 + i] = x));
+    block.functions.pose(at, at + SCRATCH);
+    let next = (at + SCRATCH) / 8;
+    return notes.lines.map((count) => Array.from({ length: count }, () => [block.f8[next++], block.f8[next++]]));
+  }
+
+  /** Draws the system and its ground on a canvas, `width` units of length wide. */
+  render(canvas, { colors = {}, width = 3.2 } = {}) {
+    const context = canvas.getContext("2d"), found = { ...COLORS, ...colors }, scale = canvas.width / width;
+    const [sine, cosine] = [Math.sin(this.slope), Math.cos(this.slope)];
+    const place = ([x, y]) => [
+      canvas.width / 2 + (x * cosine + y * sine) * scale, canvas.height * 0.86 - (y * cosine - x * sine) * scale,
+    ];
+    const path = (points) => {
+      context.beginPath();
+      points.forEach((point, i) => (i ? context.lineTo(...place(point)) : context.moveTo(...place(point))));
+      context.stroke();
+    };
+    context.fillStyle = found.background;
+    context.fillRect(0, 0, canvas.width, canvas.height);
+    context.strokeStyle = found.ground;
+    context.lineWidth = Math.max(1, 0.006 * scale);
+    path([[-width, 0], [width, 0]]);
+    const first = Math.ceil(this.#contact - width), last = Math.floor(this.#contact + width);
+    for (let i = first; i <= last; i++) path([[i - this.#contact, 0], [i - this.#contact, -0.03]]);
+    context.lineCap = context.lineJoin = "round";
+    context.lineWidth = 0.035 * scale;
+    this.lines().forEach((line, i) => {
+      context.strokeStyle = [found.odd, found.even, found.body][i % 3];
+      path(line);
+    });
+  }
+}

@@ -20,7 +20,7 @@ def _object(name: str, texts: Sequence[str], exported: Sequence[str]) -> bytes:
 
 
 def main(folder: Path, *names: str) -> None:
-    """Write a module for each kind of walker, or object files of the systems in a folder."""
+    """Write a module for each kind of walker, or object files of systems by their texts."""
     for name in names:
         texts = [part.read_text(encoding="utf-8") for part in sorted(folder.glob(f"{name}-*.ll"))]
         made = _object(name, texts, code.EXPORTED_OF_SYSTEM)

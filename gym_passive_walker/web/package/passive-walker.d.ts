@@ -239,6 +239,34 @@ export function create(
   scene?: Scene | SceneName,
   options?: { read?: Read },
 ): Promise<PassiveWalker>;
+/** A system of one's own, compiled by `web.build(folder, systems)` of the Python package. */
+export class SystemWalker {
+  readonly name: string;
+  /** Fields of the body and their values. */
+  readonly fields: Record<string, number>;
+  readonly controls: string[];
+  readonly slope: number;
+  readonly strides: number;
+  /** How the last stride ended, or null within one. */
+  readonly outcome: string | null;
+  /** Coordinates, then their rates. */
+  readonly state: number[];
+  change(changes: { slope?: number; body?: Record<string, number> }): void;
+  reset(state?: number[] | null): void;
+  strideFrom(state: number[], options?: { controls?: number[] | null; end?: number }): {
+    outcome: string; state: number[]; duration: number; step_length: number; heel_loss: number;
+  };
+  /** Walks for a time in sqrt(l/g), or to the next heelstrike. */
+  step(duration?: number, controls?: number[] | null): string | null;
+  lines(state?: number[]): [number, number][][];
+  render(canvas: HTMLCanvasElement, options?: { colors?: Record<string, string>; width?: number }): void;
+}
+
+export function createSystem(
+  name: string,
+  options?: { slope?: number; body?: Record<string, number>; state?: number[] | null; tolerance?: number; read?: Read },
+): Promise<SystemWalker>;
+
 export function library(read?: Read): Promise<Library>;
 export function loadPolicy(name: string, options?: { read?: Read }): Promise<Policy>;
 export function readFile(name: string): Promise<Uint8Array>;
