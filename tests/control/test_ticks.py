@@ -207,7 +207,7 @@ def test_the_hip_s_way_and_work_in_a_tick_have_their_derivatives(name):
         radius = {} if walker.massless_legs else {"foot_radius": inputs[8]}
         walkers = Walkers(walker=walker, parameters=radius, tolerance=1e-13)
         walked = go_on(walkers, moved, by, on_section=ticks == 0)
-        return walked, np.concatenate([walked.rows()[0], walked.distance])
+        return walked, np.concatenate([walked.rows[0], walked.distance])
 
     way = 0.0
     while outcome == Outcome.RUNNING:
@@ -246,10 +246,10 @@ def test_a_strike_that_grazes_says_so():
         slow, fast = (middle, fast) if struck else (slow, middle)
     fallen = walk(fast + 1e-9)
     assert fallen.outcomes[0] == Outcome.FELL_FORWARD and np.isnan(fallen.margins[0])
-    assert np.all(fallen.rows()[:, :, 1:] == 0.0)
+    assert np.all(fallen.rows[:, :, 1:] == 0.0)
     near, nearer = (walk(slow - distance) for distance in (1e-4, 1e-6))
     assert nearer.margins[0] == pytest.approx(0.1 * near.margins[0], rel=2e-2)
-    steep, steeper = (np.abs(x.rows()[0, :6, 1:]).max() for x in (near, nearer))
+    steep, steeper = (np.abs(x.rows[0, :6, 1:]).max() for x in (near, nearer))
     assert steeper == pytest.approx(10.0 * steep, rel=2e-2)
     before_any_strike = new_records(strides.state(point), 0.009, end=1.0)
     assert go_on(walkers, before_any_strike, ("state",)).margins[0] == np.inf
