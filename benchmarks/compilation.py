@@ -23,8 +23,8 @@ def main() -> None:
             traced = process_time()
             compiled.object_code(text)
             ended = process_time()
-            told = f"{traced - began:6.2f} {ended - traced:8.2f} {ended - began:8.2f}"
-            print(f"{system.name:<12} {'yes' if derived else 'no':<12} {told}")
+            results = f"{traced - began:6.2f} {ended - traced:8.2f} {ended - began:8.2f}"
+            print(f"{system.name:<12} {'yes' if derived else 'no':<12} {results}")
 
 
 if __name__ == "__main__":

@@ -208,11 +208,11 @@ class ControlledMap(StrideMap):
             progress("strides under a controller", len(places)) as taken,
         ):
             for place in places:
-                told, ended = self._stride(points, slopes, lanes, _Seeds(change, moving), place)
+                results, ended = self._stride(points, slopes, lanes, _Seeds(change, moving), place)
                 outcomes = np.where(outcomes == _STRUCK, ended, outcomes)
-                total[:, m : m + 4] += told[:, m : m + 4]
-                total[:, :m], total[:, m + 4 :] = told[:, :m], told[:, m + 4 :]
-                points, change = told[:, :m, 0], told[:, :m, 1:]
+                total[:, m : m + 4] += results[:, m : m + 4]
+                total[:, :m], total[:, m + 4 :] = results[:, :m], results[:, m + 4 :]
+                points, change = results[:, :m, 0], results[:, :m, 1:]
                 taken()
                 if not (outcomes == _STRUCK).any():
                     break
@@ -246,13 +246,16 @@ class ControlledMap(StrideMap):
         report = report_of(self.system)
         at, of, rows, struck = report.at, steps.walkers, steps.rows, steps.outcomes == _STRUCK
         there, ended = of[struck], rows[struck]
-        told, outcomes = np.full((n, m + 6, 1 + width), np.nan), np.full(n, int(Outcome.DIVERGED))
-        told[sound, m + 2 :], outcomes[sound] = 0.0, _STALLED
+        results, outcomes = (
+            np.full((n, m + 6, 1 + width), np.nan),
+            np.full(n, int(Outcome.DIVERGED)),
+        )
+        results[sound, m + 2 :], outcomes[sound] = 0.0, _STALLED
         over = steps.outcomes != _RUNNING
         outcomes[of[over]] = steps.outcomes[over]
-        told[there, : m + 2] = ended[:, [*self.coordinates, at["time"], at["step_length"]]]
-        told[of[steps.locked], m + 4] = rows[steps.locked, at["knee_time"]]
-        lost, supplied = told[:, m + 2], told[:, m + 3]
+        results[there, : m + 2] = ended[:, [*self.coordinates, at["time"], at["step_length"]]]
+        results[of[steps.locked], m + 4] = rows[steps.locked, at["knee_time"]]
+        lost, supplied = results[:, m + 2], results[:, m + 3]
         losses = [at[f"{name}_loss"] for name in ("knee", "heel", "friction")]
         lost_since = rows[:, losses].sum(axis=1)  # friction and knee: since the stride began
         lost_since[:, 0] -= steps.before["friction_loss"][:, 0] + steps.before["knee_loss"][:, 0]
@@ -263,7 +266,7 @@ class ControlledMap(StrideMap):
                 work = product(steps.held[:, j], rows[:, report.moved[channel]])
                 np.add.at(supplied, of, works[channel] * work)
             else:
-                told[there, m + 5] = steps.held[struck, j]
+                results[there, m + 5] = steps.held[struck, j]
         sine, cosine = np.zeros((2, n, 1 + width))
         sine[:, 0], cosine[:, 0] = np.sin(slopes), np.cos(slopes)
         if "slope" in moving:
@@ -278,10 +281,10 @@ class ControlledMap(StrideMap):
             bodies = self.walkers.bodies(tuple(moving), lanes[there])
             heights[:, columns] = self._heights(bodies, (len(there), len(columns)), place)
             supplied[there] -= product(cosine[there], heights)
-        told[outcomes != _STRUCK] = np.nan
+        results[outcomes != _STRUCK] = np.nan
         if not self.walker.knees:
-            told[:, m + 4] = np.nan
-        return told, outcomes
+            results[:, m + 4] = np.nan
+        return results, outcomes
 
     def _differences(
         self, points: NDArray, slopes: NDArray, lanes: NDArray, seeds: _Seeds, place: int
@@ -291,7 +294,7 @@ class ControlledMap(StrideMap):
         size = np.abs(change).max(axis=1)
         size[:, list(seeds.moving.values())] += 1.0
         steps = _SHIFTS[self._single] / np.where(size > 0.0, size, 1.0)  # (n, k)
-        told = []
+        results = []
         for sign in (0.0, 1.0, -1.0):
             shifts = sign * steps if sign else np.zeros((n, 1))
             ways = change if sign else np.zeros((n, self.dimension, 1))
@@ -300,7 +303,7 @@ class ControlledMap(StrideMap):
             for name, tangent in seeds.moving.items() if sign else ():
                 if name == "slope":
                     grounds[:, tangent] += shifts[:, tangent]
-            crowd, every = self, np.repeat(lanes, count)
+            batch, every = self, np.repeat(lanes, count)
             varied = [name for name in seeds.moving if name != "slope"]
             if varied:
                 (name,) = varied
@@ -308,16 +311,16 @@ class ControlledMap(StrideMap):
                 values = np.repeat(np.broadcast_to(own, n)[:, None], count, axis=1)
                 if sign:
                     values[:, seeds.moving[name]] += shifts[:, seeds.moving[name]]
-                crowd, every = self.with_parameter(name, values.ravel()), np.arange(n * count)
+                batch, every = self.with_parameter(name, values.ravel()), np.arange(n * count)
             nothing = _Seeds(np.zeros((n * count, self.dimension, 0)), {})
-            taken, outcomes = crowd._stride(
+            taken, outcomes = batch._stride(
                 starts.reshape(-1, self.dimension), grounds.ravel(), every, nothing, place
             )
-            told.append(taken[:, :, 0].reshape(n, count, self.dimension + 6).swapaxes(1, 2))
+            results.append(taken[:, :, 0].reshape(n, count, self.dimension + 6).swapaxes(1, 2))
             if not sign:
                 ended = outcomes
-        by = (told[1] - told[2]) / (2.0 * steps[:, None])
-        return np.concatenate([told[0], by], axis=2), ended
+        by = (results[1] - results[2]) / (2.0 * steps[:, None])
+        return np.concatenate([results[0], by], axis=2), ended
 
     def _steps(
         self,

@@ -91,7 +91,7 @@ class Steps(NamedTuple):
 
 
 def follow(
-    crowd: Walkers,
+    batch: Walkers,
     records: NDArray,
     choose: Callable[[NDArray, NDArray, int], Choice],
     *,
@@ -109,7 +109,7 @@ def follow(
     """Take walkers through a stride each, control step by control step.
 
     Args:
-        crowd: The walkers.
+        batch: The walkers.
         records: Where strides begin, (n, 1).
         choose: Function of which walkers (c,), their records (c, 1) and the control step's number,
             that says what their motors are given; of all walkers also once some strides have ended.
@@ -125,7 +125,7 @@ def follow(
         in_turn: Whether control steps are followed one after the other with their tangents.
     """
     again = partial(
-        follow, crowd, records, choose, motors=motors, tick=tick, max_stride_time=max_stride_time,
+        follow, batch, records, choose, motors=motors, tick=tick, max_stride_time=max_stride_time,
         lanes=lanes,
         change=change, moving=moving, columns=columns, uneven=uneven,
     )  # fmt: skip
@@ -135,8 +135,8 @@ def follow(
     if len(chosen) > (most := _TOGETHER[width > 0]):
         parts = [chosen[i : i + most] for i in range(0, len(chosen), most)]
         return _beside([again(chosen=part, in_turn=in_turn) for part in parts])
-    by, report = ("state", *motors, *moving, "start") if width else (), report_of(crowd.system())
-    told, inputs = records[chosen], inputs_of(crowd.walker)
+    by, report = ("state", *motors, *moving, "start") if width else (), report_of(batch.system())
+    found, inputs = records[chosen], inputs_of(batch.walker)
     places = [inputs.index(motor) for motor in motors]
     if not len(chosen):
         shapes = ((report.size, width), (len(motors), 1 + width), (len(report.entries), 1 + width))
@@ -145,19 +145,19 @@ def follow(
     on, taken, choices = np.arange(len(chosen)), [], []
     while len(on):
         number = len(taken)
-        choice = choose(chosen, told, number)
-        hold(told, places, choice.held)
+        choice = choose(chosen, found, number)
+        hold(found, places, choice.held)
         last = (number + 1) * tick >= max_stride_time
-        told["end"] = max_stride_time if last else (number + 1) * tick
-        told["moved"], told["turned"] = 0.0, 0.0
-        before = told[on]
+        found["end"] = max_stride_time if last else (number + 1) * tick
+        found["moved"], found["turned"] = 0.0, 0.0
+        before = found[on]
         walked = go_on(
-            crowd, before, by if in_turn else (), lanes=lanes[chosen[on]],
+            batch, before, by if in_turn else (), lanes=lanes[chosen[on]],
             on_section=number == 0, uneven=uneven,
         )  # fmt: skip
         taken.append((on, before, walked.records))
         choices.append(choice._make(x if x is None else x[on] for x in choice))
-        told[on] = walked.here
+        found[on] = walked.here
         on = on[walked.outcomes == _RUNNING]
         if last:
             break
@@ -171,7 +171,7 @@ def follow(
         return Steps(chosen[walkers], numbers, before, plain, states, held, rows)
     if not in_turn:
         after, alike = _side_by_side(
-            crowd, before, plain, by, lanes[chosen[walkers]], edges[1], uneven
+            batch, before, plain, by, lanes[chosen[walkers]], edges[1], uneven
         )
         astray, plain = np.unique(walkers[~alike]), after[:, :1]
     states, along, rows = _chained(after, walkers, edges, choices, change[chosen], columns, report)
@@ -230,7 +230,7 @@ def _chained(
 
 
 def _side_by_side(
-    crowd: Walkers,
+    batch: Walkers,
     before: NDArray,
     plain: NDArray,
     by: Sequence[str],
@@ -244,7 +244,7 @@ def _side_by_side(
     control step to the next.
     """
     after = _joined([
-        go_on(crowd, before[some], by, lanes=lanes[some], on_section=begins, uneven=uneven).records
+        go_on(batch, before[some], by, lanes=lanes[some], on_section=begins, uneven=uneven).records
         for begins, some in ((True, slice(first)), (False, slice(first, None)))
         if len(before[some])
     ])  # fmt: skip
@@ -412,20 +412,20 @@ def ticked_strides(
         walkers, new_records(section.state(points), slopes), choose, motors=using, tick=tick,
         change=change, moving=by, columns=range(width - len(by), width),
     )  # fmt: skip
-    told, outcomes = np.zeros((n, m + 4 + 2 * size, 1 + width)), np.full(n, int(Outcome.STALLED))
-    angles = told[:, m + 2 : -2].reshape(n, 2, motors, count, -1)  # a view: swing and turn
+    found, outcomes = np.zeros((n, m + 4 + 2 * size, 1 + width)), np.full(n, int(Outcome.STALLED))
+    angles = found[:, m + 2 : -2].reshape(n, 2, motors, count, -1)  # a view: swing and turn
     report = report_of(walkers.system())
     turned = steps.rows[:, np.array([report.moved, report.turned])[:, :motors]]
     held_in = np.minimum(steps.numbers, count - 1)
     np.add.at(angles, (steps.walkers, slice(None), slice(None), held_in), turned)  # type: ignore[arg-type]
     struck, over = steps.outcomes == _STRUCK, steps.outcomes != _RUNNING
     ended = [*section.coordinates, report.at["time"], report.at["step_length"]]
-    told[steps.walkers[struck], : m + 2] = steps.rows[struck][:, ended]
-    told[steps.walkers[struck], -2] = steps.rows[struck, report.at["push_work"]]
-    told[steps.walkers[steps.locked], -1] = steps.rows[steps.locked, report.at["knee_time"]]
+    found[steps.walkers[struck], : m + 2] = steps.rows[struck][:, ended]
+    found[steps.walkers[struck], -2] = steps.rows[struck, report.at["push_work"]]
+    found[steps.walkers[steps.locked], -1] = steps.rows[steps.locked, report.at["knee_time"]]
     outcomes[steps.walkers[over]] = steps.outcomes[over]
-    told[outcomes != _STRUCK] = np.nan
-    values, shape = told[:, :, 0], torques.shape
+    found[outcomes != _STRUCK] = np.nan
+    values, shape = found[:, :, 0], torques.shape
     return TickedStride(
         end=values[:, :m],
         duration=values[:, m],
@@ -434,7 +434,7 @@ def ticked_strides(
         turn=values[:, m + 2 + size : -2].reshape(shape),
         push_work=values[:, -2],
         kneestrike=values[:, -1],
-        by=told[:, :, 1:],
+        by=found[:, :, 1:],
         outcomes=outcomes,
         steps=steps,
     )

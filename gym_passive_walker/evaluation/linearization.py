@@ -90,23 +90,23 @@ class StepRecorder:
         record["control"][:, 0] = torques
         record["moved"], record["turned"] = 0.0, 0.0
         record["end"] = np.minimum(record["time"] + rules["tick"], rules["max_stride_time"])
-        walked = go_on(self._crowd(), records, ("state", "hip_torque"))
-        told, distance, report = walked.rows, walked.distance, report_of(walked.system)
+        walked = go_on(self._recorded(), records, ("state", "hip_torque"))
+        results, distance, report = walked.rows, walked.distance, report_of(walked.system)
         stalled = record["end"] >= rules["max_stride_time"]
         fell = (walked.outcomes > _STRUCK) | (stalled & (walked.outcomes != _STRUCK))
-        told[fell, :, 1:] = 0.0
+        results[fell, :, 1:] = 0.0
         stands = _stands(fell.reshape(shape), record["time"].reshape(shape) == 0.0)
         distance = distance[:, 1:] * stands.reshape(-1, 1)
         energy = np.zeros_like(distance)
         if system_of(scene.walker).works.hip:
             charged = int(rules["charged"])
-            moved, turned = told[:, report.moved[0]], told[:, report.turned[0]]
+            moved, turned = results[:, report.moved[0]], results[:, report.turned[0]]
             energy += task.motor_charge(charged, torques[:, None], moved[:, 1:], turned[:, 1:])
             sign = np.where(torques < 0.0, -1.0, 1.0)
             charge = task.motor_charge(charged, sign, moved[:, 0], turned[:, 0])
             energy[:, _ACTION] += ~fell * sign * charge
         rewards = task.reward(distance, energy, scene.energy_weight)
-        states = told[:, _STATE, 1:]
+        states = results[:, _STATE, 1:]
         rewards[:, _ACTION] *= scene.max_hip_torque
         return Linear(
             states_by_state=states[..., _STATE].reshape(*shape, 6, 6),
@@ -115,7 +115,7 @@ class StepRecorder:
             rewards_by_action=rewards[:, _ACTION].reshape(shape),
         )
 
-    def _crowd(self) -> Walkers:
+    def _recorded(self) -> Walkers:
         """All walkers that were noted."""
         scene, parameters = self._scene, {}
         if len(set(map(id, self._walkers))) > 1:

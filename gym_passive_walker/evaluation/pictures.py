@@ -30,7 +30,7 @@ def _robustness(found: Robustness, ax: Axes | None = None) -> Axes | NDArray:
         _pushes(ax, found)
         return ax
     figure, axes = panels(2, 2, (9.2, 8.2), ax)
-    survival, answers, pushes, told = axes
+    survival, answers, pushes, results = axes
     strides = np.arange(1, len(found.survivors) + 1)
     lasting = found.first_passage.mean
     survival.semilogy(strides, np.maximum(found.survivors, 1e-12), color=BLUE, label="walkers")
@@ -51,11 +51,11 @@ def _robustness(found: Robustness, ax: Axes | None = None) -> Axes | NDArray:
         xlabel="stride after a step in the ground", ylabel="change of the period (√(l/g) per l)"
     )
     _pushes(pushes, found)
-    told.axis("off")
+    results.axis("off")
     columns = zip(*found.facts().items(), strict=True)
     for place, column in zip((0.0, 0.42), columns, strict=True):
         style = {"va": "top", "fontsize": "small", "linespacing": 1.6}
-        told.text(place, 1.0, "\n".join(column), transform=told.transAxes, **style)
+        results.text(place, 1.0, "\n".join(column), transform=results.transAxes, **style)
     figure.suptitle(
         f"Walker {name_of(found.walker)} at slope {found.slope:.4g} rad, {found.controller}",
         fontsize="medium",

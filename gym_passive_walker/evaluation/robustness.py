@@ -216,7 +216,7 @@ def robustness(
         raise ValueError(f'first_passage must be "sampled" or "mesh", not {shown(first_passage)}')
     if not 0.0 < number(initial_error, "initial_error") < 0.9:
         raise ValueError(f"initial_error must be a share between 0 and 0.9, not {initial_error!r}")
-    crowd = (4096 if passive else 512) if walkers is None else whole(walkers, "walkers", 1, KEPT)
+    count = (4096 if passive else 512) if walkers is None else whole(walkers, "walkers", 1, KEPT)
     tries = _Tries(policy, tried)
     with progress("measures of robustness", 6) as done:
         step_length, period = tries.settled(seed)
@@ -227,8 +227,8 @@ def robustness(
             lasting = mesh_passage(map_in(tried, None if passive else policy), state, ground)
             survived = lasting.survivors(strides)
         else:
-            left = tries.left(ground, crowd, FORGETTING + strides, seed, in_scene=not passive)
-            lasting, survived = FirstPassage.of(left), left[1:] / crowd
+            left = tries.left(ground, count, FORGETTING + strides, seed, in_scene=not passive)
+            lasting, survived = FirstPassage.of(left), left[1:] / count
         done()
         period_response = tries.period_response()
         done()

@@ -289,17 +289,17 @@ def crisis_slope(
     points = stride_map.apply(points, low, strides=strides).ends
     if not np.all(np.isfinite(points)):
         raise ValueError(f"the walker falls at slope {low}")
-    crowd = np.repeat(points, walkers, axis=0)
+    batch = np.repeat(points, walkers, axis=0)
     for i in range(1, walkers):  # spread along the settled walk
-        crowd[i] = stride_map.apply(crowd[i - 1 : i], low).ends[0]
-    if np.all(np.isfinite(_all_walk(stride_map, crowd, high, strides))):
+        batch[i] = stride_map.apply(batch[i - 1 : i], low).ends[0]
+    if np.all(np.isfinite(_all_walk(stride_map, batch, high, strides))):
         raise ValueError(f"walking has not ended at slope {high}")
     step = (high - low) / 64.0
     with progress("slopes tried") as tried:
         while step > accuracy:
-            there = _all_walk(stride_map, crowd, low + step, strides)
+            there = _all_walk(stride_map, batch, low + step, strides)
             if np.all(np.isfinite(there)):
-                low, crowd = low + step, there
+                low, batch = low + step, there
             else:
                 step *= 0.5
             tried()

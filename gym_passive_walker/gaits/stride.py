@@ -137,8 +137,8 @@ class Stride(Table, _Fields):
         size = np.shape(self.state)[-1]
         names = STATE_NAMES if size == 6 else [f"state_{i}" for i in range(size)]
         table = dict(zip(names, np.reshape(self.state, (-1, size)).T, strict=True))
-        told = (name for name in self._fields[1:] if name != "weight")
-        return table | {name: np.ravel(getattr(self, name)) for name in told}
+        results = (name for name in self._fields[1:] if name != "weight")
+        return table | {name: np.ravel(getattr(self, name)) for name in results}
 
 
 def check_foothold(

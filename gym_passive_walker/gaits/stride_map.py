@@ -284,8 +284,8 @@ class StrideMap(Section):
         """
         points = self._points(points)
         slopes = self._slopes(slopes, len(points))
-        told, outcomes = self._follow(points, slopes, np.arange(len(points)), strides)
-        return Passage(**_named(told[0]), outcomes=outcomes)
+        results, outcomes = self._follow(points, slopes, np.arange(len(points)), strides)
+        return Passage(**_named(results[0]), outcomes=outcomes)
 
     def linearize(
         self,
@@ -317,17 +317,17 @@ class StrideMap(Section):
             # Integrate without derivatives first: a failed stride costs as much as many others.
             plain, outcomes = self._follow(points, slopes, walking, strides)
             walking = np.flatnonzero(np.isfinite(plain[0, 0]))
-        told, ended = self._follow(
+        results, ended = self._follow(
             points[walking], slopes[walking], walking, strides,
             ["point" if name == "state" else name for name in by],
             None if along is None else along[walking],
         )  # fmt: skip
         outcomes[walking] = ended
         # Rounding may end a stride in only one of the two runs; such a stride counts as failed.
-        values = np.full((told.shape[1], len(points)), np.nan)
-        derivatives = np.full((*values.shape, len(told) - 1), np.nan)
-        values[:, walking] = told[0]
-        derivatives[:, walking] = told[1:].transpose(1, 2, 0)
+        values = np.full((results.shape[1], len(points)), np.nan)
+        derivatives = np.full((*values.shape, len(results) - 1), np.nan)
+        values[:, walking] = results[0]
+        derivatives[:, walking] = results[1:].transpose(1, 2, 0)
         derivatives[np.isnan(values)] = np.nan
         return Passage(**_named(values), outcomes=outcomes), Change(**_named(derivatives))
 
@@ -387,19 +387,19 @@ class StrideMap(Section):
             records = walked.records if on.all() else walked.records[on]
             unbalanced = imbalance(totals[2], totals[3], records["push_off"], totals[1])
         totals[4][totals[4][:, 0] == 0.0] = np.nan
-        told = np.full((planes, self.dimension + 6, len(points)), np.nan)
+        results = np.full((planes, self.dimension + 6, len(points)), np.nan)
         ends = self.point(states_in(records, self.size // 2)).transpose(2, 0, 1)
         rows = np.concatenate([ends, totals, unbalanced[None]])
-        told[:, :, walking] = rows.transpose(2, 0, 1)
+        results[:, :, walking] = rows.transpose(2, 0, 1)
         if charted:
             first_column = 1 + list(by).index("point")
             end = first_column + count
             extra = slice(end, end + len(charted))
-            chart, told = told[extra], np.delete(told, extra, axis=0)
+            chart, results = results[extra], np.delete(results, extra, axis=0)
             names = [x for name in by for x in ([name] * count if name == "point" else [name])]
             for name, change in zip(charted, chart, strict=True):
-                told[1 + names.index(name)] += change
-        return told, outcomes
+                results[1 + names.index(name)] += change
+        return results, outcomes
 
     def _add(self, totals: NDArray, walked: Flow, place: int) -> None:
         """Add the measures of one stride each to the totals of the strides before, in place."""
@@ -579,10 +579,10 @@ def map_of(walker: MapLike, *, tolerance: float) -> StrideMap:
     return StrideMap.of(walker, tolerance=tolerance)
 
 
-def _named(told: NDArray) -> dict[str, NDArray]:
+def _named(results: NDArray) -> dict[str, NDArray]:
     """Split rows (m + 6, n), or their derivatives (m + 6, n, k), into the fields of `Change`."""
     rest = 1 - len(_FIELDS)
-    return dict(zip(_FIELDS, [told[:rest].swapaxes(0, 1), *told[rest:]], strict=True))
+    return dict(zip(_FIELDS, [results[:rest].swapaxes(0, 1), *results[rest:]], strict=True))
 
 
 def _outcomes(walked: Flow) -> NDArray[np.int8]:

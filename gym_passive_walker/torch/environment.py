@@ -114,16 +114,16 @@ class PassiveWalkerTorchEnv:
             ValueError: if the actions have another shape, or one is not finite.
             ResetNeeded: if an environment must be reset first.
         """
-        observations, rewards, terminated, truncated, told = self.envs.step(
+        observations, rewards, terminated, truncated, results = self.envs.step(
             actions.detach().cpu().numpy()
         )
         infos = {}
-        if "final_obs" in told:
-            ended, last = told["_final_obs"], observations.copy()
-            last[ended] = np.stack(told["final_obs"][ended])
+        if "final_obs" in results:
+            ended, last = results["_final_obs"], observations.copy()
+            last[ended] = np.stack(results["final_obs"][ended])
             infos["final_obs"] = self._tensor(last)
-            told = _joined(ended, told["final_info"], told)
-        for name, values in told.items():
+            results = _joined(ended, results["final_info"], results)
+        for name, values in results.items():
             if name == "outcome":
                 values = _numbered(values)
             if not name.startswith("_"):

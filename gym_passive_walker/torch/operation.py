@@ -160,8 +160,8 @@ class _CarryOn(torch.autograd.Function):
 
     @staticmethod
     def forward(inputs: Tensor, phases: Tensor, going: Tensor, options: FlowOptions) -> Any:
-        told = _walked(inputs.numpy(force=True), phases.numpy(), going.numpy(), options)
-        return tuple(map(torch.from_numpy, told))
+        reported = _walked(inputs.numpy(force=True), phases.numpy(), going.numpy(), options)
+        return tuple(map(torch.from_numpy, reported))
 
     @staticmethod
     def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
@@ -270,16 +270,16 @@ def _walked(
         records["start"][:, 0, : begun.shape[1]] = begun
     by = [name for name in options.by if name != "push"]
     walked = go_on(walkers, records, ("state", *by), on_section=options.whole)
-    told = np.concatenate([walked.rows, walked.distance[:, None]], axis=1)
+    reported = np.concatenate([walked.rows, walked.distance[:, None]], axis=1)
     of_parameters = {name: [columns.width + i] for i, name in enumerate(options.parameters)}
     moving = [*range(size), *(i for name in by for i in (names | of_parameters)[name])]
-    values[lanes] = told[:, :, 0]
+    values[lanes] = reported[:, :, 0]
     own_jacobians = np.zeros((len(lanes), values.shape[1], inputs.shape[1]))
-    own_jacobians[:, :, moving] = told[:, :, 1:]
+    own_jacobians[:, :, moving] = reported[:, :, 1:]
     if pushed:
         moved = [*range(size), *names["push"], *range(columns.width, inputs.shape[1])]
         own_jacobians[:, :, range(size)] = 0.0
-        own_jacobians[:, :, moved] += told[:, :, 1 : 1 + size] @ by_push
+        own_jacobians[:, :, moved] += reported[:, :, 1 : 1 + size] @ by_push
     jacobians[lanes] = own_jacobians
     after[lanes], outcomes[lanes] = walked["phase"][:, 0], walked.outcomes
     margins[lanes] = walked.margins

@@ -236,10 +236,10 @@ def rollout(
         impulses = impulses.expand(horizon, size)
     ticks = []
     for k in range(horizon):
-        told, here = _tick(policy, scene, here, None if impulses is None else impulses[k])
-        ticks.append(told)
-    told = [torch.stack(columns) for columns in zip(*ticks, strict=True)]
-    return Rollout._make([told[0].sum(0), *told, here])
+        results, here = _tick(policy, scene, here, None if impulses is None else impulses[k])
+        ticks.append(results)
+    results = [torch.stack(columns) for columns in zip(*ticks, strict=True)]
+    return Rollout._make([results[0].sum(0), *results, here])
 
 
 def _ground(scene: Scene, here: RolloutState, ahead: int = 0) -> Tensor:
@@ -357,9 +357,9 @@ def _tick(
         if scene.terminated is not None:
             stops = torch.as_tensor(scene.terminated(step)).bool()
             outcomes = torch.where(going & walks & stops, STOPPED, outcomes)
-    told = (rewards, distances, energies, seen, outcomes, going, moved.margins)
+    results = (rewards, distances, energies, seen, outcomes, going, moved.margins)
     over = going & (outcomes > _STRUCK)
-    return told, ends._replace(outcome=torch.where(over, outcomes, here.outcome))
+    return results, ends._replace(outcome=torch.where(over, outcomes, here.outcome))
 
 
 def _step(

@@ -166,7 +166,7 @@ def stride(
         controls, parameters,
         end=max_stride_time, tolerance=tolerance, end_on_toe_stub=end_on_toe_stub, whole=True,
     )  # fmt: skip
-    return walk.told(Stride)
+    return walk.found(Stride)
 
 
 def tick(
@@ -228,7 +228,7 @@ def tick(
         controls, parameters,
         duration=duration, phase=phase, tolerance=tolerance, end_on_toe_stub=end_on_toe_stub,
     )  # fmt: skip
-    return walk.told(Tick)
+    return walk.found(Tick)
 
 
 _Told = TypeVar("_Told", Stride, Tick)
@@ -263,10 +263,10 @@ class _Walk(NamedTuple):
         states, half = self.moved.states, self.moved.columns.report.size // 2
         return torch.cat([states[:, :half], states[:, half:] / self.time], 1)
 
-    def told(self, kind: type[_Told]) -> _Told:
+    def found(self, kind: type[_Told]) -> _Told:
         """What is reported: a `Stride` or a `Tick`."""
         moved, units, own = self.moved, self.units, self.own
-        told = {
+        found = {
             "state": self.state,
             "phase": moved.phases,
             "outcome": moved.outcomes,
@@ -275,18 +275,18 @@ class _Walk(NamedTuple):
         }
         for name, (entry, unit) in _IN_UNITS.items():
             if name in kind._fields:
-                told[name] = moved.result(entry) * getattr(units, unit)
+                found[name] = moved.result(entry) * getattr(units, unit)
         if kind is Tick:
             knee, heel = (moved.result(name) * units.energy for name in ("knee_loss", "heel_loss"))
-            told |= {"distance": moved.distance * units.length, "collision_loss": knee + heel}
+            found |= {"distance": moved.distance * units.length, "collision_loss": knee + heel}
         # All controls of a `System` count as the hip's.
         for name, controls in (
             ("hip", range(len(self.works) if own else 1)),
             ("ankle", range(0 if own else 1, 0 if own else 2)),
         ):
-            told[f"{name}_work"] = self.work(controls, "net")
-            told[f"{name}_work_absolute"] = self.work(controls, "absolute")
-        each = (told[name] for name in kind._fields)
+            found[f"{name}_work"] = self.work(controls, "net")
+            found[f"{name}_work_absolute"] = self.work(controls, "absolute")
+        each = (found[name] for name in kind._fields)
         return kind._make(each if self.several else (x[0] for x in each))
 
     def work(self, controls: range, kind: str) -> Tensor:

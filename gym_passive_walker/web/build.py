@@ -102,8 +102,8 @@ def system_module(system: Mechanism) -> bytes:
             _compile(Path(folder), "system")
             made = (Path(folder) / "system.o").read_bytes()
         cache.keep(f"web-{_name()}-{digest}.o", made)
-    told = notes.of_system(system, container.data_end(made))
-    return container.module(made, code.EXPORTED_OF_SYSTEM, {notes.SECTION: told})
+    section = notes.of_system(system, container.data_end(made))
+    return container.module(made, code.EXPORTED_OF_SYSTEM, {notes.SECTION: section})
 
 
 def _compile(folder: Path, *names: str) -> None:

@@ -29,8 +29,8 @@ def main(folder: Path, *names: str) -> None:
         return
     for kind in KINDS:
         made = _object(kind, code.of_kind(kind), code.EXPORTED)
-        told = notes.of_module(code.KINDS[kind], code.VARIANTS, container.data_end(made))
-        module = container.module(made, code.EXPORTED, {notes.SECTION: told})
+        content = notes.of_module(code.KINDS[kind], code.VARIANTS, container.data_end(made))
+        module = container.module(made, code.EXPORTED, {notes.SECTION: content})
         (folder / f"{kind}.wasm").write_bytes(module)
 
 

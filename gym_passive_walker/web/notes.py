@@ -54,21 +54,21 @@ def of_module(kind: System, variants: tuple[str, ...], end: int) -> bytes:
         variants: Endings of the names of its systems.
         end: First address after the module's data.
     """
-    told = {
+    content = {
         "kind": kind.name,
         "variants": variants,
         "constants": len(kind.Body._fields),  # type: ignore[attr-defined]
         "rules": _rules(kind),
         "points": kernels.POINTS,
     }
-    return _noted(kind, end, told)
+    return _noted(kind, end, content)
 
 
 def of_system(system: Mechanism, end: int) -> bytes:
     """Return the notes of the module of a user's system, as JSON."""
     start = None if system.start is None else list(map(float, system.start))
     lines = system.drawn(np.zeros(2 * system.coordinates) if start is None else start)
-    told = {
+    content = {
         "system": system.title,
         "body": system.body._asdict(),
         "state": system.State._fields,  # type: ignore[attr-defined]
@@ -77,10 +77,10 @@ def of_system(system: Mechanism, end: int) -> bytes:
         "lines": [len(line) for line in lines],
         "outcomes": [outcome.name for outcome in Outcome],
     }
-    return _noted(system.hybrid, end, told)
+    return _noted(system.hybrid, end, content)
 
 
-def _noted(system: System, end: int, told: dict[str, Any]) -> bytes:
+def _noted(system: System, end: int, content: dict[str, Any]) -> bytes:
     """Return notes with what every module says: where fields are, and the engine's options."""
     left = {"tile", "history"}
     shared = {
@@ -98,7 +98,7 @@ def _noted(system: System, end: int, told: dict[str, Any]) -> bytes:
             for tolerance in TOLERANCES
         },
     }
-    return json.dumps(shared | told, separators=(",", ":"), allow_nan=False).encode()
+    return json.dumps(shared | content, separators=(",", ":"), allow_nan=False).encode()
 
 
 def _rules(kind: System) -> dict[str, list[float]]:
@@ -157,6 +157,6 @@ _SLOPES = (0.0025, 0.004, 0.008, 0.015, 0.03, 0.045, 0.05, 0.07, 0.08, 0.11)
 
 def of_policy(folder: Path) -> dict[str, Any]:
     """Return the options of a trained policy's network, and its scene."""
-    told = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
-    options = {key: told[key] for key in ("algo", "activation", "normalizer")}
-    return options | {"scene": SCENES[told["scene"]] | told["env"]}
+    content = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
+    options = {key: content[key] for key in ("algo", "activation", "normalizer")}
+    return options | {"scene": SCENES[content["scene"]] | content["env"]}
