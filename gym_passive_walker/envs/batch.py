@@ -27,6 +27,7 @@ from gym_passive_walker.envs.starts import DRAWS, Starts, as_recorded, checked_s
 from gym_passive_walker.envs.transitions import STOPPED
 from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.physics.systems import UNEVEN, bodies, kind_of, system_of
+from gym_passive_walker.units import proportions
 from gym_passive_walker.walkers import Walker, state_size
 
 OPTIONS = ("state", "slope")
@@ -133,6 +134,7 @@ class Batch:
         self.scene, self.count, self.token = scene, count, Token()
         self._given = {"walkers": walkers, "slopes": slopes, "step_limit": step_limit}
         self.seen = task.SIZE + (scene.command is not None) + 2 * scene.terrain_lookahead
+        self.seen += len(scene.observe_body)
         judged = scene.own_system is not None or any(getattr(scene, name) for name in RULES)
         self.custom = Custom(scene, count) if judged else None
         self._plain: NDArray[np.float32] | None = None  # what is seen where that is not asked for
@@ -152,8 +154,9 @@ class Batch:
             shared.setdefault((walker, slope), Starts(scene, walker, slope))
             for walker, slope in zip(self.walkers, slope_of, strict=True)
         ]
+        self._proportions = self._proportions_of(self.walkers)
         own = self.custom is not None and (self.custom.seen or not self.custom.native)
-        self._apart = own or disturbed(scene)  # a step is more than one call of compiled code
+        self._apart = own or disturbed(scene) or bool(scene.observe_body)  # a step is more than one call of compiled code
         self._alike_starts = len(shared) == 1
         self._alike = walkers is None and not scene.domain_randomization
         self.disturbances: Disturbances | None = None
@@ -254,6 +257,7 @@ class Batch:
         if self.starts_alike and not options:
             self._prepare()
             self.door.kernels.begin(self.door.where, where, True, *_UNASKED, observations)
+            self._show_bodies(observations)
             return
         states, asked = self._asked(options) if options else (None, None)
         draws = self.drawn(where)
@@ -269,14 +273,30 @@ class Batch:
         for i, walker in varied.items():
             self.walkers[i], self._constants[i : i + 1] = walker, bodies(walker)
             self._radii[i : i + 1] = _radii([walker])
+            self._proportions[i : i + 1] = self._proportions_of([walker])
         plain = observations if self._plain is None else self._plain
         self.door.kernels.begin(self.door.where, where, False, slopes, gaits, draws, plain)
         if self.disturbances:
             self.disturbances.begin(where, self.randoms, self.records, self.ledger)
             self.disturbances.observe(self.ledger, where, plain)
+        self._show_bodies(plain)
         if self.custom:
             self.custom.begin(self, where)
             self._see(observations, where)
+
+    def _proportions_of(self, walkers: Sequence[Walker]) -> NDArray[np.float32]:
+        """What is observed of walkers' bodies, (walkers, names)."""
+        names = self.scene.observe_body
+        known = {walker: proportions(walker, names) for walker in {*walkers}} if names else {}
+        found = np.zeros((len(walkers), len(names)), np.float32)
+        for row, walker in zip(found, walkers if names else (), strict=False):
+            row[:] = known[walker]
+        return found
+
+    def _show_bodies(self, observations: NDArray[np.float32]) -> None:
+        """Write what is observed of walkers' bodies, into the flat observations of all."""
+        if size := self._proportions.shape[1]:
+            observations.reshape(self.count, -1)[:, -size:] = self._proportions
 
     def _prepare(self) -> None:
         """Make known what calm walkers start by."""
@@ -441,6 +461,7 @@ class Batch:
         task.observe(self.records, self.ledger, self.machinery[0], observations)
         if self.disturbances:
             self.disturbances.observe(self.ledger, np.arange(self.count), observations)
+        self._show_bodies(observations)
 
     def _see(
         self, observations: NDArray[np.float32], lanes: NDArray[np.int64] | None = None
@@ -525,6 +546,7 @@ class Batch:
             )  # fmt: skip
             if wrong >= 0:
                 self.refuse(wrong)
+            self._show_bodies(observations)
             if again and not at_once:
                 self._begin_again(observations)
             return strides, endings
@@ -554,6 +576,7 @@ class Batch:
                 ended.append(door.kernels.step(door.where, a, b, *at, False, *results)[1:])
 
         in_parts(job, self.count, self.threads)
+        self._show_bodies(observations)
         if again:
             self._begin_again(observations)
         return sum(strides for strides, _ in ended), sum(endings for _, endings in ended)
@@ -677,6 +700,7 @@ class Batch:
         if not self._alike:
             self.walkers = state.walkers
             self._constants[:], self._radii[:] = bodies(*self.walkers), _radii(self.walkers)
+            self._proportions[:] = self._proportions_of(self.walkers)
         if self.disturbances and state.befell:
             self.disturbances.put_back(state.befell)
         if self.custom and state.transitions is not None:
