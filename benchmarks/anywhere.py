@@ -35,12 +35,11 @@ from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.evaluation.walks import WALKED_ON, evaluate
 from gym_passive_walker.gaits.gait import GaitNotFound
-from gym_passive_walker.walkers import Walker
 
 POOLS = (10, 100, 1000, 10_000, 0)
 """Numbers of training bodies; 0 is a new body at each reset."""
 
-STEPS = 6_000_000
+STEPS = 3_000_000
 """Steps of each training on a pool."""
 
 SHIPPED = "anywhere-ppo"
@@ -248,7 +247,8 @@ def draw(curve: list[tuple[str, float, float]]) -> None:
     for index, label in enumerate(("median", "95th percentile")):
         axes.plot(across, [row[1 + index] for row in curve], "o-", label=label, **series(index))
     axes.set_xticks(list(across), [row[0].removeprefix("pool-") for row in curve])
-    axes.set(xlabel="bodies in training", ylabel="cost above each body's optimum in %", ylim=(0, None))
+    axes.set(xlabel="bodies in training", ylabel="cost above each body's optimum in %")
+    axes.set_ylim(0.0, None)
     legend(axes)
     save(figure, DOCS / "images" / "anywhere.png")
 

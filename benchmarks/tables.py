@@ -35,6 +35,7 @@ SCRIPTS = {
     **{f"design/{part}": f"design {part}" for part in ("steep", "tuned")},
     "robustness/gauntlet": "gauntlet",
     "robustness/first passage": "first_passage",
+    "anywhere/anywhere": "anywhere show",
     "stability/stress": "stress --long --write",
     **{f"stability/stress {topic}": f"stress --long --only '{topic}' --write" for topic in (
         "anything at all", "uneven ground")},

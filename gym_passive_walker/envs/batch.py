@@ -156,7 +156,8 @@ class Batch:
         ]
         self._proportions = self._proportions_of(self.walkers)
         own = self.custom is not None and (self.custom.seen or not self.custom.native)
-        self._apart = own or disturbed(scene) or bool(scene.observe_body)  # a step is more than one call of compiled code
+        # Whether a step is more than one call of compiled code.
+        self._apart = own or disturbed(scene) or bool(scene.observe_body)
         self._alike_starts = len(shared) == 1
         self._alike = walkers is None and not scene.domain_randomization
         self.disturbances: Disturbances | None = None

@@ -279,7 +279,8 @@ class Scene:
 
     def _check_own(self) -> None:
         """Refuse what a user's system does not have."""
-        found = [name for name in ("constraints", "terrain_lookahead", "observe_body") if getattr(self, name)]
+        names = ("constraints", "terrain_lookahead", "observe_body")
+        found = [name for name in names if getattr(self, name)]
         if found:
             raise SceneError(
                 f"{' and '.join(found)} need a walker with two legs and McGeer's parameters, not "
@@ -307,7 +308,9 @@ class Scene:
         if self.randomization_pool is None:
             return None
         if not self.domain_randomization:
-            raise SceneError("randomization_pool needs domain_randomization, which makes its walkers")
+            raise SceneError(
+                "randomization_pool is a number of walkers of domain_randomization: give both"
+            )
         try:
             return whole(self.randomization_pool, "randomization_pool", most=2**31)
         except ValueError as error:
@@ -451,8 +454,8 @@ SCENES: dict[str, dict[str, Any]] = {
 - "push-off": the simplest walker on level ground, near Kuo's slow gait (2002), in which each stride
   ends with a push-off of 0.04; without push-off it falls backward, mostly in its first stride.
 - "commanded": walker C on level ground, with a commanded speed; passively as "level".
-- "anywhere": a new body at each reset, seven parameters of walker C within 10 %, on a slope from 0 to
-  0.02 with a commanded speed; slope, speed and body are observed.
+- "anywhere": a new body at each reset, seven parameters of walker C within 10 %, on a slope from 0
+  to 0.02 with a commanded speed; slope, speed and body are observed.
 """
 
 

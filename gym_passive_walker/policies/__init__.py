@@ -85,8 +85,8 @@ def load_policy(name_or_folder: str | Path) -> TrainedPolicy:
 
     Args:
         name_or_folder: Name of a policy that comes with the package: "level-ppo", "steep-ppo",
-            "steep-sac", "rolling-ppo", "lab-ppo", "rough-ppo", "pushed-ppo", "push-off-ppo" or
-            "commanded-ppo". Or the folder of an exported policy.
+            "steep-sac", "rolling-ppo", "lab-ppo", "rough-ppo", "pushed-ppo", "push-off-ppo",
+            "commanded-ppo" or "anywhere-ppo". Or the folder of an exported policy.
 
     Returns:
         The policy. Its method `predict(observation, state, episode_start, deterministic)` is that
