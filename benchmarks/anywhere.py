@@ -26,15 +26,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gym_passive_walker as gpw
-from benchmarks.report import machine, table
+from benchmarks.report import machine, seconds, table
 from benchmarks.tables import DOCS, keep
 from gym_passive_walker import console
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.optimum import OptimalGait
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.evaluation.walks import WALKED_ON, evaluate
 from gym_passive_walker.gaits.gait import GaitNotFound
+from gym_passive_walker.physics.systems import bodies
 
 POOLS = (10, 100, 1000, 10_000, 0)
 """Numbers of training bodies; 0 is a new body at each reset."""
@@ -233,9 +235,16 @@ def show(out: Path, args: argparse.Namespace) -> None:
     heads = ["trained on", "walk to the end", "dropped: no gait found", "median above the optimum",
              "95th percentile", "optima", "optimum not found"]  # fmt: skip
     text = table(heads, lines)
-    keep("anywhere", f"{text}\n\n{machine()}.", DOCS / "anywhere.md")
+    begins = f"Drawing a body and computing its constants takes {1e6 * drawing():.0f} µs."
+    keep("anywhere", f"{text}\n\n{begins} {machine()}.", DOCS / "anywhere.md")
     if curve:
         draw(curve)
+
+
+def drawing() -> float:
+    """Seconds in which a new body is drawn and the constants of its equations are computed."""
+    starts, random = Starts(make_scene("anywhere")), np.random.default_rng(0)
+    return seconds(lambda: bodies(starts.varied(random)))
 
 
 def draw(curve: list[tuple[str, float, float]]) -> None:
