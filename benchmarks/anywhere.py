@@ -23,7 +23,6 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from numpy.typing import NDArray
 
 import gym_passive_walker as gpw
 from benchmarks.report import machine, seconds, table
@@ -49,6 +48,7 @@ HELD_OUT = 1999_000_000
 """Seed of the first held-out episode; training, evaluations and pools have others."""
 
 BODIES, LIMIT = 1000, 4000
+_TURN = 25  # bodies of one policy, before those of the next
 _KEPT = 128  # control steps at the end of a walk that hold its last stride
 
 
@@ -78,6 +78,10 @@ class Watched:
 def pool_name(count: int) -> str:
     """Name of the training on a pool."""
     return f"pool-{count}" if count else "new"
+
+
+NAMES = [SHIPPED, *map(pool_name, POOLS)]
+"""The policy of the package, and the trainings."""
 
 
 def train(out: Path, _: argparse.Namespace) -> None:
@@ -138,102 +142,98 @@ def walk(out: Path, args: argparse.Namespace) -> None:
                 "speed": float(walks.speed[i]), "cost": float(walks.cost_of_transport[i]),
                 "ending": ending, "point": point, "torques": torques,
             })  # fmt: skip
-        (out / f"{name}-walks.json").write_text(json.dumps(rows), encoding="utf-8")
+        walks_of(out, name).write_text(json.dumps(rows), encoding="utf-8")
         print(f"{name}: {walks.endings.count(WALKED_ON)} of {len(walks)} walk to the end")
 
 
-def least(scene: Scene, speed: float, starts: list[OptimalGait]) -> OptimalGait | None:
-    """The cheapest gait of a body at a speed that searches from some starts find."""
+def motor_cost(scene: Scene, speed: float, start: OptimalGait) -> float | None:
+    """Least cost of the motors of a body at a speed, from one start; None if none is found."""
     alone = make_scene(scene, command=None, observe_body=())
-    best = None
-    for start in starts:
-        with suppress(GaitNotFound, np.linalg.LinAlgError):
-            found = optimal.optimal_gait(alone, speed, start=start)
-            if best is None or found.motor_cost < best.motor_cost:
-                best = found
-    return best
+    try:
+        return optimal.optimal_gait(alone, speed, start=start).motor_cost
+    except (GaitNotFound, np.linalg.LinAlgError):
+        return None
 
 
 def optima(out: Path, args: argparse.Namespace) -> None:
     """Find the optimum of each body at the speed at which each policy walks with it."""
-    stored, until = optimal.load("level"), time.monotonic() + 60.0 * args.minutes
-    found = read(out)
-    walks = {
-        path.stem.removesuffix("-walks"): json.loads(path.read_text(encoding="utf-8"))
-        for path in sorted(out.glob("*-walks.json"))
-    }
+    stored, until, found = optimal.load("level"), time.monotonic() + 60.0 * args.minutes, read(out)
+    walks = {name: walked(out, name) for name in NAMES if walks_of(out, name).is_file()}
+    turns = range(0, args.bodies, _TURN)
+    todo = [
+        (name, i)
+        for first in turns
+        for name, rows in walks.items()
+        for i in range(first, min(first + _TURN, len(rows), args.bodies))
+        if (name, i) not in found
+    ]
     scenes = held_out(args.bodies)
     with (out / "optima.jsonl").open("a", encoding="utf-8") as file:
-        for i, scene in enumerate(scenes):
-            for name, rows in walks.items():
-                if (name, i) in found or i >= len(rows):
-                    continue
-                if time.monotonic() > until:
-                    return
-                row = rows[i]
-                lasts = row["ending"] == WALKED_ON
-                speed = row["speed"] if lasts else float(np.mean(scene.command))  # type: ignore[arg-type]
-                near = min(stored, key=lambda gait, v=speed: abs(gait.speed - v))
-                starts = [near]
-                if row["point"]:
-                    period = len(row["torques"]) * scene.tick
-                    own = {"point": row["point"], "torques": row["torques"], "step_period": period}
-                    starts.append(replace(near, **own))
-                gait = least(scene, speed, starts)
-                line = {
-                    "policy": name, "body": i,
-                    "least": None if gait is None else gait.cost_of_transport,
-                    "motors": None if gait is None else gait.motor_cost,
-                }  # fmt: skip
-                file.write(json.dumps(line) + "\n")
-                file.flush()
-                found[name, i] = line
+        for name, i in todo:
+            if time.monotonic() > until:
+                return
+            row, scene = walks[name][i], scenes[i]
+            lasts = row["ending"] == WALKED_ON
+            speed = row["speed"] if lasts else float(np.mean(scene.command))  # type: ignore[arg-type]
+            near = min(stored, key=lambda gait, v=speed: abs(gait.speed - v))
+            starts = [near]
+            if row["point"]:
+                period = len(row["torques"]) * scene.tick
+                own = {"point": row["point"], "torques": row["torques"], "step_period": period}
+                starts.append(replace(near, **own))
+            costs = [motor_cost(scene, speed, start) for start in starts]
+            line = {"policy": name, "body": i, "slope": scene.slope, "costs": costs}
+            file.write(json.dumps(line) + "\n")
+            file.flush()
 
 
-def read(out: Path) -> dict[tuple[str, int], dict[str, Any]]:
-    """The optima found so far, by policy and body."""
-    path = out / "optima.jsonl"
-    lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
-    entries = [json.loads(line) for line in lines if line.endswith("}")]
-    return {(entry["policy"], entry["body"]): entry for entry in entries}
+def read(out: Path) -> dict[tuple[str, int], float]:
+    """Least costs of transport found so far, by policy and body; NaN where no gait is found."""
+    path, found = out / "optima.jsonl", {}
+    for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else []:
+        with suppress(ValueError):  # the last line may have been cut off
+            entry = json.loads(line)
+            costs = [cost for cost in entry["costs"] if cost is not None]
+            least = np.sin(entry["slope"]) + min(costs, default=np.nan)
+            found[entry["policy"], entry["body"]] = float(least)
+    return found
 
 
-def gaps(name: str, rows: list[dict[str, Any]], found: dict) -> NDArray[np.float64]:
-    """Cost above the optimum of bodies that walk to the end, a share of it."""
-    return np.array([
-        row["cost"] / found[name, i]["least"] - 1.0
-        for i, row in enumerate(rows)
-        if row["ending"] == WALKED_ON and (name, i) in found and found[name, i]["least"]
-    ])  # fmt: skip
+def walks_of(out: Path, name: str) -> Path:
+    """The file of a policy's walks."""
+    return out / f"{name}-walks.json"
 
 
-def show(out: Path, args: argparse.Namespace) -> None:
+def walked(out: Path, name: str) -> list[dict[str, Any]]:
+    """A policy's walks with the held-out bodies."""
+    return json.loads(walks_of(out, name).read_text(encoding="utf-8"))
+
+
+def show(out: Path, _: argparse.Namespace) -> None:
     """Print the tables, and draw the curve."""
     found, lines, curve = read(out), [], []
-    for name in [SHIPPED, *map(pool_name, POOLS)]:
-        path = out / f"{name}-walks.json"
-        if not path.is_file():
+    for name in NAMES:
+        if not walks_of(out, name).is_file():
             continue
-        rows = json.loads(path.read_text(encoding="utf-8"))
-        searched = [i for i in range(len(rows)) if (name, i) in found]
-        # A body that walks to the end has a gait; one that falls counts if a search finds one.
-        lasts = [row["ending"] == WALKED_ON for row in rows]
-        none = [i for i in searched if not lasts[i] and not found[name, i]["least"]]
-        counted = [i for i in range(len(rows)) if i not in set(none)]
-        share = sum(lasts[i] for i in counted) / len(counted)
-        above = gaps(name, rows, found)
-        middle, most = np.percentile(above, [50, 95]) if len(above) else (np.nan, np.nan)
-        lost = sum(1 for i in searched if lasts[i] and not found[name, i]["least"])
+        rows = walked(out, name)
+        lasts = np.array([row["ending"] == WALKED_ON for row in rows])
+        cost = np.array([row["cost"] for row in rows])
+        searched = np.array([(name, i) in found for i in range(len(rows))])
+        least = np.array([found.get((name, i), np.nan) for i in range(len(rows))])
+        # A body that walks to the end has a gait; one that falls counts unless a search finds none.
+        counted = lasts | ~searched | np.isfinite(least)
+        gaps = (cost / least - 1.0)[lasts & np.isfinite(least)]
+        middle, most = np.percentile(gaps, [50, 95]) if len(gaps) else (np.nan, np.nan)
         lines.append((
-            name, f"{share:.1%} of {len(counted)}", len(none), f"{middle:.1%}", f"{most:.1%}",
-            len(above), lost,
+            name, f"{lasts.sum()} of {counted.sum()}", int((~counted).sum()), len(gaps),
+            f"{middle:.1%}", f"{most:.1%}",
+            int((lasts & searched & ~np.isfinite(least)).sum()),
         ))  # fmt: skip
-        falls = Counter(rows[i]["ending"] for i in counted if not lasts[i])
-        print(name, dict(falls))
+        print(name, Counter(rows[i]["ending"] for i in np.flatnonzero(counted & ~lasts)))
         if name != SHIPPED:
             curve.append((name, 100.0 * middle, 100.0 * most))
-    heads = ["trained on", "walk to the end", "dropped: no gait found", "median above the optimum",
-             "95th percentile", "optima", "optimum not found"]  # fmt: skip
+    heads = ["trained on", "walk to the end", "dropped: no gait found", "optima", "median gap",
+             "95th percentile", "optimum not found"]  # fmt: skip
     text = table(heads, lines)
     begins = f"Drawing a body and computing its constants takes {1e6 * drawing():.0f} µs."
     keep("anywhere", f"{text}\n\n{begins} {machine()}.", DOCS / "anywhere.md")
