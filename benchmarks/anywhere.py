@@ -146,7 +146,7 @@ def walk(out: Path, args: argparse.Namespace) -> None:
         print(f"{name}: {walks.endings.count(WALKED_ON)} of {len(walks)} walk to the end")
 
 
-def motor_cost(scene: Scene, speed: float, start: OptimalGait) -> float | None:
+def motor_cost(scene: Scene, speed: float, start: OptimalGait | None) -> float | None:
     """Least cost of the motors of a body at a speed, from one start; None if none is found."""
     alone = make_scene(scene, command=None, observe_body=())
     try:
@@ -182,6 +182,8 @@ def optima(out: Path, args: argparse.Namespace) -> None:
                 own = {"point": row["point"], "torques": row["torques"], "step_period": period}
                 starts.append(replace(near, **own))
             costs = [motor_cost(scene, speed, start) for start in starts]
+            if not any(cost is not None for cost in costs):  # from a constant torque, which is slow
+                costs.append(motor_cost(scene, speed, None))
             line = {"policy": name, "body": i, "slope": scene.slope, "costs": costs}
             file.write(json.dumps(line) + "\n")
             file.flush()
