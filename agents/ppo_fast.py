@@ -96,7 +96,7 @@ def carried(walkers: PassiveWalkerVecEnv, device: torch.device) -> Any:
             from gym_passive_walker.gpu.environment import PassiveWalkerGpuEnv
         except ImportError:
             return here
-        if cuda.is_available():
+        if cuda.is_available() and not walkers.scene.observe_body:
             limit = walkers.batch.rules["step_limit"][0]
             steps = int(limit) if np.isfinite(limit) else None
             return PassiveWalkerGpuEnv(walkers.num_envs, walkers.scene, max_episode_steps=steps)

@@ -36,6 +36,7 @@ SCRIPTS = {
     "robustness/gauntlet": "gauntlet",
     "policies/policies": "policies",
     "robustness/first passage": "first_passage",
+    "anywhere/anywhere": "anywhere show",
     "stability/stress": "stress --long --write",
     **{f"stability/stress {topic}": f"stress --long --only '{topic}' --write" for topic in (
         "anything at all", "uneven ground")},

@@ -7,6 +7,7 @@ in rad in both.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -96,6 +97,42 @@ def _of(walker: Any) -> Units:
 
 
 _of_walker = lru_cache(maxsize=4096)(_of)
+
+
+_KINDS = {
+    "length": ("thigh_length", "thigh_offset", "thigh_gyration", "thigh_com", "shank_length",
+               "shank_offset", "shank_gyration", "shank_com", "foot_radius"),
+    "mass": ("thigh_mass", "shank_mass", "hip_mass"),
+    "angle": ("foot_angle",),
+    "stiffness": ("hip_stiffness", "knee_stiffness"),
+    "friction": ("hip_friction",),
+}  # fmt: skip
+"""Parameters of a walker by the unit that makes them dimensionless; gravity is always 1 then."""
+
+PROPORTIONS = tuple(name for names in _KINDS.values() for name in names)
+"""Parameters of a walker that have a dimensionless value."""
+
+
+def proportions(walker: Any, names: Sequence[str]) -> list[Any]:
+    """Dimensionless values of some parameters of a walker, in the order of their names.
+
+    Lengths are over l, masses over m, stiffnesses over m g l, and friction is over
+    m g l sqrt(l/g).
+
+    Args:
+        walker: A walker, or anything with its attributes: numbers, arrays or tensors.
+        names: Some of PROPORTIONS.
+    """
+    units = units_of(walker)
+    scales = {
+        "length": units.length,
+        "mass": units.energy / (units.length * walker.gravity),
+        "angle": 1.0,
+        "stiffness": units.torque,
+        "friction": units.torque * units.time,
+    }
+    kinds = {name: kind for kind, those in _KINDS.items() for name in those}
+    return [getattr(walker, name) / scales[kinds[name]] for name in names]
 
 
 def growth(walker: Walker, parameter: str) -> Units:

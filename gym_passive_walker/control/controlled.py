@@ -30,6 +30,7 @@ from gym_passive_walker.gaits.stride import Stride, account
 from gym_passive_walker.gaits.stride_map import Samples, StrideMap
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.progress import progress
+from gym_passive_walker.units import proportions
 from gym_passive_walker.walkers import PARAMETERS
 
 _STATE = len(State._fields)
@@ -461,6 +462,9 @@ class ControlledMap(StrideMap):
         if ahead is not None:
             bounds = np.tile([task.HIGHEST, task.STEEPEST], scene.terrain_lookahead)
             seen[:, size:] = np.clip(ahead, -bounds, bounds)
+        if scene.observe_body:
+            body = proportions(self.walker, scene.observe_body)
+            seen = np.hstack([seen, np.tile(body, (len(seen), 1))])
         return seen
 
     def _states(self, records: NDArray) -> NDArray[np.float64]:

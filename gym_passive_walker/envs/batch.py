@@ -27,6 +27,7 @@ from gym_passive_walker.envs.starts import DRAWS, Starts, as_recorded, checked_s
 from gym_passive_walker.envs.transitions import STOPPED
 from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.physics.systems import UNEVEN, bodies, kind_of, system_of
+from gym_passive_walker.units import proportions
 from gym_passive_walker.walkers import Walker, state_size
 
 OPTIONS = ("state", "slope")
@@ -134,7 +135,7 @@ class Batch:
         self._given = {"walkers": walkers, "slopes": slopes, "step_limit": step_limit}
         self.observation_size = (
             task.SIZE + (scene.command is not None) + 2 * scene.terrain_lookahead
-        )
+        ) + len(scene.observe_body)
         has_rules = scene.own_system is not None or any(getattr(scene, name) for name in RULES)
         self.custom = Custom(scene, count) if has_rules else None
         # The environment's own observation, if the user's is another one.
@@ -155,8 +156,9 @@ class Batch:
             shared.setdefault((walker, slope), Starts(scene, walker, slope))
             for walker, slope in zip(self.walkers, slope_of, strict=True)
         ]
+        self._proportions = self._proportions_of(self.walkers)
         own = self.custom is not None and (self.custom.observation_size or not self.custom.native)
-        self._apart = bool(own)  # a step is more than one call of compiled code
+        self._apart = bool(own or scene.observe_body)  # a step is more than one compiled call
         self._alike_starts = len(shared) == 1
         self._alike = walkers is None and not scene.domain_randomization
         self.disturbances: Disturbances | None = None
@@ -258,6 +260,7 @@ class Batch:
             self.entry_point.kernels.begin(
                 self.entry_point.address, where, True, *_UNASKED, observations
             )
+            self._write_proportions(observations)
             return
         states, asked = self._asked(options) if options else (None, None)
         draws = self.drawn(where)
@@ -273,6 +276,7 @@ class Batch:
         for i, walker in varied.items():
             self.walkers[i], self._constants[i : i + 1] = walker, bodies(walker)
             self._radii[i : i + 1] = _radii([walker])
+            self._proportions[i : i + 1] = self._proportions_of([walker])
         plain = observations if self._plain is None else self._plain
         self.entry_point.kernels.begin(
             self.entry_point.address, where, False, slopes, gaits, draws, plain
@@ -280,9 +284,24 @@ class Batch:
         if self.disturbances:
             self.disturbances.begin(where, self.randoms, self.records, self.ledger)
             self.disturbances.observe(self.ledger, where, plain)
+        self._write_proportions(plain)
         if self.custom:
             self.custom.begin(self, where)
             self._write_observations(observations, where)
+
+    def _proportions_of(self, walkers: Sequence[Walker]) -> NDArray[np.float32]:
+        """Return what is observed of walkers' bodies, (walkers, names)."""
+        names = self.scene.observe_body
+        known = {walker: proportions(walker, names) for walker in {*walkers}} if names else {}
+        found = np.zeros((len(walkers), len(names)), np.float32)
+        for row, walker in zip(found, walkers if names else (), strict=False):
+            row[:] = known[walker]
+        return found
+
+    def _write_proportions(self, observations: NDArray[np.float32]) -> None:
+        """Write what is observed of walkers' bodies into the flat observations of all."""
+        if size := self._proportions.shape[1]:
+            observations.reshape(self.count, -1)[:, -size:] = self._proportions
 
     def _prepare(self) -> None:
         """Set the generators and starts of walkers without disturbances."""
@@ -448,6 +467,7 @@ class Batch:
         task.observe(self.records, self.ledger, self.machinery[0], observations)
         if self.disturbances:
             self.disturbances.observe(self.ledger, np.arange(self.count), observations)
+        self._write_proportions(observations)
 
     def _write_observations(
         self, observations: NDArray[np.float32], lanes: NDArray[np.int64] | None = None
@@ -508,6 +528,7 @@ class Batch:
         else:
             at_once = False
             strides, endings = self._step_in_parts(seen, *results)
+        self._write_proportions(seen)
         if self.custom and not self.custom.native:
             endings += self.custom.evaluate(self, rewards, terminated)
         self._write_observations(observations)
@@ -663,6 +684,7 @@ class Batch:
         if not self._alike:
             self.walkers = state.walkers
             self._constants[:], self._radii[:] = bodies(*self.walkers), _radii(self.walkers)
+            self._proportions[:] = self._proportions_of(self.walkers)
         if self.disturbances and state.disturbances:
             self.disturbances.put_back(state.disturbances)
         if self.custom and state.transitions is not None:

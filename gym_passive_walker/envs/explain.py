@@ -144,6 +144,7 @@ def _observed(scene: Scene) -> Rows:
     for k in range(1, scene.terrain_lookahead + 1):
         names += [(f"height of foothold {k} ahead over the one before", "l")]
         names += [("its slope less that of the one before", "rad")]
+    names += [(f"the walker's {name}", "dimensionless") for name in scene.observe_body]
     if scene.observation is not None:
         names = [(f"of {_name(scene.observation)}", "")] * len(space.low)
     return [

@@ -44,8 +44,9 @@ def observation_space(scene: Scene, seen: int | None = None) -> Any:
         return spaces.Box(-np.inf, np.inf, (seen,), np.float32)
     commanded = scene.command is not None
     ahead = np.tile([task.HIGHEST, task.STEEPEST], scene.terrain_lookahead)
-    low = np.concatenate([task.LOWEST, [0.0] * commanded, -ahead])
-    high = np.concatenate([task.BOUNDS, [FASTEST] * commanded, ahead])
+    body = np.full(len(scene.observe_body), np.inf)
+    low = np.concatenate([task.LOWEST, [0.0] * commanded, -ahead, -body])
+    high = np.concatenate([task.BOUNDS, [FASTEST] * commanded, ahead, body])
     return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
 

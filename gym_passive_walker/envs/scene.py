@@ -28,6 +28,7 @@ from gym_passive_walker.envs.custom import RULES, checked_rule
 from gym_passive_walker.envs.task import CHANNELS, ENERGIES, SIZE
 from gym_passive_walker.gaits.terrain import Terrain, terrain_from
 from gym_passive_walker.loading import is_file
+from gym_passive_walker.units import PROPORTIONS
 from gym_passive_walker.walkers import (
     PARAMETERS,
     Mechanism,
@@ -81,6 +82,10 @@ class Scene:
             is 0.10 for ticks and 0.05 for strides.
         domain_randomization: Largest relative change of walker parameters, drawn at each reset:
             ``{"foot_radius": 0.1}``.
+        randomization_pool: How many different walkers `domain_randomization` draws from, the same
+            in each environment; None draws a new walker at each reset.
+        observe_body: Parameters of the walker that agents observe, as ``("foot_radius",)``:
+            lengths over l, masses over m. They are the last entries of the observation.
         start: Initial state on the Poincaré section instead of the passive gait: [stance, thigh,
             shank] angles in rad, then their angular velocities in units of 1/sqrt(l/g).
         max_stride_time: Time in sqrt(l/g) after which a stride without heelstrike has stalled.
@@ -127,6 +132,8 @@ class Scene:
     end_on_toe_stub: bool = None  # type: ignore[assignment]
     reset_noise_scale: float = None  # type: ignore[assignment]
     domain_randomization: dict[str, float] = field(default_factory=dict)
+    randomization_pool: int | None = None
+    observe_body: tuple[str, ...] = ()
     start: tuple[float, ...] | None = None
     max_stride_time: float = 20.0
     tolerance: float = 1e-8
@@ -190,6 +197,8 @@ class Scene:
         except (TypeError, ValueError) as error:
             raise SceneError(str(error)) from None
         put("domain_randomization", self._checked_shares())
+        put("randomization_pool", self._checked_pool())
+        put("observe_body", self._checked_proportions())
         put("pushes", checked_pushes(self.pushes))
         size = SIZE if self.own_system is None else state_size(self.walker) + 1
         put("observation_noise", checked_noise(self.observation_noise, size))
@@ -210,6 +219,11 @@ class Scene:
             raise SceneError(f"reward_terms must be True or False, not {shown(self.reward_terms)}")
         for name in RULES:
             put(name, checked_rule(name, getattr(self, name)))
+        if self.observe_body and self.observation is not None:
+            raise SceneError(
+                "observe_body adds to the environment's own observation, and this scene has "
+                "another: leave out observe_body or observation"
+            )
 
     def _checked_slope(self) -> float | tuple[float, float]:
         """A slope, or a range of them."""
@@ -265,7 +279,8 @@ class Scene:
 
     def _check_own(self) -> None:
         """Refuse what a user's system does not have."""
-        found = [name for name in ("constraints", "terrain_lookahead") if getattr(self, name)]
+        names = ("constraints", "terrain_lookahead", "observe_body")
+        found = [name for name in names if getattr(self, name)]
         if found:
             raise SceneError(
                 f"{' and '.join(found)} need a walker with two legs and McGeer's parameters, not "
@@ -287,6 +302,35 @@ class Scene:
             name: bounded(f"domain_randomization[{name!r}]", share, 0.0, 0.5)
             for name, share in sorted(self.domain_randomization.items())
         }
+
+    def _checked_pool(self) -> int | None:
+        """A number of walkers, or None."""
+        if self.randomization_pool is None:
+            return None
+        if not self.domain_randomization:
+            raise SceneError(
+                "randomization_pool is a number of walkers of domain_randomization: give both"
+            )
+        try:
+            return whole(self.randomization_pool, "randomization_pool", most=2**31)
+        except ValueError as error:
+            raise SceneError(str(error)) from None
+
+    def _checked_proportions(self) -> tuple[str, ...]:
+        """Names of parameters, each once."""
+        given = self.observe_body
+        given = (given,) if isinstance(given, str) else given
+        try:
+            names = tuple(given)
+        except TypeError:
+            names = ("",)
+        strange = [name for name in names if name not in PROPORTIONS]
+        if strange or len(set(names)) < len(names):
+            raise SceneError(
+                f"observe_body must be some of {', '.join(map(repr, PROPORTIONS))}, each once, "
+                f"not {shown(given)}"
+            )
+        return names
 
     def _checked_preview(self) -> int:
         """A number of footholds, and the terrain that they are of."""
@@ -361,6 +405,11 @@ UNDISTURBED: dict[str, Any] = {
 }  # fmt: skip
 """Arguments of a scene without disturbances."""
 
+_BODIES = dict.fromkeys(
+    ("foot_radius", "shank_com", "shank_gyration", "shank_length", "shank_mass", "thigh_com",
+     "thigh_gyration"), 0.1,
+)  # fmt: skip
+
 SCENES: dict[str, dict[str, Any]] = {
     "level": {},
     "steep": {"slope": 0.11, "control": "stride"},
@@ -384,6 +433,12 @@ SCENES: dict[str, dict[str, Any]] = {
         ),
     },
     "commanded": {"command": (0.1, 0.2)},
+    "anywhere": {
+        "slope": (0.0, 0.02),
+        "command": (0.12, 0.18),
+        "domain_randomization": _BODIES,
+        "observe_body": tuple(_BODIES),
+    },
 }
 """Named scenes, and what they do passively.
 
@@ -399,6 +454,8 @@ SCENES: dict[str, dict[str, Any]] = {
 - "push-off": the simplest walker on level ground, near Kuo's slow gait (2002), in which each stride
   ends with a push-off of 0.04; without push-off it falls backward, mostly in its first stride.
 - "commanded": walker C on level ground, with a commanded speed; passively as "level".
+- "anywhere": a new body at each reset, seven parameters of walker C within 10 %, on a slope from 0
+  to 0.02 with a commanded speed; slope, speed and body are observed.
 """
 
 

@@ -35,6 +35,9 @@ angles, its stance rate and its swing rates are from the gait's. A varied walker
 
 State = tuple[float, ...]
 
+_POOL = 1999
+"""Seed of the walkers of `randomization_pool`, beside their number."""
+
 _KNOWN = Path(__file__).parent / "starts.json"
 
 
@@ -149,9 +152,11 @@ class Starts:
 
     def varied(self, rng: np.random.Generator) -> Walker:
         """The walker with its parameters varied, if the scene asks for it."""
-        shares = self.scene.domain_randomization
+        shares, pool = self.scene.domain_randomization, self.scene.randomization_pool
         if not shares:
             return self.walker
+        if pool is not None:  # the walker of each number is the same everywhere
+            rng = np.random.default_rng((_POOL, int(rng.integers(pool))))
         for _ in range(100):
             factors = 1.0 + np.array(list(shares.values())) * rng.uniform(-1.0, 1.0, len(shares))
             nominal = self.walker.body if isinstance(self.walker, Mechanism) else self.walker

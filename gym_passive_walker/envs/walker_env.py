@@ -71,6 +71,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     A `command` adds one number, from 0 to 1. A `terrain_lookahead` adds two numbers for each
     foothold: the change of height from -1 to 1 leg lengths, and that of slope from -pi/2 to pi/2.
+    `observe_body` adds parameters of the walker at the end: lengths over l, masses over m.
 
     Angles are measured from the normal of the ground, positive where the hip is uphill of the foot;
     the stance angle decreases during a stride. Angular velocities beyond their bounds are clipped.
@@ -161,8 +162,8 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ```
 
     `scene` is the name of a scene in `gym_passive_walker.envs.scene.SCENES`: "level" (the default),
-    "steep", "rolling", "lab", "rough", "pushed", "push-off" or "commanded". The other arguments
-    change it.
+    "steep", "rolling", "lab", "rough", "pushed", "push-off", "commanded" or "anywhere". The other
+    arguments change it.
 
     | Argument               | Default             | What                                       |
     | ---------------------- | ------------------- | ------------------------------------------ |
@@ -180,6 +181,8 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `end_on_toe_stub`      | True with knees     | whether a stubbed toe ends the episode     |
     | `reset_noise_scale`    | 0.10 (stride: 0.05) | relative range of initial states           |
     | `domain_randomization` | {}                  | parameter: relative range                  |
+    | `randomization_pool`   | None                | number of walkers that it draws from       |
+    | `observe_body`         | ()                  | parameters of the walker that are observed |
     | `start`                | None                | dimensionless state instead of the gait    |
     | `max_stride_time`      | 20.0                | limit of a stride, in sqrt(l/g)            |
     | `tolerance`            | 1e-8                | error of the dynamics                      |

@@ -91,6 +91,11 @@ class DeviceBatch:
     ) -> None:
         device.need_device()
         self.scene = with_parameters(make_scene(scene, **changes), "a batch on a device")
+        if self.scene.observe_body or self.scene.randomization_pool:
+            raise SceneError(
+                "walkers on a GPU are not supported with observe_body or randomization_pool: "
+                "choose make_scene(scene, observe_body=(), randomization_pool=None)"
+            )
         self.count = whole(count, "count")
         self.custom = Custom(self.scene, 0)
         for name, rule in self.custom.rules.items():

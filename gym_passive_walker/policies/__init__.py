@@ -114,9 +114,9 @@ def load_policy(name_or_folder: str | Path) -> TrainedPolicy | OnnxPolicy | Sb3P
 
     Args:
         name_or_folder: Name of a policy that comes with the package: "level-ppo", "steep-ppo",
-            "steep-sac", "rolling-ppo", "lab-ppo", "rough-ppo", "pushed-ppo", "push-off-ppo" or
-            "commanded-ppo". Or the folder of an exported policy, an ONNX file (.onnx), or a file of
-            stable-baselines3 (.zip).
+            "steep-sac", "rolling-ppo", "lab-ppo", "rough-ppo", "pushed-ppo", "push-off-ppo",
+            "commanded-ppo" or "anywhere-ppo". Or the folder of an exported policy, an ONNX file
+            (.onnx), or a file of stable-baselines3 (.zip).
 
     Returns:
         The policy. Its method `predict(observation, state, episode_start, deterministic)` is that

@@ -33,6 +33,8 @@ from gym_passive_walker.torch.operation import (
     check_parameters,
     columns_of,
 )
+from gym_passive_walker.units import proportions
+from gym_passive_walker.walkers.walker import varied
 
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 
@@ -272,6 +274,9 @@ def observed(scene: Scene, here: RolloutState) -> Tensor:
     most = torch.tensor([task.HIGHEST, task.STEEPEST], dtype=torch.float64)
     for ahead in range(scene.terrain_lookahead):
         parts.append(torch.clamp(_ground(scene, here, ahead)[:, 1:], -most, most))
+    if scene.observe_body:
+        body = proportions(varied(scene.walker, here.parameters), scene.observe_body)
+        parts.append(torch.stack([torch.zeros_like(here.times) + each for each in body], 1))
     return torch.cat(parts, 1)
 
 

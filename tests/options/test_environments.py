@@ -60,6 +60,8 @@ OTHER = {
     "end_on_toe_stub": To(False, dict(start=(0.3, -0.3, -0.31, -1.2, -0.3, 0.3))),
     "reset_noise_scale": 0.01,
     "domain_randomization": {"foot_radius": 0.1},
+    "randomization_pool": To(3, dict(domain_randomization={"foot_radius": 0.1})),
+    "observe_body": ("foot_radius",),
     "start": START,
     "max_stride_time": 1.0,
     "tolerance": To(1e-4, dict(control="stride")),

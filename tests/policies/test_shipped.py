@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from benchmarks.anywhere import HELD_OUT
 from gym_passive_walker.evaluation.steps import steps
 from gym_passive_walker.policies import policy_folder, shipped_policies
 
-SCENES = ("level", "steep", "rolling", "commanded", "rough", "pushed", "push-off")
+SCENES = ("level", "steep", "rolling", "commanded", "rough", "pushed", "push-off", "anywhere")
 
 
 def test_each_scene_that_needs_a_motor_has_one():
@@ -30,7 +31,7 @@ def test_a_shipped_policy_is_numbers_and_text(name):
 @pytest.mark.parametrize("name", shipped_policies())
 def test_a_shipped_policy_walks_in_its_scene(name):
     policy = gpw.load_policy(name)
-    assert name.rpartition("-")[2] == policy.name.lower()
+    assert policy.name.lower().startswith(name.rpartition("-")[2])
     arena = gymnasium.make_vec("PassiveWalker-v0", num_envs=10, scene=name.rpartition("-")[0])
     assert arena.scene == policy.scene
     observations, _ = arena.reset(seed=77)
@@ -75,6 +76,7 @@ class Refused:
 HEAVY = {"torch", "stable_baselines3", "pygame", "matplotlib", "yaml", "safetensors", "agents"}
 sys.meta_path.insert(0, Refused())
 import gym_passive_walker as gpw
+from benchmarks.anywhere import HELD_OUT
 policy = gpw.load_policy("steep-sac")
 action, _ = policy.predict([0.3, -0.3, -0.3, -1.0, -0.5, -0.5, 0.0, 0.11])
 assert action.shape == (1,) and abs(action[0]) <= 1.0
@@ -91,3 +93,19 @@ def test_a_policy_acts_where_there_is_numpy_and_nothing_that_learns(tmp_path):
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_one_policy_walks_with_bodies_that_no_training_has_drawn():
+    policy, count = gpw.load_policy("anywhere-ppo"), 20
+    arena = gymnasium.make_vec(
+        "PassiveWalker-v0", num_envs=count, scene="anywhere", max_episode_steps=1000
+    )
+    observations, _ = arena.reset(seed=HELD_OUT)
+    assert len(set(arena.batch.walkers)) == count
+    fell = np.zeros(count, bool)
+    for k, step in enumerate(steps(policy, arena, observations), start=1):
+        fell |= step.terminated
+        if k == 1000:
+            assert (step.truncated | fell).all()
+            break
+    assert not fell.any()

@@ -52,13 +52,14 @@ class Steady(torch.nn.Module):
      "rough", {"scene": "rough", "terrain": {"rough": {"height_std": 0.01, "slope_std": 0.02}}},
      {"walker": "lab-straight", "slope": 0.03, "terrain": {"stairs": {"rise": 0.003}},
       "terrain_lookahead": 1},
-     {"command": (0.1, 0.2), "command_weight": 2.0}],
+     {"command": (0.1, 0.2), "command_weight": 2.0},
+     {"domain_randomization": {"shank_length": 0.1}, "observe_body": ("thigh_com", "shank_mass")}],
 )  # fmt: skip
 def test_rewards_observations_and_endings_are_the_environment_s(scene):
     if "scene" in scene and not isinstance(scene, str):
         scene = make_scene(scene["scene"], terrain=scene["terrain"])
     scene = make_scene(scene)
-    size = 8 + (scene.command is not None) + 2 * scene.terrain_lookahead
+    size = 8 + (scene.command is not None) + 2 * scene.terrain_lookahead + len(scene.observe_body)
     policy = network(sees=size, actions=len(scene.actions))
     walked = rollout(policy, scene, 60, count=COUNT, seed=3)
     env = PassiveWalkerVectorEnv(COUNT, scene, autoreset_mode="Disabled")

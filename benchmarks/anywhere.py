@@ -1,0 +1,286 @@
+"""One policy for many bodies, beside the optimum of each body.
+
+    python -m benchmarks.anywhere [train | walk | optima | show] [--bodies N] [--minutes M]
+
+`train` trains on pools of 10 to 10,000 bodies and on new bodies at each reset. `walk` lets the
+policies walk with held-out bodies, each on a slope and at a commanded speed of its own. `optima`
+finds the least cost of each body at the speed walked. `show` prints the tables, writes them into
+docs/anywhere.md, and draws docs/images/anywhere.png. All of it is kept in `--out`, and continues
+where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+import gym_passive_walker as gpw
+from benchmarks.report import machine, seconds, table
+from benchmarks.tables import DOCS, keep
+from gym_passive_walker import console
+from gym_passive_walker.control import optimal
+from gym_passive_walker.control.optimum import OptimalGait
+from gym_passive_walker.control.policy import Policy
+from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.envs.starts import Starts
+from gym_passive_walker.evaluation.walks import WALKED_ON, evaluate
+from gym_passive_walker.gaits.gait import GaitNotFound
+from gym_passive_walker.physics.systems import bodies
+
+POOLS = (10, 100, 1000, 10_000, 0)
+"""Numbers of training bodies; 0 is a new body at each reset."""
+
+STEPS = 3_000_000
+"""Steps of each training on a pool."""
+
+SHIPPED = "anywhere-ppo"
+HELD_OUT = 1999_000_000
+"""Seed of the first held-out episode; training, evaluations and pools have others."""
+
+BODIES, LIMIT = 1000, 4000
+_TURN = 25  # bodies of one policy, before those of the next
+_KEPT = 128  # control steps at the end of a walk that hold its last stride
+
+
+class Watched:
+    """A policy that keeps its last observations and actions."""
+
+    def __init__(self, policy: Policy) -> None:
+        self.policy, self.last = policy, []
+
+    def predict(self, observation: Any, *rest: Any, **named: Any) -> tuple[Any, Any]:
+        """As the policy's own."""
+        actions, state = self.policy.predict(observation, *rest, **named)
+        self.last = [*self.last[1 - _KEPT :], (observation[:, :6].copy(), actions[:, 0].copy())]
+        return actions, state
+
+    def stride(self, lane: int, largest: float) -> tuple[list[float], list[float]]:
+        """Point of the section and torques of a walker's last whole stride; empty without one."""
+        states = np.array([seen[lane] for seen, _ in self.last], dtype=float)
+        torques = largest * np.array([actions[lane] for _, actions in self.last], dtype=float)
+        begun = 1 + np.flatnonzero(np.diff(states[:, 0]) > 0.0)  # else the angle decreases
+        if len(begun) < 2:
+            return [], []
+        first, last = begun[-2:]
+        return states[first, [0, 3, 4, 5]].tolist(), torques[first:last].tolist()
+
+
+def pool_name(count: int) -> str:
+    """Name of the training on a pool."""
+    return f"pool-{count}" if count else "new"
+
+
+NAMES = [SHIPPED, *map(pool_name, POOLS)]
+"""The policy of the package, and the trainings."""
+
+
+def train(out: Path, _: argparse.Namespace) -> None:
+    """Train on all pools."""
+    from agents.config import configure
+    from agents.training import Run
+
+    for count in POOLS:
+        folder = out / pool_name(count)
+        folder.mkdir(parents=True, exist_ok=True)
+        env = {"randomization_pool": count or None}
+        config = configure("ppo-fast", "anywhere", env=env, steps=STEPS, every=STEPS // 10)
+        Run(config, folder).train()
+
+
+def policies(out: Path) -> Iterator[tuple[str, Policy]]:
+    """The policy of the package and those of the pools, as far as they exist."""
+    from agents.learner import learned, on_numpy
+
+    with suppress(gpw.PolicyError):
+        yield SHIPPED, gpw.load_policy(SHIPPED)
+    for count in POOLS:
+        folder = out / pool_name(count)
+        if (folder / "model.zip").is_file():
+            config, policy = learned(folder)
+            yield folder.name, on_numpy(policy, config)
+
+
+def arena(count: int) -> Any:
+    """The held-out episodes."""
+    return gymnasium.make_vec("PassiveWalker-v0", num_envs=count, scene="anywhere")
+
+
+def held_out(count: int) -> list[Scene]:
+    """Held-out bodies, each in a scene of its own slope and commanded speed."""
+    envs: Any = arena(count)
+    envs.reset(seed=HELD_OUT)
+    commands = envs.batch.disturbances.states["command"].tolist()
+    known: dict[str, Any] = {"domain_randomization": {}}
+    return [
+        make_scene("anywhere", walker=walker, slope=slope, command=command, **known)
+        for walker, slope, command in zip(
+            envs.batch.walkers, envs.slopes.tolist(), commands, strict=True
+        )
+    ]
+
+
+def walk(out: Path, args: argparse.Namespace) -> None:
+    """Let every policy walk with all held-out bodies."""
+    largest = make_scene("anywhere").max_hip_torque
+    for name, policy in policies(out):
+        watched = Watched(policy)
+        walks = evaluate(watched, arena(args.bodies), seed=HELD_OUT)
+        rows = []
+        for i, ending in enumerate(walks.endings):
+            point, torques = watched.stride(i, largest) if ending == WALKED_ON else ([], [])
+            rows.append({
+                "speed": float(walks.speed[i]), "cost": float(walks.cost_of_transport[i]),
+                "ending": ending, "point": point, "torques": torques,
+            })  # fmt: skip
+        walks_of(out, name).write_text(json.dumps(rows), encoding="utf-8")
+        print(f"{name}: {walks.endings.count(WALKED_ON)} of {len(walks)} walk to the end")
+
+
+def motor_cost(scene: Scene, speed: float, start: OptimalGait | None) -> float | None:
+    """Least cost of the motors of a body at a speed, from one start; None if none is found."""
+    alone = make_scene(scene, command=None, observe_body=())
+    try:
+        return optimal.optimal_gait(alone, speed, start=start).motor_cost
+    except (GaitNotFound, np.linalg.LinAlgError):
+        return None
+
+
+def optima(out: Path, args: argparse.Namespace) -> None:
+    """Find the optimum of each body at the speed at which each policy walks with it."""
+    stored, until, found = optimal.load("level"), time.monotonic() + 60.0 * args.minutes, read(out)
+    walks = {name: walked(out, name) for name in NAMES if walks_of(out, name).is_file()}
+    turns = range(0, args.bodies, _TURN)
+    todo = [
+        (name, i)
+        for first in turns
+        for name, rows in walks.items()
+        for i in range(first, min(first + _TURN, len(rows), args.bodies))
+        if (name, i) not in found
+    ]
+    scenes = held_out(args.bodies)
+    with (out / "optima.jsonl").open("a", encoding="utf-8") as file:
+        for name, i in todo:
+            if time.monotonic() > until:
+                return
+            row, scene = walks[name][i], scenes[i]
+            lasts = row["ending"] == WALKED_ON
+            speed = row["speed"] if lasts else float(np.mean(scene.command))  # type: ignore[arg-type]
+            near = min(stored, key=lambda gait, v=speed: abs(gait.speed - v))
+            starts = [near]
+            if row["point"]:
+                period = len(row["torques"]) * scene.tick
+                own = {"point": row["point"], "torques": row["torques"], "step_period": period}
+                starts.append(replace(near, **own))
+            costs = [motor_cost(scene, speed, start) for start in starts]
+            if not any(cost is not None for cost in costs):  # from a constant torque, which is slow
+                costs.append(motor_cost(scene, speed, None))
+            line = {"policy": name, "body": i, "slope": scene.slope, "costs": costs}
+            file.write(json.dumps(line) + "\n")
+            file.flush()
+
+
+def read(out: Path) -> dict[tuple[str, int], float]:
+    """Least costs of transport found so far, by policy and body; NaN where no gait is found."""
+    path, found = out / "optima.jsonl", {}
+    for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else []:
+        with suppress(ValueError):  # the last line may have been cut off
+            entry = json.loads(line)
+            costs = [cost for cost in entry["costs"] if cost is not None]
+            least = np.sin(entry["slope"]) + min(costs, default=np.nan)
+            found[entry["policy"], entry["body"]] = float(least)
+    return found
+
+
+def walks_of(out: Path, name: str) -> Path:
+    """The file of a policy's walks."""
+    return out / f"{name}-walks.json"
+
+
+def walked(out: Path, name: str) -> list[dict[str, Any]]:
+    """A policy's walks with the held-out bodies."""
+    return json.loads(walks_of(out, name).read_text(encoding="utf-8"))
+
+
+def show(out: Path, _: argparse.Namespace) -> None:
+    """Print the tables, and draw the curve."""
+    found, lines, curve = read(out), [], []
+    for name in NAMES:
+        if not walks_of(out, name).is_file():
+            continue
+        rows = walked(out, name)
+        lasts = np.array([row["ending"] == WALKED_ON for row in rows])
+        cost = np.array([row["cost"] for row in rows])
+        searched = np.array([(name, i) in found for i in range(len(rows))])
+        least = np.array([found.get((name, i), np.nan) for i in range(len(rows))])
+        # A body that walks to the end has a gait; one that falls counts unless a search finds none.
+        counted = lasts | ~searched | np.isfinite(least)
+        gaps = (cost / least - 1.0)[lasts & np.isfinite(least)]
+        middle, most = np.percentile(gaps, [50, 95]) if len(gaps) else (np.nan, np.nan)
+        lines.append((
+            name, f"{lasts.sum()} of {counted.sum()}", int((~counted).sum()), len(gaps),
+            f"{middle:.1%}", f"{most:.1%}",
+            int((lasts & searched & ~np.isfinite(least)).sum()),
+        ))  # fmt: skip
+        print(name, Counter(rows[i]["ending"] for i in np.flatnonzero(counted & ~lasts)))
+        if name != SHIPPED:
+            curve.append((name, 100.0 * middle, 100.0 * most))
+    heads = ["trained on", "walk to the end", "dropped: no gait found", "optima", "median gap",
+             "95th percentile", "optimum not found"]  # fmt: skip
+    text = table(heads, lines)
+    begins = f"Drawing a body and computing its constants takes {1e6 * drawing():.0f} µs."
+    keep("anywhere", f"{text}\n\n{begins} {machine()}.", DOCS / "anywhere.md")
+    if curve:
+        draw(curve)
+
+
+def drawing() -> float:
+    """Seconds in which a new body is drawn and the constants of its equations are computed."""
+    starts, random = Starts(make_scene("anywhere")), np.random.default_rng(0)
+    return seconds(lambda: bodies(starts.varied(random)))
+
+
+def draw(curve: list[tuple[str, float, float]]) -> None:
+    """Draw the gap over the number of training bodies."""
+    from gym_passive_walker.render.axes import legend, panels, save, series
+
+    figure, (axes,) = panels(size=(6.0, 4.2))
+    across = range(len(curve))
+    for index, label in enumerate(("median", "95th percentile")):
+        axes.plot(across, [row[1 + index] for row in curve], "o-", label=label, **series(index))
+    axes.set_xticks(list(across), [row[0].removeprefix("pool-") for row in curve])
+    axes.set(xlabel="bodies in training", ylabel="cost above each body's optimum in %")
+    axes.set_ylim(0.0, None)
+    legend(axes)
+    save(figure, DOCS / "images" / "anywhere.png")
+
+
+PARTS = {"train": train, "walk": walk, "optima": optima, "show": show}
+
+
+def main() -> None:
+    """Run the parts that are asked for."""
+    shape = argparse.RawTextHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=shape)
+    add = parser.add_argument
+    add("parts", nargs="*", choices=[*PARTS, []], help="parts; all if none is given")
+    add("--bodies", type=int, default=BODIES, help="held-out bodies (%(default)s)")
+    add("--minutes", type=float, default=np.inf, help="time for the search of optima")
+    add("--out", type=Path, default=Path("runs/anywhere"), help="folder (%(default)s)")
+    args = parser.parse_args()
+    args.out.mkdir(parents=True, exist_ok=True)
+    for name in args.parts or PARTS:
+        PARTS[name](args.out, args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(console.run(main))
