@@ -1,6 +1,6 @@
 """One policy for many bodies, beside the optimum of each body.
 
-    python -m benchmarks.anywhere [train | walk | optima | show] [--bodies N] [--minutes M]
+    python -m benchmarks.anywhere [train | walk | optima | show ...] [--bodies N] [--minutes M]
 
 `train` trains on pools of 10 to 10,000 bodies and on new bodies at each reset. `walk` lets the
 policies walk with held-out bodies, each on a slope and at a commanded speed of its own. `optima`
@@ -23,6 +23,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.utils import seeding
 
 import gym_passive_walker as gpw
 from benchmarks.report import machine, seconds, table
@@ -32,7 +33,7 @@ from gym_passive_walker.control import optimal
 from gym_passive_walker.control.optimum import OptimalGait
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import Scene, make_scene
-from gym_passive_walker.envs.starts import Starts
+from gym_passive_walker.envs.starts import DRAWS, Starts
 from gym_passive_walker.evaluation.walks import WALKED_ON, evaluate
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.physics.systems import bodies
@@ -50,6 +51,8 @@ HELD_OUT = 1999_000_000
 BODIES, LIMIT = 1000, 4000
 _TURN = 25  # bodies of one policy, before those of the next
 _SLOPE, _SPEED = 100.0, 30.0  # of slope and speed, in the distance between two gaits
+_DRAWS = DRAWS + len(make_scene("anywhere").domain_randomization) + 1  # the last is a key
+_MANY = 100_000  # resets of an environment
 _KEPT = 128  # control steps at the end of a walk that hold its last stride
 
 
@@ -169,7 +172,7 @@ def best_of(scene: Scene, speed: float, starts: list[OptimalGait | None]) -> Opt
 def optima(out: Path, args: argparse.Namespace) -> None:
     """Find the optimum of each body at the speed at which each policy walks with it."""
     until, found = time.monotonic() + 60.0 * args.minutes, read(out)
-    walks = {name: walked(out, name) for name in NAMES if walks_of(out, name).is_file()}
+    walks = {name: walked(out, name) for name in args.only if walks_of(out, name).is_file()}
     todo = [
         (name, i)
         for first in range(0, args.bodies, _TURN)
@@ -271,6 +274,26 @@ def show(out: Path, _: argparse.Namespace) -> None:
         draw(curve)
 
 
+def bodies_drawn(run: Path) -> int:
+    """How many bodies a training without a pool has drawn, from its last checkpoint.
+
+    Each reset takes `_DRAWS` random numbers from the generator of its environment.
+    """
+    newest = max((run / "checkpoints").iterdir())
+    states = json.loads((newest / "envs.json").read_text(encoding="utf-8"))["random"]
+    resets = 0
+    for seed, state in enumerate(states):
+        generator: Any = seeding.np_random(seed)[0].bit_generator
+        for count in range(_MANY):
+            if generator.state["state"] == state["state"]:
+                resets += count
+                break
+            generator.advance(_DRAWS)
+        else:
+            raise ValueError(f"{run} has been seeded otherwise, or its walkers are of a pool")
+    return resets
+
+
 def drawing() -> float:
     """Seconds in which a new body is drawn and the constants of its equations are computed."""
     starts, random = Starts(make_scene("anywhere")), np.random.default_rng(0)
@@ -302,6 +325,7 @@ def main() -> None:
     add = parser.add_argument
     add("parts", nargs="*", choices=[*PARTS, []], help="parts; all if none is given")
     add("--bodies", type=int, default=BODIES, help="held-out bodies (%(default)s)")
+    add("--only", nargs="+", choices=NAMES, default=NAMES, help="policies whose optima are sought")
     add("--minutes", type=float, default=np.inf, help="time for the search of optima")
     add("--out", type=Path, default=Path("runs/anywhere"), help="folder (%(default)s)")
     args = parser.parse_args()
