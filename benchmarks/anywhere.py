@@ -1,6 +1,6 @@
 """One policy for many bodies, beside the optimum of each body.
 
-    python -m benchmarks.anywhere [train | walk | optima | show] [--bodies N] [--minutes M]
+    python -m benchmarks.anywhere [train | walk | optima | show ...] [--bodies N] [--minutes M]
 
 `train` trains on pools of 10 to 10,000 bodies and on new bodies at each reset. `walk` lets the
 policies walk with held-out bodies, each on a slope and at a commanded speed of its own. `optima`
@@ -17,12 +17,13 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.utils import seeding
 
 import gym_passive_walker as gpw
 from benchmarks.report import machine, seconds, table
@@ -32,7 +33,7 @@ from gym_passive_walker.control import optimal
 from gym_passive_walker.control.optimum import OptimalGait
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import Scene, make_scene
-from gym_passive_walker.envs.starts import Starts
+from gym_passive_walker.envs.starts import DRAWS, Starts
 from gym_passive_walker.evaluation.walks import WALKED_ON, evaluate
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.physics.systems import bodies
@@ -49,6 +50,9 @@ HELD_OUT = 1999_000_000
 
 BODIES, LIMIT = 1000, 4000
 _TURN = 25  # bodies of one policy, before those of the next
+_SLOPE, _SPEED = 100.0, 30.0  # of slope and speed, in the distance between two gaits
+_DRAWS = DRAWS + len(make_scene("anywhere").domain_randomization) + 1  # the last is a key
+_MANY = 100_000  # resets of an environment
 _KEPT = 128  # control steps at the end of a walk that hold its last stride
 
 
@@ -131,73 +135,98 @@ def held_out(count: int) -> list[Scene]:
 
 def walk(out: Path, args: argparse.Namespace) -> None:
     """Let every policy walk with all held-out bodies."""
-    largest = make_scene("anywhere").max_hip_torque
+    scenes = held_out(args.bodies)
     for name, policy in policies(out):
         watched = Watched(policy)
         walks = evaluate(watched, arena(args.bodies), seed=HELD_OUT)
         rows = []
         for i, ending in enumerate(walks.endings):
-            point, torques = watched.stride(i, largest) if ending == WALKED_ON else ([], [])
+            speed, (point, torques) = float(scenes[i].command), ([], [])  # type: ignore[arg-type]
+            if ending == WALKED_ON:
+                speed = float(walks.speed[i])
+                point, torques = watched.stride(i, scenes[i].max_hip_torque)
             rows.append({
-                "speed": float(walks.speed[i]), "cost": float(walks.cost_of_transport[i]),
-                "ending": ending, "point": point, "torques": torques,
+                "speed": speed, "cost": float(walks.cost_of_transport[i]), "ending": ending,
+                "point": point, "torques": torques,
             })  # fmt: skip
         walks_of(out, name).write_text(json.dumps(rows), encoding="utf-8")
         print(f"{name}: {walks.endings.count(WALKED_ON)} of {len(walks)} walk to the end")
 
 
-def motor_cost(scene: Scene, speed: float, start: OptimalGait | None) -> float | None:
-    """Least cost of the motors of a body at a speed, from one start; None if none is found."""
-    alone = make_scene(scene, command=None, observe_body=())
-    try:
-        return optimal.optimal_gait(alone, speed, start=start).motor_cost
-    except (GaitNotFound, np.linalg.LinAlgError):
-        return None
+def best_of(scene: Scene, speed: float, starts: list[OptimalGait | None]) -> OptimalGait | None:
+    """The cheapest of the gaits of a body at a speed that are found from some starts, or None.
+
+    The last start is of use only where all others fail: to search from None is slow.
+    """
+    alone, best = make_scene(scene, command=None, observe_body=()), None
+    for start in starts:
+        if start is None and best is not None:
+            break
+        with suppress(GaitNotFound, np.linalg.LinAlgError):
+            gait = optimal.optimal_gait(alone, speed, start=start)
+            if best is None or gait.motor_cost < best.motor_cost:
+                best = gait
+    return best
 
 
 def optima(out: Path, args: argparse.Namespace) -> None:
     """Find the optimum of each body at the speed at which each policy walks with it."""
-    stored, until, found = optimal.load("level"), time.monotonic() + 60.0 * args.minutes, read(out)
-    walks = {name: walked(out, name) for name in NAMES if walks_of(out, name).is_file()}
-    turns = range(0, args.bodies, _TURN)
+    until, found = time.monotonic() + 60.0 * args.minutes, read(out)
+    walks = {name: walked(out, name) for name in args.only if walks_of(out, name).is_file()}
     todo = [
         (name, i)
-        for first in turns
+        for first in range(0, args.bodies, _TURN)
         for name, rows in walks.items()
         for i in range(first, min(first + _TURN, len(rows), args.bodies))
-        if (name, i) not in found
+        if (name, i, rows[i]["speed"]) not in found
     ]
     scenes = held_out(args.bodies)
+    places = [place(scene) for scene in scenes]
+    known = [(np.array([*places[i], _SPEED * gait.speed]), gait)
+             for (_, i, _), gait in found.items() if gait is not None]  # fmt: skip
+    stored = optimal.load("level")
     with (out / "optima.jsonl").open("a", encoding="utf-8") as file:
         for name, i in todo:
             if time.monotonic() > until:
                 return
-            row, scene = walks[name][i], scenes[i]
-            lasts = row["ending"] == WALKED_ON
-            speed = row["speed"] if lasts else float(np.mean(scene.command))  # type: ignore[arg-type]
+            row, scene, speed = walks[name][i], scenes[i], walks[name][i]["speed"]
+            here = np.array([*places[i], _SPEED * speed])
             near = min(stored, key=lambda gait, v=speed: abs(gait.speed - v))
-            starts = [near]
+            if known:
+                apart = [float(np.sum((there - here) ** 2)) for there, _ in known]
+                near = known[int(np.argmin(apart))][1]
+            starts: list[OptimalGait | None] = [near, None]
             if row["point"]:
                 period = len(row["torques"]) * scene.tick
                 own = {"point": row["point"], "torques": row["torques"], "step_period": period}
-                starts.append(replace(near, **own))
-            costs = [motor_cost(scene, speed, start) for start in starts]
-            if not any(cost is not None for cost in costs):  # from a constant torque, which is slow
-                costs.append(motor_cost(scene, speed, None))
-            line = {"policy": name, "body": i, "slope": scene.slope, "costs": costs}
+                starts.insert(1, replace(near, **own))
+            gait = best_of(scene, speed, starts)
+            if gait is not None:
+                known.append((here, gait))
+            line = {"policy": name, "body": i, "speed": speed, "gait": gait and asdict(gait)}
             file.write(json.dumps(line) + "\n")
             file.flush()
 
 
-def read(out: Path) -> dict[tuple[str, int], float]:
-    """Least costs of transport found so far, by policy and body; NaN where no gait is found."""
+def place(scene: Scene) -> list[float]:
+    """Where a body and its slope lie among others, each number from about -1 to 1."""
+    nominal = make_scene("anywhere")
+    ratios = [
+        (getattr(scene.walker, name) / getattr(nominal.walker, name) - 1.0) / share
+        for name, share in nominal.domain_randomization.items()
+    ]
+    return [*ratios, _SLOPE * float(scene.slope)]  # type: ignore[arg-type]
+
+
+def read(out: Path) -> dict[tuple[str, int, float], OptimalGait | None]:
+    """The optima found so far, by policy, body and speed; None where no gait was found."""
     path, found = out / "optima.jsonl", {}
     for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else []:
         with suppress(ValueError):  # the last line may have been cut off
             entry = json.loads(line)
-            costs = [cost for cost in entry["costs"] if cost is not None]
-            least = np.sin(entry["slope"]) + min(costs, default=np.nan)
-            found[entry["policy"], entry["body"]] = float(least)
+            gait = entry["gait"]
+            key = entry["policy"], entry["body"], entry["speed"]
+            found[key] = OptimalGait(**gait) if gait else None
     return found
 
 
@@ -220,8 +249,10 @@ def show(out: Path, _: argparse.Namespace) -> None:
         rows = walked(out, name)
         lasts = np.array([row["ending"] == WALKED_ON for row in rows])
         cost = np.array([row["cost"] for row in rows])
-        searched = np.array([(name, i) in found for i in range(len(rows))])
-        least = np.array([found.get((name, i), np.nan) for i in range(len(rows))])
+        keys = [(name, i, row["speed"]) for i, row in enumerate(rows)]
+        searched = np.array([key in found for key in keys])
+        gaits = (found.get(key) for key in keys)
+        least = np.array([np.nan if gait is None else gait.cost_of_transport for gait in gaits])
         # A body that walks to the end has a gait; one that falls counts unless a search finds none.
         counted = lasts | ~searched | np.isfinite(least)
         gaps = (cost / least - 1.0)[lasts & np.isfinite(least)]
@@ -241,6 +272,26 @@ def show(out: Path, _: argparse.Namespace) -> None:
     keep("anywhere", f"{text}\n\n{begins} {machine()}.", DOCS / "anywhere.md")
     if curve:
         draw(curve)
+
+
+def bodies_drawn(run: Path) -> int:
+    """How many bodies a training without a pool has drawn, from its last checkpoint.
+
+    Each reset takes `_DRAWS` random numbers from the generator of its environment.
+    """
+    newest = max((run / "checkpoints").iterdir())
+    states = json.loads((newest / "envs.json").read_text(encoding="utf-8"))["random"]
+    resets = 0
+    for seed, state in enumerate(states):
+        generator: Any = seeding.np_random(seed)[0].bit_generator
+        for count in range(_MANY):
+            if generator.state["state"] == state["state"]:
+                resets += count
+                break
+            generator.advance(_DRAWS)
+        else:
+            raise ValueError(f"{run} has been seeded otherwise, or its walkers are of a pool")
+    return resets
 
 
 def drawing() -> float:
@@ -274,6 +325,7 @@ def main() -> None:
     add = parser.add_argument
     add("parts", nargs="*", choices=[*PARTS, []], help="parts; all if none is given")
     add("--bodies", type=int, default=BODIES, help="held-out bodies (%(default)s)")
+    add("--only", nargs="+", choices=NAMES, default=NAMES, help="policies whose optima are sought")
     add("--minutes", type=float, default=np.inf, help="time for the search of optima")
     add("--out", type=Path, default=Path("runs/anywhere"), help="folder (%(default)s)")
     args = parser.parse_args()
