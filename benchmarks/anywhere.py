@@ -180,6 +180,7 @@ def optima(out: Path, args: argparse.Namespace) -> None:
         for i in range(first, min(first + _TURN, len(rows), args.bodies))
         if (name, i, rows[i]["speed"]) not in found
     ]
+    todo.sort(key=lambda each: walks[each[0]][each[1]]["ending"] == WALKED_ON)  # falls first
     scenes = held_out(args.bodies)
     places = [place(scene) for scene in scenes]
     known = [(np.array([*places[i], _SPEED * gait.speed]), gait)
@@ -265,9 +266,15 @@ def show(out: Path, _: argparse.Namespace) -> None:
         print(name, Counter(rows[i]["ending"] for i in np.flatnonzero(counted & ~lasts)))
         if name != SHIPPED:
             curve.append((name, 100.0 * middle, 100.0 * most))
-    heads = ["trained on", "walk to the end", "dropped: no gait found", "optima", "median gap",
+    heads = ["policy", "walk to the end", "dropped: no gait found", "optima found", "median gap",
              "95th percentile", "optimum not found"]  # fmt: skip
     text = table(heads, lines)
+    drew = [
+        f"{name} {bodies_drawn(out / name):,}"
+        for name in (SHIPPED, "new")
+        if (out / name / "checkpoints").is_dir()
+    ]
+    text += f"\n\nBodies drawn in training: {', '.join(drew)}."
     begins = f"Drawing a body and computing its constants takes {1e6 * drawing():.0f} µs."
     keep("anywhere", f"{text}\n\n{begins} {machine()}.", DOCS / "anywhere.md")
     if curve:
@@ -307,7 +314,7 @@ def draw(curve: list[tuple[str, float, float]]) -> None:
     figure, (axes,) = panels(size=(6.0, 4.2))
     across = range(len(curve))
     for index, label in enumerate(("median", "95th percentile")):
-        axes.plot(across, [row[1 + index] for row in curve], "o-", label=label, **series(index))
+        axes.plot(across, [row[1 + index] for row in curve], label=label, **series(index))
     axes.set_xticks(list(across), [row[0].removeprefix("pool-") for row in curve])
     axes.set(xlabel="bodies in training", ylabel="cost above each body's optimum in %")
     axes.set_ylim(0.0, None)
@@ -325,7 +332,7 @@ def main() -> None:
     add = parser.add_argument
     add("parts", nargs="*", choices=[*PARTS, []], help="parts; all if none is given")
     add("--bodies", type=int, default=BODIES, help="held-out bodies (%(default)s)")
-    add("--only", nargs="+", choices=NAMES, default=NAMES, help="policies whose optima are sought")
+    add("--only", nargs="+", choices=NAMES, default=NAMES, help="policies to find optima for")
     add("--minutes", type=float, default=np.inf, help="time for the search of optima")
     add("--out", type=Path, default=Path("runs/anywhere"), help="folder (%(default)s)")
     args = parser.parse_args()
