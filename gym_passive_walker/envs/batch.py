@@ -296,7 +296,7 @@ class Batch:
         found = np.zeros((len(walkers), len(names)), np.float32)
         for row, walker in zip(found, walkers if names else (), strict=False):
             row[:] = known[walker]
-        return found
+        return np.clip(found, -task.LARGEST_PROPORTION, task.LARGEST_PROPORTION)
 
     def _write_proportions(self, observations: NDArray[np.float32]) -> None:
         """Write what is observed of walkers' bodies into the flat observations of all."""

@@ -44,7 +44,7 @@ def observation_space(scene: Scene, seen: int | None = None) -> Any:
         return spaces.Box(-np.inf, np.inf, (seen,), np.float32)
     commanded = scene.command is not None
     ahead = np.tile([task.HIGHEST, task.STEEPEST], scene.terrain_lookahead)
-    body = np.full(len(scene.observe_body), np.inf)
+    body = np.full(len(scene.observe_body), task.LARGEST_PROPORTION)
     low = np.concatenate([task.LOWEST, [0.0] * commanded, -ahead, -body])
     high = np.concatenate([task.BOUNDS, [FASTEST] * commanded, ahead, body])
     return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)

@@ -114,6 +114,9 @@ RATE_BOUND = 10.0
 BOUNDS = np.array([0.5 * math.pi, math.pi, math.pi, *[RATE_BOUND] * 3, 1.0, 0.5 * math.pi])
 """Largest size of each number in an observation."""
 
+LARGEST_PROPORTION = 100.0
+"""Observed proportions of a body are clipped to this; those of walkers that walk are below 1."""
+
 HIGHEST, STEEPEST = 1.0, 0.5 * math.pi
 """Footholds that agents see ahead are clipped to these: leg lengths, and rad."""
 

@@ -32,10 +32,6 @@ def _uncontrolled(state: Any) -> Free:
     return Free()
 
 
-def _missing(body: Any, state: Any) -> Any:
-    raise TypeError("it is missing")
-
-
 def _falls(guard: Guard, body: Any, state: Any) -> Any:
     """A guard's function on smooth ground."""
     return guard.falls(body, state, SMOOTH)
@@ -79,9 +75,9 @@ class System(Mechanism):
             does. Of other controls it is the scene's `max_hip_torque` times the system's weight.
         pose: Function of body and state: what pictures show, lines of points (x, y). None draws a
             line from the foot to each mass, or to the centre of mass.
-        equations: The hybrid system, if it is given instead of `links`; see `of`.
-        mass: Its total mass, if `equations` are given.
-        centre: Function of body and state: x and y of its centre of mass, if they are.
+        equations: The hybrid system that was given to `of`; None otherwise.
+        mass: Its total mass, as given to `of`.
+        centre: Function of body and state: x and y of its centre of mass, as given to `of`.
 
     Raises:
         StatementError: if a function does not fit the others. The message names it.
@@ -90,10 +86,10 @@ class System(Mechanism):
     name: str
     body: Any
     State: type
-    links: Callable[[Any, Any], Sequence[Link]] = _missing
-    landing: Callable[[Any, Any], tuple[Any, Any]] = _missing
-    relabel: Callable[[Any, Any], Sequence[Any]] = _missing
-    falls: Mapping[str, Callable[[Any, Any], Any]] = field(default_factory=dict)
+    links: Callable[[Any, Any], Sequence[Link]]
+    landing: Callable[[Any, Any], tuple[Any, Any]]
+    relabel: Callable[[Any, Any], Sequence[Any]]
+    falls: Mapping[str, Callable[[Any, Any], Any]]
     counts: Sequence[Callable[[Any, Any], Any]] = ()
     potential: Callable[[Any, Any], Any] | None = None
     dissipation: Callable[[Any, Any], Any] | None = None
@@ -103,9 +99,9 @@ class System(Mechanism):
     start: Sequence[float] | None = None
     limits: Mapping[str, float] = field(default_factory=dict)
     pose: Callable[[Any, Any], Sequence[Sequence[tuple[Any, Any]]]] | None = None
-    equations: hybrid.System | None = None
-    mass: float = 1.0
-    centre: Callable[[Any, Any], tuple[Any, Any]] = _missing
+    equations: hybrid.System | None = field(default=None, init=False)
+    mass: float = field(default=1.0, init=False)
+    centre: Any = field(default=None, init=False)
     _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -147,9 +143,16 @@ class System(Mechanism):
         }
         given = {
             "name": equations.name, "State": equations.State, "Control": equations.Control,
-            "travel": equations.travel, "falls": falls,
+            "travel": equations.travel, "falls": falls, "body": body, "start": None, "limits": {},
+            "pose": None, "equations": equations, "centre": centre, "mass": mass,
+            "links": None, "landing": None, "relabel": None,
         }  # fmt: skip
-        return cls(body=body, equations=equations, centre=centre, mass=mass, **(given | rest))
+        if unknown := rest.keys() - {"name", "start", "limits", "pose"}:
+            raise TypeError(f"System.of has no argument {', '.join(sorted(unknown))}")
+        made = object.__new__(cls)
+        made.__dict__.update(given | rest | {"_made": {}})
+        check(made)
+        return made
 
     def vary(self, **parameters: float) -> System:
         """This system with other values of some fields of its body."""

@@ -192,8 +192,8 @@ def test_a_body_and_a_centre_must_fit_the_equations():
         gpw.System.of(SYSTEMS["straight"], body_of(gpw.WALKERS["lab"]), centre=hip)
     with pytest.raises(gpw.StatementError, match=r"centre .* 2 numbers"):
         gpw.System.of(SYSTEMS["straight"], body, centre=lambda body, state: (0.0,))
-    with pytest.raises(gpw.StatementError, match=r"links .* is missing"):
-        gpw.System(name="nothing", body=body, State=hybrid.State, falls={"fell_forward": hip})
+    with pytest.raises(TypeError, match="System.of has no argument links"):
+        gpw.System.of(SYSTEMS["straight"], body, centre=hip, links=hip)
 
 
 def test_the_kinds_of_the_package_are_the_statements_of_their_modules():
