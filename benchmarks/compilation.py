@@ -10,14 +10,14 @@ from time import process_time
 
 from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
-from gym_passive_walker.console import print_in_any_encoding
+from gym_passive_walker import console
 from gym_passive_walker.engine import compiled
 
 
 def main() -> None:
     """Print seconds of processor time to trace and to compile, with and without derivatives."""
     argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0]).parse_args()
-    print_in_any_encoding()
+    console.print_in_any_encoding()
     print(f"{'system':<12} {'derivatives':<12} traced compiled together")
     for system in (TORSO, FIVE_LINKS):
         stated = system.hybrid

@@ -192,7 +192,7 @@ def test_a_body_and_a_centre_must_fit_the_equations():
         gpw.System.of(SYSTEMS["straight"], body_of(gpw.WALKERS["lab"]), centre=hip)
     with pytest.raises(gpw.StatementError, match=r"centre .* 2 numbers"):
         gpw.System.of(SYSTEMS["straight"], body, centre=lambda body, state: (0.0,))
-    with pytest.raises(TypeError, match="System.of has no argument links"):
+    with pytest.raises(TypeError, match=r"System.of has no argument links"):
         gpw.System.of(SYSTEMS["straight"], body, centre=hip, links=hip)
 
 

@@ -13,15 +13,14 @@ import pytest
 
 import gym_passive_walker as gpw
 from agents.benchmark import rough_strides
+from examples.torso import TORSO
 from gym_passive_walker.control import baselines
 from gym_passive_walker.control.feedback import gains
 from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.math import cos, sin
 from gym_passive_walker.modeling.mechanics import Motion
 from gym_passive_walker.physics import hybrid
-from gym_passive_walker.physics.systems import SYSTEMS, body_of
 from gym_passive_walker.render.axes import OWN
 from gym_passive_walker.render.portrait import phase_portrait
 from gym_passive_walker.render.strobe import strobe
@@ -94,26 +93,6 @@ def acts(policy):
     return first, policy.predict(seen[1], memory)[0]
 
 
-STRAIGHT = SYSTEMS["straight"]
-
-
-def of_hip(body, state):
-    """Position of the hip."""
-    return -body.leg * sin(state.stance), body.foot_radius + body.leg * cos(state.stance)
-
-
-def given_equations(**statement):
-    """What a system of given equations is called, weighs, and where it stands and walks."""
-    system = gpw.System.of(**statement)
-    start = (0.2, -0.2, -0.2, -0.2, -0.1, -0.1)
-    return (
-        system.name,
-        system.total_mass,
-        system.centre_of_mass(start),
-        gpw.stride(system, 0.01, start),
-    )
-
-
 MOTORS = {"actions": ("hip", "push_off"), "max_push_off": 0.1}
 """A scene with two actions."""
 
@@ -176,6 +155,11 @@ OPTIONS = {
         COMPASS.centre_of_mass, {"state": COMPASS.start}, {"state": (0.3, -0.1, 0.0, 0.0)}
     ),
     "System.drawn": Call(COMPASS.drawn, {"state": COMPASS.start}, {"state": (0.3, -0.1, 0.0, 0.0)}),
+    "System.lines": Call(
+        TORSO.lines,
+        {"body": TORSO.body, "state": TORSO.State(*TORSO.start)},
+        {"body": TORSO.body._replace(height=0.9), "state": TORSO.State(0.3, -0.1, *[0.0] * 4)},
+    ),
     "System.with_both_feet_down": Call(
         COMPASS.with_both_feet_down,
         {"coordinates": np.array([[0.3, -0.25]])},
@@ -216,17 +200,6 @@ OPTIONS = {
             pose=lambda b, s: [[(0.0, 0.0), (-s.stance, 1.0)]],
         ),
         of=gpw.System.__init__,
-    ),
-    "System.of": Call(
-        given_equations,
-        {"equations": STRAIGHT, "body": body_of(gpw.WALKERS["A"]), "centre": of_hip, "mass": 1.0},
-        {
-            "equations": STRAIGHT._replace(name="another"),
-            "body": body_of(gpw.WALKERS["lab-straight"]),
-            "centre": lambda b, s: (0.1 + of_hip(b, s)[0], of_hip(b, s)[1]),
-            "mass": 2.0,
-        },
-        of=gpw.System.of,
     ),
     "Walker": Call(
         walks,
