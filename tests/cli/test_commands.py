@@ -5,6 +5,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -20,6 +21,7 @@ from gym_passive_walker.cli.arguments import A_WALKER
 from gym_passive_walker.cli.report import plain
 from gym_passive_walker.cli.sweeps import sweep
 from gym_passive_walker.evaluation.walks import WALKED_ON
+from gym_passive_walker.policies import policy_folder
 from gym_passive_walker.sweeps.description import Description
 from gym_passive_walker.walkers import ABOUT
 
@@ -92,6 +94,10 @@ def test_the_examples_of_the_help_work(line, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.json").write_text(re.search(r"{.*}", A_WALKER)[0])
     (tmp_path / "lab.yaml").write_text(described_in_the_help())
+    if "my-policy" in line:
+        pytest.importorskip("onnxruntime")
+        shutil.copytree(policy_folder("level-ppo"), tmp_path / "my-policy")
+        gpw.load_policy("level-ppo").to_onnx(tmp_path / "my-policy.onnx")
     assert main(words) == 0
     assert capsys.readouterr().out
 
