@@ -182,10 +182,10 @@ def begin(walkers, world, i, scratch, observations):
         world.reset_noise_scale[0],
         observations,
     )  # fmt: skip
-    befall(walkers, world, i, scratch, observations)
+    begin_disturbances(walkers, world, i, scratch, observations)
 
 
-befall = calm_begin
+begin_disturbances = calm_begin
 """What begins besides; bound to `disturbed_begin` where there are disturbances."""
 
 

@@ -276,7 +276,8 @@ def observed(scene: Scene, here: RolloutState) -> Tensor:
         parts.append(torch.clamp(_ground(scene, here, ahead)[:, 1:], -most, most))
     if scene.observe_body:
         body = proportions(varied(scene.walker, here.parameters), scene.observe_body)
-        parts.append(torch.stack([torch.zeros_like(here.times) + each for each in body], 1))
+        seen = torch.stack([torch.zeros_like(here.times) + each for each in body], 1)
+        parts.append(seen.clamp(-task.LARGEST_PROPORTION, task.LARGEST_PROPORTION))
     return torch.cat(parts, 1)
 
 

@@ -42,19 +42,21 @@ def some(count, size=1.0, seed=0):
 
 
 @pytest.mark.parametrize(
-    ("count", "threads", "befalls"),
+    ("count", "threads", "disturbances"),
     [(60, 1, {}), (2304, 1, {}), (4608, 2, {}), (4608, 2, {"terrain": rough(0.002)})],
 )
 def test_walkers_that_all_differ_walk_in_a_batch_as_each_does_alone(
-    count, threads, befalls, assert_same
+    count, threads, disturbances, assert_same
 ):
-    many = mixed(count, threads=threads, max_episode_steps=35, reset_noise_scale=0.3, **befalls)
+    many = mixed(
+        count, threads=threads, max_episode_steps=35, reset_noise_scale=0.3, **disturbances
+    )
     places = [*range(0, count, count // 6 + 1), count // 2, count - 1]
 
     def single(place):
         return lambda: gymnasium.make(
             ID, walker=shape(place), slope=ground(place), start=START,
-            max_episode_steps=35, reset_noise_scale=0.3, **befalls,
+            max_episode_steps=35, reset_noise_scale=0.3, **disturbances,
         )  # fmt: skip
 
     alone = SyncVectorEnv([single(place) for place in places])
