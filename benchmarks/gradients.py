@@ -78,8 +78,8 @@ def _step(p: Problem, start: Any, end: Any) -> Any:
     return legs.step_length(p.body, start, end)
 
 
-def _error(found: NDArray, truth: NDArray) -> float:
-    return float(np.abs(np.asarray(found) - truth).max() / np.abs(truth).max())
+def _error(found: NDArray, exact_value: NDArray) -> float:
+    return float(np.abs(np.asarray(found) - exact_value).max() / np.abs(exact_value).max())
 
 
 def engine(point: NDArray, p: Problem, strides: int, tolerance: float, count: int) -> Gradient:
@@ -223,7 +223,7 @@ def main() -> None:
     p = problem("straight")
     point, rows, notes = p.starts[0][[0, 3, 4]], [], []
     for strides in STRIDES:
-        truth, own = exact(p, point, strides)
+        exact_value, own = exact(p, point, strides)
         notes.append(f"{own:.0e}")
         best: dict[tuple[str, str], tuple[float, float]] = {}
         for label, setting, method, count in _methods(strides):
@@ -234,7 +234,7 @@ def main() -> None:
                 print(f"{label}: {missing}")
                 continue
             began = time.perf_counter()
-            reached = _error(gradient(), truth)
+            reached = _error(gradient(), exact_value)
             took = time.perf_counter() - began
             if took < 0.1:
                 took = seconds(gradient)

@@ -21,7 +21,12 @@ from gym_passive_walker.envs.transitions import Transition
 from gym_passive_walker.evaluation.gauntlet import Gauntlet, gauntlet
 from gym_passive_walker.evaluation.robustness import Robustness, robustness
 from gym_passive_walker.gaits.actuation import Actuation
-from gym_passive_walker.gaits.basin import Basin, Push, basin_of_attraction, largest_push
+from gym_passive_walker.gaits.basin import (
+    Basin,
+    VelocityPerturbations,
+    basin_of_attraction,
+    largest_push,
+)
 from gym_passive_walker.gaits.bifurcation import (
     BifurcationDiagram,
     bifurcation_diagram,
@@ -91,7 +96,6 @@ __all__ = [
     "Outcome",
     "Part",
     "PolicyError",
-    "Push",
     "RealityCheck",
     "Robustness",
     "StatementError",
@@ -103,6 +107,7 @@ __all__ = [
     "Trajectory",
     "Transition",
     "TuningErrors",
+    "VelocityPerturbations",
     "Walker",
     "WalkerError",
     "as_walker",

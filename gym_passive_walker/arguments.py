@@ -185,7 +185,7 @@ def seed_number(value: Any, name: str = "seed") -> int:
     return whole(value, name, 0, 2**128 - 1)
 
 
-def truth(value: Any, name: str) -> bool:
+def boolean(value: Any, name: str) -> bool:
     """Return a boolean.
 
     Raises:

@@ -240,7 +240,7 @@ class Emitter:
         self, owner: Function, uses: Counter[Expression], *, vector: bool, lane: bool
     ) -> None:
         self.owner, self.uses, self.vector, self.lane = owner, uses, vector, lane
-        self.number, self.truth, self.word = (
+        self.number, self.boolean, self.word = (
             f"<{owner.module.group} x {kind}>" if vector else kind
             for kind in ("double", "i1", "i64")
         )
@@ -325,12 +325,12 @@ class Emitter:
             return f"fcmp {_COMPARED[op]} {self.number} {values[0]}, {values[1]}"
         match op:
             case "and" | "or":
-                return f"{op} {self.truth} {values[0]}, {values[1]}"
+                return f"{op} {self.boolean} {values[0]}, {values[1]}"
             case "not":
-                return f"xor {self.truth} {values[0]}, {self._alike('i1', 'true')}"
+                return f"xor {self.boolean} {values[0]}, {self._alike('i1', 'true')}"
             case "choose":
                 condition, yes, no = values
-                return f"select {self.truth} {condition}, {self.number} {yes}, {self.number} {no}"
+                return f"select {self.boolean} {condition}, {self.number} {yes}, {self.number} {no}"
         raise ValueError(f"no code for {op!r}")
 
     def _sum(self, x: Expression) -> str:

@@ -101,7 +101,7 @@ class Basin(Table):
         }
 
 
-class Push(NamedTuple):
+class VelocityPerturbations(NamedTuple):
     """Largest velocity perturbations, just after heelstrike, that a gait withstands.
 
     A perturbation changes the stance leg's angular velocity. The gait withstands every smaller one
@@ -357,7 +357,7 @@ def largest_push(
     strides: int = 300,
     accuracy: float = 1e-9,
     tolerance: float = 1e-10,
-) -> Push:
+) -> VelocityPerturbations:
     """Find the largest velocity perturbation, just after heelstrike, that a gait withstands.
 
     A perturbation changes the stance leg's angular velocity. 512 perturbations are tried at a time,
@@ -419,4 +419,4 @@ def largest_push(
     with progress("ways to push", 2) as pushed:
         forward = limit(-1.0) / time
         pushed()
-        return Push(forward, limit(1.0) / time)
+        return VelocityPerturbations(forward, limit(1.0) / time)

@@ -18,13 +18,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import (
     KEPT,
+    boolean,
     check_state,
     check_tolerance,
     gait_kind,
     number,
     one_slope,
     several_slopes,
-    truth,
     whole,
 )
 from gym_passive_walker.gaits.family import GaitFamily, gait_family
@@ -220,7 +220,7 @@ def bifurcation_diagram(
     values = several_slopes(slopes, downhill=stride_map.passive)
     n_transient = whole(n_transient, "n_transient", 0)
     n_recorded = whole(n_recorded, "n_recorded", 1, KEPT)
-    sweep = truth(sweep, "sweep")
+    sweep = boolean(sweep, "sweep")
     longest_period = whole(longest_period, "longest_period")
     if not longest_period < n_recorded:
         raise ValueError(

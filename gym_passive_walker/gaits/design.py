@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats.qmc import Halton
 
-from gym_passive_walker.arguments import gait_kind, number, one_slope, shown, truth, whole
+from gym_passive_walker.arguments import boolean, gait_kind, number, one_slope, shown, whole
 from gym_passive_walker.gaits.design_nlp import CIRCLE, Candidates, DesignProblem, Judged, slsqp
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
@@ -118,7 +118,7 @@ def optimize_walker(
     walker, slope = stride_map.walker, stride_map.chosen(slope)
     check_parametric(walker, "optimize_walker")
     _known(objective)
-    maximize, iterations = truth(maximize, "maximize"), whole(iterations, "iterations")
+    maximize, iterations = boolean(maximize, "maximize"), whole(iterations, "iterations")
     kind = gait_kind(kind)
     ranges = _ranges({} if constraints is None else constraints)
     box = _box(walker, slope, parameters, bounds)

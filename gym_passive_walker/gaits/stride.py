@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import (
+    boolean,
     check_slope,
     check_state,
     check_tolerance,
     number,
     real_array,
     shown,
-    truth,
     whole,
 )
 from gym_passive_walker.gaits.actuation import (
@@ -236,7 +236,7 @@ def stride(
     states, slopes = check_state(state, size=size), check_slope(slope)  # type: ignore[arg-type]
     actuation = PASSIVE if own else check_actuation(walker, actuation)
     max_stride_time = number(max_stride_time, "max_stride_time", above=0.0)
-    end_on_toe_stub = truth(end_on_toe_stub, "end_on_toe_stub")
+    end_on_toe_stub = boolean(end_on_toe_stub, "end_on_toe_stub")
     threads = None if threads is None else whole(threads, "threads")
     if not callable(backend):
         raise ValueError(f"backend must be a function, such as gpu.advance, not {shown(backend)}")

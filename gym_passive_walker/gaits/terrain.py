@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import number, shown, truth, unknown, whole
+from gym_passive_walker.arguments import boolean, number, shown, unknown, whole
 from gym_passive_walker.console import cut
 from gym_passive_walker.engine.counter_rng import normal
 from gym_passive_walker.engine.jit import Kernel
@@ -59,7 +59,7 @@ class Terrain:
         for name, limit in (("height_std", _HIGHEST), ("slope_std", 0.5 * math.pi)):
             given = number(getattr(self, name), name, least=0.0, most=limit)
             object.__setattr__(self, name, given)
-        object.__setattr__(self, "repeats", truth(self.repeats, "repeats"))
+        object.__setattr__(self, "repeats", boolean(self.repeats, "repeats"))
         if len(self.rises) != len(self.slopes):
             raise ValueError(f"{len(self.rises)} rises for {len(self.slopes)} slopes of footholds")
 

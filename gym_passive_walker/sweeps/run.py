@@ -12,7 +12,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import truth, whole
+from gym_passive_walker.arguments import boolean, whole
 from gym_passive_walker.loading import is_file, read_content
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
@@ -107,7 +107,7 @@ def sweep(
         OSError: if a file cannot be written; earlier results are kept.
         ImportError: if pyarrow is not installed, or ray where it is used.
     """
-    branch, retry = truth(branch, "branch"), truth(retry, "retry")
+    branch, retry = boolean(branch, "branch"), boolean(retry, "retry")
     if out is None and not is_file(analysis):
         raise ValueError("out must be a folder to keep the sweep in: a file's name is lacking")
     description = _described(analysis, described)

@@ -14,8 +14,8 @@ from gym_passive_walker.gaits.passage import Change
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.units import growth, units_of
 from gym_passive_walker.walkers import PARAMETERS
+from tests.before_impact import just_before
 from tests.physics.examples import LONG_GAITS
-from tests.verges import just_before
 
 NAMES = ["lab", "lab-straight", "B", "D"]
 TOLD = [field.name for field in fields(Change)]

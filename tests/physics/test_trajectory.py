@@ -8,7 +8,7 @@ from gym_passive_walker import Outcome, stride
 from gym_passive_walker.gaits.dense_stride import states_at
 from gym_passive_walker.gaits.trajectory import simulate
 from gym_passive_walker.physics.hybrid import Stage
-from tests.verges import just_before
+from tests.before_impact import just_before
 
 SLOPE = 0.036
 GAIT = np.array([0.24395, -0.24395, -0.24395, -1.0491, -0.3015, -1.4831])

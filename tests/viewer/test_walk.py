@@ -14,9 +14,9 @@ from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.gaits.dense_stride import states_at
 from gym_passive_walker.policies import TrainedPolicy
 from gym_passive_walker.viewer.walk import LiveWalk, Setup
+from tests.before_impact import just_before
 from tests.physics.bodies import kinetic_energy, potential_energy
 from tests.physics.examples import LONG_GAITS
-from tests.verges import just_before
 
 FRAME = 1 / 60
 
