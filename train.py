@@ -189,10 +189,10 @@ def train(args: argparse.Namespace) -> int:
         ) from None
     if not finished:
         print(f"Stopped after {run.steps:,} steps; go on with: python train.py --resume {folder}")
-    text, rows = evaluation.judge(folder)
+    text, rows = evaluation.evaluate_policy(folder)
     print(text)
     print(run.first_walks())
-    evaluation.keep(folder, text, rows)
+    evaluation.write_evaluation(folder, text, rows)
     pictures.draw_run(folder, run.notes["curve"])
     print(outlook(folder, config))
     return 0

@@ -40,7 +40,7 @@ EPISODES = 100
 EPISODE_SEED = 1000
 """Number of evaluation episodes of each agent, and the seed of the first."""
 
-KICKS = 0.01 * np.arange(1, 101)
+PERTURBATIONS = 0.01 * np.arange(1, 101)
 """Perturbations of the stance leg's angular velocity, as shares of the gait's."""
 
 RECOVERY = 20
@@ -49,17 +49,17 @@ RECOVERY = 20
 ROUGHNESS = 0.01
 """Standard deviation in rad of the slopes of rough ground, drawn for each stride."""
 
-FARTHEST = 300
+MAX_STRIDES = 300
 """Largest number of strides of a walk over rough ground."""
 
-EXAMS = 4
+EVALUATIONS = 4
 """Evaluations during training, besides the early ones."""
 
 SCORES = (
     "distance", "strides", "speed", "cost_of_transport", "gravity_cost", "hip_cost",
     "positive_hip_cost", "net_hip_cost", "reward", "walked_on", "hundred_strides",
-    "above_optimum", "kick_forward", "kick_backward", "rough_strides", "learning_steps",
-    "learning_seconds", "steps_to_hundred", "seconds_to_hundred",
+    "above_optimum", "perturbation_forward", "perturbation_backward", "rough_strides",
+    "learning_steps", "learning_seconds", "steps_to_hundred", "seconds_to_hundred",
 )  # fmt: skip
 
 
@@ -143,17 +143,17 @@ def measure(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
     """Train an agent if it learns, and return its scores."""
     if unit.agent not in ALGORITHMS:
         policy = BASELINES[unit.agent](make_scene(unit.scene))
-        return {**unit._asdict(), **judge(policy, unit.scene)}
+        return {**unit._asdict(), **scores_of(policy, unit.scene)}
     run_folder = folder / "runs" / str(unit)
     progress = _learn(run_folder, unit, budget)
-    return {**unit._asdict(), **judge(load_policy(run_folder), unit.scene), **progress}
+    return {**unit._asdict(), **scores_of(load_policy(run_folder), unit.scene), **progress}
 
 
 def _learn(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
     """Train, or resume an interrupted training; returns how many steps and seconds it took."""
     preset = configure(unit.agent, unit.scene, seed=unit.seed)
     steps = max(1, round(preset.steps * budget))
-    training = Run(replace(preset, steps=steps, every=max(1, steps // EXAMS)), folder)
+    training = Run(replace(preset, steps=steps, every=max(1, steps // EVALUATIONS)), folder)
     if not training.train(progress=False):
         raise KeyboardInterrupt  # an unfinished training has no scores; it is resumed later
     walked = training.first_to_walk or {"steps": math.nan, "seconds": math.nan}
@@ -165,7 +165,7 @@ def _learn(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
     }
 
 
-def judge(policy: Policy, name: str) -> dict[str, Any]:
+def scores_of(policy: Policy, name: str) -> dict[str, Any]:
     """An agent's scores in a scene, by its name: means over walks, and costs over all distance."""
     scene = make_scene(name)
     walks = evaluate(policy, envs.arena(configure("ppo", name), EPISODES), seed=EPISODE_SEED)
@@ -193,18 +193,18 @@ def judge(policy: Policy, name: str) -> dict[str, Any]:
     }
     try:
         gait = closed_loop_gait(policy, scene)
-        score["kick_forward"], score["kick_backward"] = kicks(gait)
+        score["perturbation_forward"], score["perturbation_backward"] = largest_perturbations(gait)
         score["largest_multiplier"] = float(abs(gait.multipliers[0]))
     except GaitNotFound:  # it barely moves, or its walk is not periodic
-        score["kick_forward"] = score["kick_backward"] = math.nan
+        score["perturbation_forward"] = score["perturbation_backward"] = math.nan
     return score
 
 
-class Kicks(NamedTuple):
+class Perturbations(NamedTuple):
     """The largest velocity perturbations just after heelstrike that a walker recovers from.
 
     The angular velocity of the stance leg is changed, by a share of the gait's. The walker also
-    recovers from every smaller share of `KICKS`.
+    recovers from every smaller share of `PERTURBATIONS`.
 
     Attributes:
         forward: Largest share by which the walker is accelerated.
@@ -215,16 +215,17 @@ class Kicks(NamedTuple):
     backward: float
 
 
-def kicks(gait: Gait) -> Kicks:
+def largest_perturbations(gait: Gait) -> Perturbations:
     """Largest velocity perturbations, forward and backward, that a gait withstands."""
     strides = gait.stride_map
-    starts = np.repeat(strides.points_at(gait.state), 2 * len(KICKS), axis=0)
-    starts[:, 1] *= np.concatenate([1.0 + KICKS, 1.0 - KICKS])
+    starts = np.repeat(strides.points_at(gait.state), 2 * len(PERTURBATIONS), axis=0)
+    starts[:, 1] *= np.concatenate([1.0 + PERTURBATIONS, 1.0 - PERTURBATIONS])
     survived = strides.apply(starts, gait.slope, strides=RECOVERY).alive.reshape(2, -1)
     largest = [
-        0.0 if not way[0] else float(KICKS[np.argmin([*way, False]) - 1]) for way in survived
+        0.0 if not way[0] else float(PERTURBATIONS[np.argmin([*way, False]) - 1])
+        for way in survived
     ]
-    return Kicks(*largest)
+    return Perturbations(*largest)
 
 
 def rough_strides(policy: Policy, scene: Scene, *, walkers: int = 100, seed: int = 0) -> float:
@@ -240,7 +241,7 @@ def rough_strides(policy: Policy, scene: Scene, *, walkers: int = 100, seed: int
         seed: Seed of the initial states and the slopes.
 
     Returns:
-        The mean; walks end after `FARTHEST` strides.
+        The mean; walks end after `MAX_STRIDES` strides.
     """
     middle = float(np.mean(scene.slope))
     several = PassiveWalkerVectorEnv(walkers, make_scene(scene, slope=middle), max_episode_steps=-1)
@@ -250,7 +251,7 @@ def rough_strides(policy: Policy, scene: Scene, *, walkers: int = 100, seed: int
     for step in steps(policy, several, observations):
         going &= ~step.terminated
         strides[step.struck & going] += 1
-        going &= strides < FARTHEST
+        going &= strides < MAX_STRIDES
         if not going.any():
             break
         slopes = rng.normal(middle, ROUGHNESS, walkers)  # draws do not depend on the heelstrikes

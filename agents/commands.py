@@ -51,10 +51,12 @@ def evaluate(arguments: Sequence[str]) -> int:
     args = parser.parse_args(arguments)
     if args.run is not None and not args.run.is_dir():
         raise ConfigError(f"{args.run} is not the folder of a run")
-    text, rows = evaluation.judge(args.run or args.policy, episodes=args.episodes, seed=args.seed)
+    text, rows = evaluation.evaluate_policy(
+        args.run or args.policy, episodes=args.episodes, seed=args.seed
+    )
     print(text)
     if args.run is not None:
-        evaluation.keep(args.run, text, rows)
+        evaluation.write_evaluation(args.run, text, rows)
     return 0
 
 

@@ -32,7 +32,7 @@ def write_rows(path: Path, rows: Sequence[dict[str, Any]]) -> None:
         writer.writerows(rows)
 
 
-def judge(
+def evaluate_policy(
     which: Path | str, *, episodes: int = EPISODES, seed: int = SEED
 ) -> tuple[str, list[dict[str, Any]]]:
     """Evaluate a policy and the passive walker over the same episodes.
@@ -43,7 +43,7 @@ def judge(
         seed: Seed of the first episode.
 
     Returns:
-        The table with a summary in words, and a row for each episode, which `keep` writes.
+        The table with a summary in words, and a row for each episode, for `write_evaluation`.
 
     Raises:
         ConfigError: if there is no such policy.
@@ -101,8 +101,8 @@ def _above_optimum(config: Config, walks: Walks) -> str:
     )
 
 
-def keep(run: Path, text: str, rows: Sequence[dict[str, Any]]) -> None:
-    """Write the results of `judge` into a run's folder."""
+def write_evaluation(run: Path, text: str, rows: Sequence[dict[str, Any]]) -> None:
+    """Write the results of `evaluate_policy` into a run's folder."""
     with replacing(run / "evaluation.txt") as path:
         path.write_text(text + "\n", encoding="utf-8")
     with replacing(run / "evaluation.csv") as path:

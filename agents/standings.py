@@ -39,8 +39,8 @@ ROWS = (
     ("strides", "strides", ".0f"),
     ("hundred_strides", "walks of 100 strides", ".0%"),
     ("walked_on", "walks to the time limit", ".0%"),
-    ("kick_forward", "largest forward perturbation survived", ".0%"),
-    ("kick_backward", "largest backward perturbation survived", ".0%"),
+    ("perturbation_forward", "largest forward perturbation survived", ".0%"),
+    ("perturbation_backward", "largest backward perturbation survived", ".0%"),
     ("rough_strides", "strides to a fall on rough ground", ".0f"),
     ("steps_to_hundred", "steps until half the walks reach 100 strides", ",.0f"),
     ("seconds_to_hundred", "  seconds of training", ".1f"),
@@ -87,7 +87,7 @@ def by_agent(scores: Sequence[Score]) -> dict[str, list[Score]]:
     return {agent: own for agent, own in found.items() if own}
 
 
-def walking_on_the_level(scores: Sequence[Score]) -> dict[str, list[Score]]:
+def walking_on_level_ground(scores: Sequence[Score]) -> dict[str, list[Score]]:
     """Scores on level ground, by agent, with at least one walk that reached the time limit."""
     return by_agent([s for s in scores if s["scene"] == "level" and s["walked_on"] > 0.0])
 
@@ -132,7 +132,7 @@ def equal_speeds(scores: Sequence[Score]) -> str:
         "| `level` | speed / √(gl) | cost of transport | optimum there | passive there, downhill |",
         "|---|---|---|---|---|",
     ]
-    for agent, walked in walking_on_the_level(scores).items():
+    for agent, walked in walking_on_level_ground(scores).items():
         speed = float(middle(np.array([s["speed"] for s in walked])))
         cost = float(middle(np.array([s["cost_of_transport"] for s in walked])))
         best = optimal.least_cost("level", speed)
@@ -206,7 +206,7 @@ def draw(path: Path, scores: Sequence[Score]) -> None:
     speeds = [g.speed for g in gaits]
     costs = [g.cost_of_transport for g in gaits]
     ax.plot(speeds, costs, color=BLACK, label="optimal, level ground")
-    for index, (agent, walked) in enumerate(walking_on_the_level(scores).items()):
+    for index, (agent, walked) in enumerate(walking_on_level_ground(scores).items()):
         speeds = [s["speed"] for s in walked]
         costs = [s["cost_of_transport"] for s in walked]
         style = {**series(index), "linestyle": "", "markersize": 5.0, "alpha": 0.7}
@@ -228,7 +228,7 @@ def draw_learning(path: Path, runs: Path, scores: Sequence[Score]) -> None:
     from matplotlib.ticker import PercentFormatter
 
     figure, axes = panels(1, 2, (9.0, 3.6), sharex=True)
-    for index, (agent, walked) in enumerate(walking_on_the_level(scores).items()):
+    for index, (agent, walked) in enumerate(walking_on_level_ground(scores).items()):
         if agent not in ALGORITHMS:
             continue
         style, drawn = series(index), False

@@ -58,7 +58,7 @@ KINDS = {"trained": "o", "feedback": "s", "optimal gait with feedback": "^", "no
 """Kinds of controllers, and their markers."""
 
 
-class Judged(NamedTuple):
+class Scores(NamedTuple):
     """Cost and robustness of a controller in its scene.
 
     Attributes:
@@ -104,7 +104,7 @@ class Judged(NamedTuple):
         return f"{found.mean:.3g} ({low:.3g} to {high:.3g})"
 
 
-def judge(controller: str, scene: str | None = None) -> Judged:
+def scores_of(controller: str, scene: str | None = None) -> Scores:
     """Measure a controller in its scene."""
     strides = gpw.stride_map(controller=controller, scene=scene)
     assert isinstance(strides, ControlledMap)
@@ -112,7 +112,7 @@ def judge(controller: str, scene: str | None = None) -> Judged:
     walked = strides.with_tolerance(1e-8)
     kind = {"passive": "no feedback", "constant": "no feedback", "lqr": "feedback"}
     kind |= {"deadbeat": "feedback", "optimal": "optimal gait with feedback"}
-    return Judged(
+    return Scores(
         name=controller if scene is None else f"{controller} on {scene}",
         kind=kind.get(controller, "trained"),
         card=gpw.gauntlet(controller, scene, walkers=WALKERS),
@@ -131,7 +131,7 @@ def least_cost(scene: Scene, speed: float) -> float:
         return gpw.optimal_gait(there, speed).cost_of_transport
 
 
-def draw(found: list[Judged]) -> None:
+def draw(found: list[Scores]) -> None:
     """Draw the cost of transport over both measures of robustness, numbered as in the table."""
     from gym_passive_walker.render.axes import legend, panels, save, series
 
@@ -165,11 +165,11 @@ def draw(found: list[Judged]) -> None:
 
 
 def main() -> None:
-    """Judge them all."""
+    """Measure all controllers."""
     command(__doc__)
     found = []
     for controller, scene in [*((name, None) for name in shipped_policies()), *BESIDE]:
-        found.append(judge(controller, scene))
+        found.append(scores_of(controller, scene))
         print(found[-1].name, found[-1].score, found[-1].lasts, sep=" | ", flush=True)
     found.sort(key=lambda each: each.card.score, reverse=True)
     rows = []

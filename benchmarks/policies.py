@@ -15,7 +15,7 @@ import numpy as np
 
 import gym_passive_walker as gpw
 from agents.config import Config, configure
-from benchmarks.gauntlet import FALLING, ROUGHNESS, WALKERS, Judged, judge
+from benchmarks.gauntlet import FALLING, ROUGHNESS, WALKERS, Scores, scores_of
 from benchmarks.report import command, machine, table
 from benchmarks.tables import DOCS, keep
 from gym_passive_walker import console
@@ -59,7 +59,7 @@ def _flat(values: Any, name: str = "") -> dict[str, str]:
     return {key: value for part in parts for key, value in part.items()}
 
 
-def described(name: str, found: Judged) -> str:
+def described(name: str, found: Scores) -> str:
     """The section of a policy."""
     policy, gait = gpw.load_policy(name), found.gait
     assert isinstance(policy, TrainedPolicy)
@@ -91,7 +91,7 @@ def described(name: str, found: Judged) -> str:
 def main() -> None:
     """Write the page."""
     command(__doc__)
-    sections = [described(name, judge(name)) for name in shipped_policies()]
+    sections = [described(name, scores_of(name)) for name in shipped_policies()]
     closing = (
         f"The gauntlet has {WALKERS} walks in each test. The first passage is sampled with "
         f"{FALLING.walkers} walkers and at most {FALLING.count} strides each. {machine()}."

@@ -62,7 +62,7 @@ def test_what_is_done_is_not_done_again(tmp_path, monkeypatch):
     assert len(benchmark.load_scores(tmp_path)) == 3
 
 
-def test_a_training_that_was_stopped_is_not_judged(tmp_path, monkeypatch):
+def test_a_training_that_was_stopped_is_not_evaluated(tmp_path, monkeypatch):
     monkeypatch.setattr(benchmark.Run, "train", lambda *_, **__: False)
     with pytest.raises(KeyboardInterrupt):
         benchmark.run(tmp_path, [Unit("steep", "ppo", 0)], budget=0.01, progress=False)
@@ -90,7 +90,7 @@ def optimal_score():
     """The score of the optimal gait's policy on level ground, over few episodes."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(benchmark, "EPISODES", 6)
-        return benchmark.judge(Optimal("level"), "level")
+        return benchmark.scores_of(Optimal("level"), "level")
 
 
 def test_the_policy_of_the_optimal_gait_costs_about_as_much(optimal_score):
@@ -108,8 +108,8 @@ def test_work_is_driving_and_braking(optimal_score):
 
 def test_velocity_perturbations_are_reported_forward_and_backward(optimal_score):
     gait = closed_loop_gait(Optimal("level"), "level")
-    reported = optimal_score["kick_forward"], optimal_score["kick_backward"]
-    assert reported == benchmark.kicks(gait) and reported[0] != reported[1]
+    reported = optimal_score["perturbation_forward"], optimal_score["perturbation_backward"]
+    assert reported == benchmark.largest_perturbations(gait) and reported[0] != reported[1]
 
 
 def test_a_passive_walker_costs_at_a_speed_what_its_slope_pays_whichever_gait_was_found_first():
@@ -126,7 +126,7 @@ def test_a_walk_on_level_ground_is_compared_with_the_passive_walker_at_its_speed
     scores = [
         score("passive", walked_on=0.0), score("lqr", **walks), score("lqr", scene="lab"),
     ]  # fmt: skip
-    assert list(standings.walking_on_the_level(scores)) == ["lqr"]
+    assert list(standings.walking_on_level_ground(scores)) == ["lqr"]
     *_, line = standings.equal_speeds(scores).splitlines()
     least = optimal.least_cost(optimal.load("level"), gait.froude_speed)
     cells = [cell.strip() for cell in line.strip("|").split("|")]
@@ -210,7 +210,7 @@ def test_commands_refuse_nonsense(line, words, tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.learning
-def test_an_agent_learns_and_is_judged(tmp_path, capsys):
+def test_an_agent_learns_and_is_evaluated(tmp_path, capsys):
     line = "benchmark --scenes steep --agents ppo --seeds 1 --budget 0.01 --quiet --out"
     assert train.main([*line.split(), str(tmp_path)]) == 0
     kept = json.loads((tmp_path / "scores" / "steep-ppo-0.json").read_text())
@@ -226,17 +226,18 @@ def test_a_document_without_marks_is_refused_before_anything_is_computed(tmp_pat
             run_benchmark(["--out", str(tmp_path), "--document", str(document)])
 
 
-def test_feedback_survives_harder_kicks_than_nothing():
+def test_feedback_survives_larger_perturbations_than_nothing():
     nothing, held = (
-        benchmark.kicks(closed_loop_gait(p, "steep")) for p in (Passive(), LinearFeedback("steep"))
+        benchmark.largest_perturbations(closed_loop_gait(p, "steep"))
+        for p in (Passive(), LinearFeedback("steep"))
     )
     assert nothing.forward < held.forward and nothing.backward < held.backward
 
 
-def test_the_largest_kick_is_survived_and_a_larger_one_is_not():
-    """A kick forward makes the stance leg faster; one in a hundred is as finely as is looked."""
+def test_the_largest_perturbation_is_survived_and_a_larger_one_is_not():
+    """A forward perturbation accelerates the stance leg; perturbations differ by 1 %."""
     gait = closed_loop_gait(LinearFeedback("steep"), "steep")
-    found = benchmark.kicks(gait)
+    found = benchmark.largest_perturbations(gait)
     assert 0.0 < found.backward < found.forward < 1.0
 
     def walks_on(share):

@@ -77,13 +77,13 @@ def test_what_is_asked_for_is_what_is_done():
     assert configure(steps=1000).every == 50
 
 
-def test_agents_learn_in_short_episodes_from_hard_starts_and_are_judged_in_neither():
+def test_agents_learn_in_short_episodes_from_hard_starts_and_are_evaluated_in_neither():
     config = configure("ppo", "lab", env={"control": "stride", "reset_noise_scale": 0.01}, n_envs=3)
-    learning, judged = envs.training_envs(config), envs.arena(config, 3)
-    learning.reset(), judged.reset()
+    learning, evaluated = envs.training_envs(config), envs.arena(config, 3)
+    learning.reset(), evaluated.reset()
     done = [learning.step(np.zeros((3, 1)))[2] for _ in range(config.episode_steps)]
     assert not np.any(done[:-1]) and np.all(done[-1])
-    assert not any(judged.step(np.zeros((3, 1)))[3].any() for _ in range(500))
+    assert not any(evaluated.step(np.zeros((3, 1)))[3].any() for _ in range(500))
     level = configure("ppo", "level", env={"slope": 0.001})
     assert envs.training_envs(level, 1).scene.reset_noise_scale == 0.15
     assert envs.arena(level, 1).scene == make_scene("level", slope=0.001)

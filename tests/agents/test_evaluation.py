@@ -149,7 +149,7 @@ def test_an_evaluation_tells_what_each_episode_would_be_alone():
 
 
 @pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac"])
-def test_to_be_judged_changes_nothing_in_an_agent(algo):
+def test_evaluation_changes_nothing_in_an_agent(algo):
     config = configure(algo, "level", n_envs=2)
     model = build(config, training_envs(config))
     normalizer = model.get_vec_normalize_env()

@@ -148,6 +148,6 @@ def test_it_learns_to_walk_on_the_level(tmp_path):
     run = Run(configure("shac", "level", steps=100_000, every=100_000), tmp_path)
     assert run.train(progress=False)
     assert run.notes["best"] > 45.0
-    _, rows = evaluation.judge(tmp_path)
+    _, rows = evaluation.evaluate_policy(tmp_path)
     walks = [row for row in rows if row["agent"] == "SHAC"]
     assert all(row["ending"] == WALKED_ON for row in walks)

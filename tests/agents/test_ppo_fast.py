@@ -143,6 +143,6 @@ def test_it_learns_to_walk_on_the_level(tmp_path):
     run = Run(configure("ppo-fast", "level", steps=200_000, every=200_000), tmp_path)
     assert run.train(progress=False)
     assert run.notes["best"] > 35.0
-    _, rows = evaluation.judge(tmp_path)
+    _, rows = evaluation.evaluate_policy(tmp_path)
     walks = [row for row in rows if row["agent"] == "PPO-FAST"]
     assert sum(row["ending"] == WALKED_ON for row in walks) > 15

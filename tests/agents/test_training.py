@@ -263,9 +263,9 @@ def test_a_wish_to_stop_saves_and_the_rest_can_follow(tmp_path, monkeypatch):
 
 def test_starts_may_be_harder_while_learning():
     config = configure("ppo", "rolling")
-    learning, judged = envs.training_envs(config, 1).scene, envs.scene_of(config)
-    assert learning.reset_noise_scale > judged.reset_noise_scale == 0.10
-    assert learning == dataclasses.replace(judged, reset_noise_scale=learning.reset_noise_scale)
+    learning, evaluated = envs.training_envs(config, 1).scene, envs.scene_of(config)
+    assert learning.reset_noise_scale > evaluated.reset_noise_scale == 0.10
+    assert learning == dataclasses.replace(evaluated, reset_noise_scale=learning.reset_noise_scale)
 
 
 def test_policies_are_loaded_without_unpickling(tmp_path, monkeypatch):

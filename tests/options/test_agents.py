@@ -292,8 +292,8 @@ CONFIGURE = {
             every=To(7, expect=lambda a, b: b.every == 7),
         ),
     ),
-    "judge": Call(
-        evaluation.judge,
+    "evaluate_policy": Call(
+        evaluation.evaluate_policy,
         dict(which="steep-ppo", episodes=1),
         dict(which="steep-sac", episodes=2, seed=3),
     ),
