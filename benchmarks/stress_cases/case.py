@@ -48,7 +48,10 @@ class Case(NamedTuple):
     unit: str
 
     def run(self, *, long: bool = False) -> Finding:
-        """Run the test, with random numbers that are equal in every run."""
+        """Run the test, with random numbers that are equal in every run.
+
+        The seed is computed from the statement, so another wording has other random numbers.
+        """
         rng = np.random.default_rng(zlib.crc32(self.statement.encode()))
         return self.check(self.long if long else self.quick, rng)
 

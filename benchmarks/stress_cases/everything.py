@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from benchmarks.stress_cases import (  # noqa: F401
     accuracy,
+    anything,
     chaos,
     coincidences,
     conservation,
@@ -12,11 +13,10 @@ from benchmarks.stress_cases import (  # noqa: F401
     steps,
     strikes,
     vertical,
-    wild,
 )
 from benchmarks.stress_cases.case import CASES, Case
 
-_ORDER = (strikes, steps, coincidences, extremes, wild, conservation, drift, chaos, accuracy)
+_ORDER = (strikes, steps, coincidences, extremes, anything, conservation, drift, chaos, accuracy)
 TOPICS = [module.TOPIC for module in _ORDER]
 
 STATEMENTS: list[Case] = sorted(CASES, key=lambda case: TOPICS.index(case.topic))

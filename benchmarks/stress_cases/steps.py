@@ -21,7 +21,7 @@ _GRAZE = 0.01  # relative change of an initial state within which a graze may ha
 _ONE_IN = 20_000
 
 
-class Wild(NamedTuple):
+class RandomStrides(NamedTuple):
     """Strides of one walker from random states, each towards its own foothold.
 
     Attributes:
@@ -39,7 +39,7 @@ class Wild(NamedTuple):
         """Records of the strides at a tolerance, (n,)."""
         return self.flock.follow(self.states, tolerance=tolerance, **self.ground)
 
-    def beside(self, i: int, count: int, rng: np.random.Generator) -> Wild:
+    def beside(self, i: int, count: int, rng: np.random.Generator) -> RandomStrides:
         """Strides from states near that of stride `i`, towards footholds near its own."""
         shake = 1.0 + _GRAZE * rng.uniform(-1.0, 1.0, (count, 6))
         states = self.states[i] * shake
@@ -65,7 +65,7 @@ def footholds(rng: np.random.Generator, count: int) -> dict[str, NDArray[np.floa
     }
 
 
-def wild(rng: np.random.Generator, name: str, count: int) -> Wild:
+def random_strides(rng: np.random.Generator, name: str, count: int) -> RandomStrides:
     """Strides of a preset from both feet on the ground, with random angular velocities."""
     walker = WALKERS[name]
     angle = rng.uniform(0.02, 0.7, count)
@@ -74,7 +74,7 @@ def wild(rng: np.random.Generator, name: str, count: int) -> Wild:
     states = np.concatenate([np.outer(angle, [1.0, -1.0, -1.0]), rates], axis=1)
     if not walker.knees:
         states[:, 5] = states[:, 4]
-    return Wild(flock(walker, using=UNEVEN), states, footholds(rng, count))
+    return RandomStrides(flock(walker, using=UNEVEN), states, footholds(rng, count))
 
 
 def portions(rng: np.random.Generator, count: int):
@@ -83,7 +83,7 @@ def portions(rng: np.random.Generator, count: int):
     for turn in range(max(1, count // (size * len(WALKERS) * len(_TOLERANCES)))):
         for name in WALKERS:
             for tolerance in _TOLERANCES:
-                yield wild(rng, name, size), tolerance, turn
+                yield random_strides(rng, name, size), tolerance, turn
 
 
 @case(
