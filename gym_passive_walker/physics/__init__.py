@@ -1,1 +1,1 @@
-"""The engine: numbers in, numbers out."""
+"""Models of the walkers: equations of motion, guards, resets and energies, as plain functions."""

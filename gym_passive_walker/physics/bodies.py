@@ -1,7 +1,7 @@
-"""A walker's dimensionless constants: what its equations need to know of it.
+"""Dimensionless constants of a walker in its equations of motion.
 
-First moments are mass times position, given along a leg (from foot to hip) and across it
-(backwards); everything is dimensionless, see `hybrid`.
+First moments are mass times position, along a leg (from foot to hip) and across it (backwards).
+Everything is dimensionless; see `hybrid`.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from gym_passive_walker.physics.hybrid import Number
 
 
 class SimplestBody(NamedTuple):
-    """What every walker has, and all that one on legs without mass has.
+    """Constants of legs without mass, which all walkers have.
 
-    Torques are in units of m g l; of the simplest walker they are per unit of foot mass, in g l.
+    Torques are in units of m g l. For the simplest walker they are per unit of foot mass, in g l.
 
     Attributes:
-        foot_radius: Of the foot.
-        leg: Foot centre to hip.
+        foot_radius: Radius of the foot.
+        leg: Distance from foot centre to hip.
         hip_stiffness: Of the spring between the legs, torque per angle.
         hip_friction: Of the hip, torque per angular velocity, over sqrt(l/g).
     """
@@ -33,21 +33,22 @@ class SimplestBody(NamedTuple):
 
 
 class _Legs(NamedTuple):
-    """What legs with mass add; first moments are mass times position.
+    """Further constants of legs with mass; first moments are mass times position.
 
     Attributes:
         foot_diameter: Twice the foot's radius.
-        stance_along: First moment of the stance leg from the foot centre, the rest at its hip.
-        stance_across: Its part across the leg.
-        stance_inertia: Its second moment, plus that of the foot's rolling.
-        swing_along: First moment of the straight swing leg from the hip.
-        swing_across: Its part across the leg.
-        swing_inertia: Its second moment.
+        stance_along: First moment of the stance leg about the foot centre, along the leg, with all
+            other mass at the hip.
+        stance_across: The same moment across the leg.
+        stance_inertia: Second moment of the stance leg, plus that of the foot's rolling.
+        swing_along: First moment of the straight swing leg about the hip, along the leg.
+        swing_across: The same moment across the leg.
+        swing_inertia: Second moment of the straight swing leg about the hip.
         swing_mobility: 1 / swing_inertia.
         leg_mass: Mass of one leg.
-        leg_com_along: Its centre of mass from the foot centre.
-        leg_com_across: Its position across the leg.
-        leg_spin: Moment of inertia about that centre of mass.
+        leg_com_along: Centre of mass of a leg from the foot centre, along the leg.
+        leg_com_across: The same across the leg.
+        leg_spin: Moment of inertia of a leg about its centre of mass.
     """
 
     foot_diameter: Number
@@ -65,21 +66,21 @@ class _Legs(NamedTuple):
 
 
 class _Knee(NamedTuple):
-    """What a free knee adds.
+    """Further constants of a leg with a free knee.
 
     Attributes:
-        thigh_along: First moment of the thigh with the shank's mass at the knee, from the hip.
-        thigh_across: Its part across the leg.
-        thigh_inertia: Its second moment.
-        shank_along: First moment of the shank from the knee.
-        shank_across: Its part across the leg.
-        shank_inertia: Its second moment.
+        thigh_along: First moment about the hip of the thigh with the shank's mass at the knee.
+        thigh_across: The same moment across the leg.
+        thigh_inertia: Second moment of the same masses about the hip.
+        shank_along: First moment of the shank about the knee.
+        shank_across: The same moment across the leg.
+        shank_inertia: Second moment of the shank about the knee.
         shank_mobility: 1 / shank_inertia.
-        knee_cosine: Inertia between thigh and shank: cosine part of their angle.
-        knee_sine: Sine part.
-        knee_along: Knee from the hip, in the thigh.
-        knee_across: Its position across the leg.
-        knee_stiffness: Of the spring that straightens the knee, / (m g l).
+        knee_cosine: Coupling inertia of thigh and shank: factor of the cosine of their angle.
+        knee_sine: The same for the sine.
+        knee_along: Position of the knee from the hip, along the leg.
+        knee_across: The same across the leg.
+        knee_stiffness: Of the spring that straightens the knee, over m g l.
     """
 
     thigh_along: Number
@@ -104,14 +105,14 @@ KneedBody: Any = namedtuple("KneedBody", (*StraightBody._fields, *_Knee._fields)
 
 
 def body_from(p: Any, Body: type) -> Any:
-    """The constants of a walker with McGeer's parameters.
+    """Constants of a walker from McGeer's parameters.
 
     Args:
-        p: Anything with the attributes of a `Walker`; numbers, complex ones too, or arrays.
-        Body: Which constants its equations take.
+        p: An object with the attributes of a `Walker`: real or complex numbers, or arrays.
+        Body: Class of the constants: `SimplestBody`, `StraightBody` or `KneedBody`.
 
     Returns:
-        One of that kind.
+        An object of that class.
     """
     sin, cos = np.sin, np.cos
     length = p.thigh_length + p.shank_length

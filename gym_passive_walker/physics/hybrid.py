@@ -1,14 +1,13 @@
-"""What a walker is for computation: a hybrid system.
+"""Definition of a walker as a hybrid system.
 
-A system has *phases*, in which it moves by differential equations. A phase ends where one of its
-*guards*, a function of the state, falls through zero; a *reset* then says with what state the next
-phase, or the next stride, begins, and what energy that costs. `kneed`, `straight` and `simplest`
-state one system each, in plain functions of the tuples below; nothing else knows their equations.
+A system has *phases*, each with differential equations. A phase ends where one of its *guards*, a
+function of the state, falls through zero. A *reset* then returns the state in which the next phase
+or the next stride begins, and the energy lost. `kneed`, `straight` and `simplest` define one system
+each, as plain functions of the tuples below. No other module contains their equations.
 
-Everything is dimensionless: the leg length l is the unit of length, the walker's total mass the
-unit of mass, and sqrt(l/g) the unit of time. So a leg of a millimetre and one of a kilometre run
-through the same numbers. Vectors have the parts (back, up): against the walking direction and away
-from the ground.
+Everything is dimensionless: the unit of length is the leg length l, that of mass the walker's total
+mass m, and that of time sqrt(l/g). Numbers therefore do not depend on the size of a leg. Vectors
+have the components (back, up): against the walking direction and away from the ground.
 """
 
 from __future__ import annotations
@@ -18,11 +17,11 @@ from enum import IntEnum
 from typing import Any, NamedTuple
 
 Number = Any
-"""A float, an array, a symbol, an expression: see `numbers`."""
+"""A float, an array, a symbol or an expression: see `numbers`."""
 
 
 class State(NamedTuple):
-    """Absolute angles in rad, and their rates; with a straight swing leg, shank is thigh."""
+    """Absolute angles in rad, and angular velocities; a straight swing leg has shank = thigh."""
 
     stance: Number
     thigh: Number
@@ -33,7 +32,7 @@ class State(NamedTuple):
 
 
 class Control(NamedTuple):
-    """What motors do, held constant while the engine runs.
+    """Torques and other controls of the actuators, constant while the engine runs.
 
     Attributes:
         hip: Torque between stance leg and swing thigh, positive when it opens the legs.
@@ -45,14 +44,14 @@ class Control(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """What the stance foot stands on, and the foothold that comes next.
+    """The foothold of the stance foot, and the next foothold.
 
     Attributes:
-        sine: Of the slope: gravity's part along it, downhill.
-        cosine: Gravity's part into it.
-        height_change: Height of the next foothold over this one, along this one's normal.
-        slope_change: By how much the next one slopes more steeply downhill; it touches the foot
-            that lands.
+        sine: Sine of the slope: component of gravity along the ground, downhill.
+        cosine: Cosine of the slope: component of gravity into the ground.
+        height_change: Height of the next foothold over this one, along the normal of this one.
+        slope_change: Slope of the next foothold minus that of this one, in rad, positive downhill.
+            It affects only the foot that lands.
     """
 
     sine: Number
@@ -62,14 +61,14 @@ class Ground(NamedTuple):
 
 
 SMOOTH = Ground(0.0, 1.0)
-"""Level, and goes on as it is."""
+"""Level ground without steps."""
 
 
 class Outcome(IntEnum):
     """Result of a stride or of a control step."""
 
     RUNNING = 0
-    """The time asked for is over and the stride goes on."""
+    """The time limit was reached during the stride."""
     HEELSTRIKE = 1
     """The swing foot came down in front: the next stride begins."""
     KNEESTRIKE = 2
@@ -79,20 +78,20 @@ class Outcome(IntEnum):
     FELL_BACKWARD = 4
     """The stance leg lies on the ground behind."""
     SWING_OVERROTATION = 5
-    """The swing leg went round beyond the upright."""
+    """The swing leg rotated beyond upright."""
     STUBBED_TOE = 6
-    """The locked swing leg of a kneed walker was below the ground (only where this is a rule)."""
+    """The locked swing leg of a kneed walker was below the ground (only with `end_on_toe_stub`)."""
     KNEE_NOT_LOCKED = 7
     """The foot came down in front before the knee had locked."""
     STALLED = 8
-    """No heelstrike within the time or the integration steps allowed: rocking, standing, hanging,
-    or whirling too fast to be followed."""
+    """No heelstrike within the time or the number of integration steps: the walker rocks, stands,
+    hangs, or rotates too fast to integrate."""
     DIVERGED = 9
-    """The motion left the range of floating-point numbers."""
+    """The state left the range of floating-point numbers."""
 
 
 class Stage(IntEnum):
-    """What the swing leg is doing: which equations a walker obeys in a phase."""
+    """Kind of motion of the swing leg, which determines the equations of a phase."""
 
     FREE = 0
     """Knee free: three links."""
@@ -103,26 +102,27 @@ class Stage(IntEnum):
 
 
 class Watch(IntEnum):
-    """How closely a guard is watched."""
+    """How a guard is checked within an integration step."""
 
     STRIKE = 0
-    """It may be zero where its phase starts; even two passages within one step are found."""
+    """An impact: may be zero at the start of its phase; two crossings in one step are found too."""
     BOUND = 1
-    """It is positive while the phase lasts: a phase that would begin beyond it ends at once."""
+    """A bound: positive during the phase. A phase that begins beyond it ends at once."""
     SCUFF = 2
-    """It counts only where scuffing is a rule; checked from one step's end to the next."""
+    """Applies only with `end_on_toe_stub`; checked at the ends of each step."""
 
 
 class Guard(NamedTuple):
-    """What ends a phase.
+    """An event that ends a phase.
 
     Attributes:
-        falls: Function of body, state and ground that ends the phase as it falls through zero.
-        outcome: How the phase has ended then.
-        watch: How closely to look.
-        where: Functions of the same that are all positive where falling through zero counts.
-        between: At how many places within an integration step a strike's guard is checked too:
-            it may fall and rise again within a step, the sooner the less linear in the angles.
+        falls: Function of body, state and ground; the event is where it falls through zero.
+        outcome: Outcome of the phase.
+        watch: How the guard is checked.
+        where: Functions of the same arguments. The event counts only where all are positive.
+        between: Number of places within an integration step at which the guard of an impact is
+            checked too. A guard that is far from linear in the angles may fall and rise within a
+            step.
     """
 
     falls: Callable[[Any, State, Ground], Number]
@@ -133,12 +133,12 @@ class Guard(NamedTuple):
 
 
 class Refusal(NamedTuple):
-    """A state in which no phase can begin.
+    """A state after a reset in which no phase can begin.
 
     Attributes:
-        if_: Condition, of body, state after a reset, and ground.
-        outcome: How the stride has ended if it holds.
-        scuff: Whether it counts only where scuffing is a rule.
+        if_: Condition, a function of body, state after the reset, and ground.
+        outcome: Outcome of the stride if the condition holds.
+        scuff: Whether the condition applies only with `end_on_toe_stub`.
     """
 
     if_: Callable[[Any, State, Ground], Number]
@@ -147,12 +147,12 @@ class Refusal(NamedTuple):
 
 
 class Strike(NamedTuple):
-    """What has come of a strike.
+    """Result of an impact.
 
     Attributes:
-        after: The state after it.
-        lost: The energy lost.
-        work: That of the push-off just before it.
+        after: State after the impact.
+        lost: Energy lost.
+        work: Work of the push-off just before the impact.
     """
 
     after: State
@@ -161,14 +161,14 @@ class Strike(NamedTuple):
 
 
 class Reset(NamedTuple):
-    """What a strike does.
+    """Change of the state at an impact.
 
     Attributes:
-        strike: Function of body, state before, push-off and ground; the state after is over the
-            next foothold.
-        into: Index of the phase that begins; None if the stride is over and the legs have changed
-            roles.
-        refuses: After which states no phase begins.
+        strike: Function of body, state before, push-off and ground. The state after is relative to
+            the next foothold.
+        into: Index of the phase that begins; None if the stride has ended and the legs have
+            exchanged roles.
+        refuses: Conditions under which no phase can begin after the impact.
     """
 
     strike: Callable[[Any, State, Number, Ground], Strike]
@@ -177,16 +177,16 @@ class Reset(NamedTuple):
 
 
 class Phase(NamedTuple):
-    """A way of moving.
+    """A part of a stride with its own equations of motion.
 
     Attributes:
-        stage: What the swing leg is doing.
-        links: Angles that move by themselves: 3, or 2 where the shank goes with the thigh.
-        accelerations: Function of body, state, control and ground: one for each link.
-        guards: What ends it; of several that fall at one instant, the first counts.
-        resets: By the outcome that they answer; other outcomes are falls.
-        push: Function of body, state and an impulse on the hip, by its parts back and up: by how
-            much the rate of each link jumps while the stance foot stays where it is.
+        stage: Kind of motion of the swing leg.
+        links: Number of independent angles: 3, or 2 if shank and thigh move together.
+        accelerations: Function of body, state, control and ground; one acceleration for each link.
+        guards: Events that end the phase. Of several at the same instant, the first one counts.
+        resets: Resets by outcome; outcomes without a reset are falls.
+        push: Function of body, state and the components (back, up) of an impulse on the hip.
+            Returns the change of each link's angular velocity, with the stance foot at rest.
     """
 
     stage: Stage
@@ -198,24 +198,24 @@ class Phase(NamedTuple):
 
     @property
     def strike(self) -> int | None:
-        """Which of the guards is the strike that the phase leads to; None if there is none."""
+        """Index of the guard of the impact that ends the phase; None if there is none."""
         strikes = (i for i, guard in enumerate(self.guards) if guard.watch == Watch.STRIKE)
         return next(strikes, None)
 
 
 def travel(state: State) -> Control:
-    """For each control the coordinate that it moves."""
+    """For each control, the coordinate along which it does work."""
     return Control(hip=state.thigh - state.stance, ankle=-state.stance)
 
 
 class Step(NamedTuple):
-    """What a heelstrike ends: measures of the stride.
+    """Measures of a stride that a heelstrike has ended.
 
     Attributes:
-        length: From contact to contact.
-        passed: How far the hip is then ahead of where its old foot stands at stance angle 0.
+        length: Distance from contact to contact.
+        passed: Distance of the hip from its place over the old foot at stance angle 0.
         gravity_work: Work of gravity in the stride.
-        spring_work: Work of springs in it.
+        spring_work: Work of springs in the stride.
     """
 
     length: Number
@@ -225,7 +225,7 @@ class Step(NamedTuple):
 
 
 def measured(system: Any, body: Any, start: Any, before: Any, after: Any, ground: Ground) -> Step:
-    """The stride that a heelstrike has ended, by its `place` over the old foot and over the new."""
+    """Measures of a stride, from the hip's `place` over the old foot and over the new one."""
     began = before._make([*start, *before[len(start) :]])
     passed = system.place(body, before)
     return Step(
@@ -240,31 +240,31 @@ class System(NamedTuple):
     """A kind of walker.
 
     Attributes:
-        name: What it is called.
-        Body: Named tuple of what its equations need to know of a walker.
-        phases: Its phases; a stride begins in the first.
-        place: Function of body and state: how far the hip is ahead of where its foot stands at
-            stance angle 0.
+        name: Name of the kind.
+        Body: Named tuple of the constants in its equations.
+        phases: Phases; a stride begins in the first one.
+        place: Function of body and state: distance of the hip from its place over the stance foot
+            at stance angle 0.
         kinetic_energy: Function of body and state.
-        potential_gain: Function of body, two states over the same contact, and ground: what the
-            energy in gravity's field gains from the first to the second, without loss of digits
-            where they are close.
-        foot_clearance: Function of body and state: height of the swing foot over the ground, which
-            is a whole circle here.
-        measure: Function of system, body, angles where the stride began, states just before and
+        potential_gain: Function of body, two states over the same contact, and ground: gain of
+            potential energy from the first state to the second. It keeps its digits where the
+            states are close.
+        foot_clearance: Function of body and state: height over the ground of the swing foot, taken
+            as a full circle.
+        measure: Function of system, body, angles at the start of the stride, states just before and
             after a heelstrike, and ground: the `Step` that has ended.
-        mass_matrix: Function of body and state: its upper triangle, row by row; of legs that have
+        mass_matrix: Function of body and state: upper triangle of the mass matrix, row by row; None
+            for legs without mass.
+        travel: Function of a state: for each control, the coordinate along which it does work. The
+            work of a constant control is the control times the change of that coordinate.
+        works: For each control, 1 if it does work, else 0, as for a hip torque on legs without
             mass.
-        travel: Function of a state: for each control the coordinate that it moves, so that the work
-            of a constant control is it times the change of that coordinate.
-        works: Whether each control works, 1 or 0: a hip's not on legs without mass.
-        spring_gain: Function of body and two states: what the energy of springs gains;
-            None where it counts for nothing.
-        friction_power: Function of body and state: what friction takes; None without friction.
-        absent: Constants of its body, controls, impulses and parts of the ground that are zero for
-            certain. Code is made without them, so that a walker does not pay for what it has not.
-        State: Named tuple of its coordinates, and behind them of their rates in the same order.
-        Control: Named tuple of its controls.
+        spring_gain: Function of body and two states: gain of the springs' energy; None without.
+        friction_power: Function of body and state: power dissipated by friction; None without.
+        absent: Names of constants, controls, impulses and ground data that are always zero. They
+            are omitted from the compiled code.
+        State: Named tuple of the coordinates, followed by their rates in the same order.
+        Control: Named tuple of the controls.
     """
 
     name: str
@@ -286,5 +286,5 @@ class System(NamedTuple):
 
     @property
     def coordinates(self) -> int:
-        """How many numbers say where it is; as many say how it moves."""
+        """Number of coordinates; the state has as many rates."""
         return len(self.State._fields) // 2  # type: ignore[attr-defined]

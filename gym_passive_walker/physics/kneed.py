@@ -1,8 +1,8 @@
-"""Three links: a straight stance leg that rolls on its foot, a swing thigh and a free shank.
+"""A walker with knees: a stance leg that rolls on its foot, a swing thigh and a free shank.
 
-The shank hangs from the thigh as the thigh does from the stance leg. McGeer's stride has two
-phases: the knee is free until kneestrike, and locked until heelstrike; see `straight` for the
-second one and for the notation.
+The shank hangs from the thigh as the thigh hangs from the stance leg. McGeer's stride has two
+phases: the knee is free until kneestrike, and locked until heelstrike. `straight` has the second
+phase and the notation.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def mass_matrix(body, state):
 
 
 def forces(body, state, control, ground):
-    """What accelerates stance leg, thigh and shank: rates, gravity and controls."""
+    """Generalized forces on stance leg, thigh and shank: from motion, gravity and controls."""
     sine, cosine = sine_cosine(state.stance)
     stance_back, stance_up = turned(body.stance_along, body.stance_across, sine, cosine)
     hip_back, hip_up = body.leg * sine, body.foot_radius + body.leg * cosine
@@ -105,7 +105,7 @@ def accelerations(body, state, control, ground):
 
 
 def push(body, state, back, up):
-    """Changes of the three rates by an impulse (back, up) on the hip, the knee free."""
+    """Changes of the three angular velocities by an impulse (back, up) on the hip, knee free."""
     momenta = legs.moment_of_push(body, state.stance, back, up), 0.0, 0.0
     return solve_chain(mass_matrix(body, state), body.shank_mobility, momenta)
 
@@ -137,8 +137,8 @@ def spring_gain(body, start, end):
 def kneestrike(body, before, push_off=0.0, ground=SMOOTH):
     """Plastic collision of the shank with its stop, leg straight (subsection 4.10.6).
 
-    Angular momentum of the whole walker about the contact and of the swing leg about the hip pass
-    through it. No push-off is due here, and no foothold near.
+    Two angular momenta are conserved: that of the whole walker about the contact, and that of the
+    swing leg about the hip. Push-off and the next foothold are ignored.
     """
     before = before._replace(shank=before.thigh)
     m11, m12, m13, m22, m23, m33 = mass_matrix(body, before)
@@ -160,10 +160,10 @@ def kneestrike(body, before, push_off=0.0, ground=SMOOTH):
 
 
 def heelstrike(body, before, push_off=0.0, ground=SMOOTH):
-    """Plastic collision of the swing foot, upon which the old stance knee is free.
+    """Plastic collision of the swing foot; the old stance knee is free afterwards.
 
-    As for straight legs (`straight.heelstrike`), and the angular momentum of the new shank about
-    its knee passes through it as well (subsection 4.10.8).
+    The same momenta as with straight legs are conserved (`straight.heelstrike`), and the angular
+    momentum of the new shank about its knee (subsection 4.10.8).
     """
     before, velocity, work = straight.strike_with(body, before, push_off, ground)
     rate, hip_back, hip_up, momentum, energy = straight.stance_collision(body, before, velocity)
@@ -192,7 +192,7 @@ def heelstrike(body, before, push_off=0.0, ground=SMOOTH):
 
 
 def knee(body, thigh):
-    """The swing knee from the hip, as (back, up)."""
+    """Position (back, up) of the swing knee from the hip."""
     return turned(body.knee_along, body.knee_across, *sine_cosine(thigh))
 
 
@@ -205,12 +205,12 @@ def foot_clearance(body, state):
 
 
 def under_ground(body, state, ground):
-    """Whether the foot of a straight leg is under the ground, on both footholds' side."""
+    """Whether the foot of a straight leg is below both footholds."""
     return straight.foot_clearance(body, state) < legs.lower(ground)
 
 
 def let_through(body, state, ground):
-    """Whether the foot is under the ground in front, and sinks: the free knee let it through."""
+    """Whether the foot is below the ground in front and descends: the free knee let it pass."""
     return (
         legs.in_front(state)
         & (straight.foot_clearance(body, state) <= ground.height_change)

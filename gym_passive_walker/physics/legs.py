@@ -1,7 +1,7 @@
-"""What all legs share: vectors, small linear systems, and where things are.
+"""Functions that all kinds of legs share: vectors, small linear systems, and positions.
 
-A leg's own vectors are given *along* it (from foot to hip) and *across* it (backwards); turned by
-its angle they have the parts (back, up).
+Vectors that are fixed to a leg have components *along* it (from foot to hip) and *across* it
+(backwards). Rotated by the leg's angle they have the components (back, up).
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from gym_passive_walker.physics.numbers import larger, sine_cosine
 
 
 def turned(along, across, sine, cosine):
-    """A vector fixed to a leg, (along, across) it, as (back, up)."""
+    """Components (back, up) of a vector fixed to a leg, given along and across the leg."""
     return along * sine + across * cosine, along * cosine - across * sine
 
 
 def difference(along, across, start, end):
-    """How a vector fixed to a leg changes as the leg turns, as (back, up).
+    """Change (back, up) of a vector fixed to a leg between two angles of the leg.
 
-    By half angles, so that small differences keep their digits.
+    It is computed with half angles, so that small differences keep their digits.
     """
     half, _ = sine_cosine(0.5 * (end - start))
     sine, cosine = sine_cosine(0.5 * (end + start))
@@ -28,16 +28,17 @@ def difference(along, across, start, end):
 
 
 def gravity(body, state, ground):
-    """Gravity (down, forward) as it is felt on the point of the foot that touches the ground.
+    """Effective gravity (down, forward) at the contact point of the foot.
 
-    A foot that rolls throws that point up, with its radius times the square of its rate.
+    The contact point of a rolling foot accelerates upwards by its radius times the squared angular
+    velocity.
     """
     lift = body.foot_radius * (state.stance_rate * state.stance_rate)
     return ground.cosine + lift, ground.sine
 
 
 def weight_moment(back, up, gravity):
-    """Torque of gravity (down, forward) on a first moment: it tips backwards what lies behind."""
+    """Torque of gravity (down, forward) on a first moment (back, up), positive backwards."""
     down, forward = gravity
     return down * back - forward * up
 
@@ -72,9 +73,9 @@ def solve_chain(mass, mobility, force):
 
 
 def push_off(body, stance, swing):
-    """What a unit impulse of the ground along the stance leg does to a walker with straight legs.
+    """Effect of a unit impulse of the ground along the stance leg on a walker with straight legs.
 
-    It acts at the contact, and the foot leaves the ground as fast as it may.
+    The impulse acts at the contact; afterwards the foot may leave the ground at any velocity.
 
     Args:
         body: The walker.
@@ -82,8 +83,8 @@ def push_off(body, stance, swing):
         swing: Angle of the swing leg.
 
     Returns:
-        Change of the hip's velocity (back, up); of the stance and the swing leg's rates; and the
-        velocity that the foot gets along the leg, of which half is the work.
+        Changes of the hip's velocity (back, up) and of the angular velocities of stance and swing
+        leg; and the foot's velocity along the leg, which is twice the work.
     """
     stance_sine, stance_cosine = sine_cosine(stance)
     push_back, push_up = stance_sine, stance_cosine
@@ -91,8 +92,8 @@ def push_off(body, stance, swing):
     old = turned(body.swing_along, body.swing_across, stance_sine, stance_cosine)
     new = turned(body.swing_along, body.swing_across, *sine_cosine(swing))
     mobility = body.swing_mobility
-    # A leg that hangs from a hip moving by v turns by (spin - back' v_up + up' v_back) mobility,
-    # which leaves the hip with the mass of the whole less what the legs yield.
+    # A leg that hangs from a hip with velocity v gets the angular velocity
+    # (spin - back' v_up + up' v_back) mobility. Eliminating it reduces the hip's effective mass.
     spin = push_up * hip_back - push_back * hip_up
     velocity_back, velocity_up = solve(
         1.0 - mobility * (old[1] * old[1] + new[1] * new[1]),
@@ -108,8 +109,7 @@ def push_off(body, stance, swing):
     return (velocity_back, velocity_up), stance_rate, swing_rate, gained
 
 
-# What is fitted to the joints: springs that are relaxed where legs are parallel and straight, and
-# viscous friction.
+# Springs and viscous friction at the joints; springs are relaxed if legs are parallel and straight.
 
 
 def hip_torque(body, state, control):
@@ -124,13 +124,13 @@ def knee_torque(body, state):
 
 
 def friction_power(body, state):
-    """What friction takes / (m g l sqrt(g/l)), always positive."""
+    """Power dissipated by friction / (m g l sqrt(g/l)), never negative."""
     opening = state.thigh_rate - state.stance_rate
     return body.hip_friction * (opening * opening)
 
 
 def stretch_gain(start, end):
-    """What half the square of a spring's angle gains, without loss of digits."""
+    """Change of half the square of a spring's angle, without loss of digits."""
     return 0.5 * ((end - start) * (end + start))
 
 
@@ -140,14 +140,14 @@ def hip_spring_gain(body, start, end):
 
 
 def potential_gain(body, start, end, ground, *hanging):
-    """Energy gained in gravity's field by stance leg, the rest at its hip, and what hangs there.
+    """Gain of potential energy / (m g l) of stance leg, masses at its hip, and hanging parts.
 
     Args:
         body: The walker.
-        start: State.
-        end: Another one over the same contact.
-        ground: The slope.
-        hanging: By how much the first moment of each part changes, (back, up).
+        start: State at the start.
+        end: State at the end, over the same contact.
+        ground: Ground, for its slope.
+        hanging: Change of the first moment (back, up) of each hanging part.
     """
     back, up = difference(body.stance_along, body.stance_across, start.stance, end.stance)
     back = back + body.foot_radius * (end.stance - start.stance)
@@ -156,31 +156,32 @@ def potential_gain(body, start, end, ground, *hanging):
     return ground.cosine * up + ground.sine * back
 
 
-# Where things are. `body` is any walker's: foot_radius and leg, from foot centre to hip.
+# Positions. `body` is that of any walker: foot_radius, and leg from foot centre to hip.
 
 
 def hip(body, stance):
-    """The hip from the point of contact, as (back, up)."""
+    """Position (back, up) of the hip relative to the contact point."""
     sine, cosine = sine_cosine(stance)
     return body.leg * sine, body.foot_radius + body.leg * cosine
 
 
 def progress(body, stance):
-    """How far the hip is ahead of the point that the foot stands on at stance angle 0."""
+    """Distance of the hip from its place over the stance foot at stance angle 0."""
     sine, _ = sine_cosine(stance)
     return -(body.foot_radius * stance + body.leg * sine)
 
 
 def step_length(body, start, end, landing=None, turn=0.0):
-    """From one contact point to the next, along the ground of the first.
+    """Distance between contact points, along the ground of the first one.
 
     Args:
         body: The walker.
-        start: Stance angle where the stride began.
-        end: Angle of the new stance leg where it ends.
-        landing: That of the old one then; on smooth ground minus the new one's.
-        turn: By how much the next foothold slopes more steeply: a foot touches it where its normal
-            leads from the foot's centre.
+        start: Stance angle at the start of the stride.
+        end: Angle of the new stance leg at its end.
+        landing: Angle of the old stance leg at its end; on smooth ground, minus that of the new
+            one.
+        turn: Slope change of the next foothold in rad. A foot touches it at the point where its
+            normal passes through the foot's centre.
     """
     landing = -end if landing is None else landing
     (new, _), (old, _), (tilted, _) = sine_cosine(end), sine_cosine(landing), sine_cosine(turn)
@@ -188,7 +189,7 @@ def step_length(body, start, end, landing=None, turn=0.0):
 
 
 def measure(system, body, start, before, after, ground):
-    """The stride that a heelstrike has ended; see `hybrid.System`."""
+    """Measures of the stride that a heelstrike has ended; see `hybrid.System`."""
     start = after._replace(stance=start[0], thigh=start[1], shank=start[2])
     old, new = after.thigh - ground.slope_change, after.stance - ground.slope_change
     end = after._replace(stance=old, thigh=new, shank=new)
@@ -201,15 +202,15 @@ def measure(system, body, start, before, after, ground):
 
 
 def place(body, state):
-    """How far the hip is ahead of where its foot stands at stance angle 0."""
+    """Distance of the hip from its place over the stance foot at stance angle 0."""
     return progress(body, state.stance)
 
 
 def standing(body, state, ground):
-    """The state with straight legs and both feet on the ground, by a small correction.
+    """A state with straight legs and both feet on the ground, by a small correction.
 
-    Legs with an angle 2 d between them stand on footholds that differ in height by `rise` where the
-    sine of their mean angle is rise / (2 leg sin d): one step of Newton's method from there.
+    Consider legs with an angle 2 d between them, on footholds that differ in height by `rise`. The
+    sine of their mean angle is rise / (2 leg sin d). One step of Newton's method solves this.
     """
     mean, half = 0.5 * (state.stance + state.thigh), 0.5 * (state.thigh - state.stance)
     sine, cosine = sine_cosine(mean)
@@ -231,7 +232,7 @@ NARROWEST = 0.0202
 
 
 def in_front(state):
-    """Whether the swing leg is where a heelstrike may come."""
+    """Whether the swing leg is in a position in which a heelstrike counts."""
     return (state.stance < 0.0) & (state.thigh > state.stance)
 
 
@@ -241,15 +242,15 @@ def lower(ground):
 
 
 def striking_velocity(body, state, turn=0.0):
-    """Velocity of the foot that lands on the next foothold, (back, up) there.
+    """Velocity (back, up) of the landing foot, in the frame of the next foothold.
 
-    Equation 4.10, without its misprint-prone signs: the old hip velocity less the new rolling.
-    What is alike of both feet is taken out first.
+    This is Equation 4.10 in vector form: the old velocity of the hip minus that of rolling on the
+    new foot. The part that both feet have in common is subtracted first.
 
     Args:
         body: The walker.
-        state: Just before the strike, angles from the next foothold's normal.
-        turn: By how much it slopes more steeply than the old one.
+        state: State just before the impact, angles from the next foothold's normal.
+        turn: Slope change of the next foothold in rad.
     """
     sine, cosine = sine_cosine(turn)
     old_sine, old_cosine = sine_cosine(state.stance)
@@ -264,9 +265,10 @@ def striking_velocity(body, state, turn=0.0):
 
 
 def moment_of_push(body, stance, back, up):
-    """Angular momentum about the contact that an impulse (back, up) on the hip brings.
+    """Angular momentum about the contact of an impulse (back, up) on the hip.
 
-    That is all a push does to the angles' momenta: the hip moves with the stance leg alone.
+    It is the only generalized momentum that a push changes: the hip moves with the stance leg
+    alone.
     """
     hip_back, hip_up = hip(body, stance)
     return impulse(hip_back, hip_up, back, up)
@@ -277,7 +279,7 @@ def straight(stance, thigh, stance_rate, thigh_rate):
     return State(stance, thigh, thigh, stance_rate, thigh_rate, thigh_rate)
 
 
-# What ends a phase of any walker.
+# Guards of all walkers.
 
 HEELSTRIKE = Guard(  # the swing foot comes down on the next foothold
     lambda body, state, ground: clearance(body, state.stance, state.thigh) - ground.height_change,
@@ -325,9 +327,9 @@ _ON_SMOOTH_GROUND = {
 
 
 def on_smooth_ground(phase: Phase) -> Phase:
-    """A phase on ground without steps: its guards fall where they do anywhere, and are linear.
+    """A phase on smooth ground: the guards of heelstrike and toe stub are linear in the angles.
 
-    So they seldom fall and rise again within a step, and are checked at its ends alone.
+    They seldom fall and rise again within a step, so they are checked at its ends alone.
     """
     each = (_ON_SMOOTH_GROUND.get(guard, (guard,)) for guard in phase.guards)
     guards = (guard._replace(between=0) for guards in each for guard in guards)

@@ -1,8 +1,8 @@
-"""What the equations need of numbers beyond + − × ÷: sine and cosine, and the larger of two.
+"""Functions of numbers that the equations use besides + − × ÷: sine and cosine, and a maximum.
 
-The statements in `physics` are plain functions. They run over floats and arrays, over SymPy's or
-heyoka's symbols, and over the expressions that the engine compiles; each kind of number registers
-here how it does these; other kinds are registered from outside:
+The models in `physics` are plain functions. They run with floats and arrays, with symbols of SymPy
+or heyoka, and with the expressions that the engine compiles. Each kind of number registers its
+functions here. Other modules can register further kinds:
 
     sine_cosine.register(heyoka.expression, lambda x: (heyoka.sin(x), heyoka.cos(x)))
 """

@@ -1,9 +1,10 @@
 """The simplest walker: a mass at the hip, legs without mass, and feet of vanishing mass.
 
-The limit of `straight` with point feet as the feet's mass goes to zero: the swing leg no longer
-acts on the stance leg. A hip torque that the limit survives is one in proportion to the foot's
-mass, so here the torque is per unit of foot mass (times g l). Its work, as the foot's kinetic
-energy, is nothing beside the hip's. The same holds for a spring and friction at the hip.
+It is the limit of `straight` with point feet as the mass of the feet goes to zero: the swing leg
+does not act on the stance leg. A hip torque has an effect in this limit only if it is proportional
+to the foot's mass. The torque is therefore per unit of foot mass (times g l). Its work and the
+foot's kinetic energy vanish beside those of the hip. The same holds for a spring and friction at
+the hip.
 
 References:
     M. Garcia, A. Chatterjee, A. Ruina, M. Coleman, "The simplest walking model: stability,
@@ -30,8 +31,8 @@ from gym_passive_walker.physics.numbers import sine_cosine
 def accelerations(body, state, control, ground):
     """Angular accelerations of the stance leg (an inverted pendulum) and the swing leg.
 
-    The swing leg hangs from the hip and feels what moves that besides gravity: the stance leg's
-    force along itself, and across it that of a torque at the ankle.
+    The swing leg hangs from the hip. The hip is accelerated by the stance leg's force along the
+    leg, and by the force of an ankle torque across it.
     """
     sine, cosine = sine_cosine(state.stance)
     swing_sine, swing_cosine = sine_cosine(state.thigh)
@@ -45,7 +46,7 @@ def accelerations(body, state, control, ground):
 
 
 def push(body, state, back, up):
-    """Changes of both rates by an impulse (back, up) on the hip; the swing foot is drawn along."""
+    """Changes of both angular velocities by an impulse (back, up) on the hip."""
     stance_change = legs.moment_of_push(body, state.stance, back, up)
     _, cosine = sine_cosine(state.thigh - state.stance)
     return stance_change, cosine * stance_change

@@ -1,9 +1,9 @@
-"""Two links: a straight stance leg that rolls on its foot and a straight swing leg.
+"""A walker with straight legs: a stance leg that rolls on its foot, and a swing leg.
 
-These are also the equations of a kneed walker after kneestrike, and the ground on which the
-three-link ones of `kneed` stand. All angles are absolute, so the equations are short: with r the
-vector from the contact to the hip and m the swing leg's first moment about the hip, the inertia
-that couples the legs is r . m, and what centripetal acceleration exerts is r x m.
+These are also the equations of a kneed walker after kneestrike, and the basis of the three-link
+equations in `kneed`. All angles are absolute, so the equations are short. Let r be the vector from
+the contact to the hip, and m the swing leg's first moment about the hip. The inertia that couples
+the legs is r . m, and the torque of centripetal acceleration is r x m.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def mass_matrix(body, state):
 
 
 def forces(body, state, control, ground):
-    """What accelerates the stance and the swing leg: rates, gravity and controls."""
+    """Generalized forces on stance and swing leg: from motion, gravity and controls."""
     sine, cosine = sine_cosine(state.stance)
     stance_back, stance_up = turned(body.stance_along, body.stance_across, sine, cosine)
     hip_back, hip_up = body.leg * sine, body.foot_radius + body.leg * cosine
@@ -69,7 +69,10 @@ def accelerations(body, state, control, ground):
 
 
 def push(body, state, back, up):
-    """Changes of both rates by an impulse (back, up) on the hip: mass matrix times them is it."""
+    """Changes of both angular velocities by an impulse (back, up) on the hip.
+
+    Their product with the mass matrix is the generalized impulse.
+    """
     moment = legs.moment_of_push(body, state.stance, back, up)
     return solve_hanging(mass_matrix(body, state), body.swing_mobility, (moment, 0.0))
 
@@ -91,11 +94,11 @@ def potential_gain(body, start, end, ground):
 
 
 def strike_with(body, before, push_off, ground):
-    """The state just before a heelstrike, both feet on the ground and push-off done.
+    """The state just before a heelstrike, with both feet on the ground and after the push-off.
 
     Returns:
-        That state, angles from the next foothold's normal; the velocity (back, up) there of the
-        foot that lands; and the push-off's work.
+        The state, with angles from the next foothold's normal; the velocity (back, up) of the
+        landing foot in that frame; and the work of the push-off.
     """
     before = legs.standing(body, before, ground)
     push, stance_rate, swing_rate, gained = legs.push_off(body, before.stance, before.thigh)
@@ -114,27 +117,28 @@ def strike_with(body, before, push_off, ground):
 
 
 def stance_collision(body, before, velocity):
-    """What both kinds of heelstrike share: the new stance leg meets the ground.
+    """Collision of the new stance leg with the ground, common to both kinds of heelstrike.
 
-    The walker before the collision moves as one that rolls on its new foot, plus a translation
-    with the striking velocity. Most of that translation is a turn of the new stance leg about the
-    contact; taking the turn out first leaves only small numbers to solve for, and the energy lost
-    keeps its digits however small the step.
+    The velocities before the collision are those of a walker that rolls on its new foot, plus a
+    translation with the striking velocity. Most of that translation is a rotation of the new stance
+    leg about the contact. This rotation is subtracted first, which leaves small numbers to solve
+    for. The energy lost then keeps its digits for steps of any size.
 
     Args:
         body: The walker.
         before: The state before the collision, angles from the new foothold's normal.
-        velocity: Of the foot that lands, (back, up).
+        velocity: Velocity (back, up) of the landing foot.
 
     Returns:
-        Provisional rate of the new stance leg; the velocity (back, up) of the hip in excess of it;
-        the momentum left for the stance leg's equation; twice the energy in the excess motion.
+        Provisional angular velocity of the new stance leg; velocity (back, up) of the hip in excess
+        of it; remaining momentum of the stance leg's equation; twice the energy of the excess
+        motion.
     """
     velocity_back, velocity_up = velocity
     hip_back, hip_up = legs.hip(body, before.thigh)
     square = hip_back * hip_back + hip_up * hip_up
     per_square = 1.0 / square
-    # A turn with unit rate moves a point at (back, up) from the contact with (up, -back).
+    # A rotation with unit rate moves a point at (back, up) from the contact with (up, -back).
     turn = (velocity_back * hip_up - velocity_up * hip_back) * per_square
     along_hip = (velocity_back * hip_back + velocity_up * hip_up) * per_square
     com_back, com_up = turned(body.leg_com_along, body.leg_com_across, *sine_cosine(before.thigh))
@@ -151,10 +155,10 @@ def stance_collision(body, before, velocity):
 
 
 def heelstrike(body, before, push_off=0.0, ground=SMOOTH):
-    """Plastic collision of the swing foot with both knees locked, and the legs change roles.
+    """Plastic collision of the swing foot with both knees locked; the legs exchange roles.
 
-    Angular momentum of the whole walker about the new contact and of the new swing leg about the
-    hip pass through it (subsection 4.10.8); the old foot feels no impulse.
+    Two angular momenta are conserved: that of the whole walker about the new contact, and that of
+    the new swing leg about the hip (subsection 4.10.8). No impulse acts on the old foot.
     """
     before, velocity, work = strike_with(body, before, push_off, ground)
     rate, hip_back, hip_up, momentum, energy = stance_collision(body, before, velocity)

@@ -1,4 +1,4 @@
-"""Every kind of walker, and which of them a walker is."""
+"""The systems of all kinds of walkers, and the selection of the system of a walker."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from gym_passive_walker.physics.hybrid import State, System
 from gym_passive_walker.walkers import Mechanism, Walker, varied
 
 FITTINGS = ("hip_stiffness", "hip_friction", "knee_stiffness")
-"""Constants of what may be fitted to a walker's joints."""
+"""Constants of springs and friction at a walker's joints."""
 
 EXTRAS = (*FITTINGS, "ankle", "push_off")
-"""What walkers may have; others run code without it."""
+"""Optional features of walkers; the code of a walker without them omits them."""
 
 UNEVEN = ("height_change", "slope_change")
-"""What the ground may do from foothold to foothold; smooth ground runs code without it."""
+"""Changes of the ground between footholds; the code for smooth ground omits them."""
 
 _KINDS = (kneed.SYSTEM, straight.SYSTEM, simplest.SYSTEM)
 
@@ -33,7 +33,7 @@ def _on_smooth_ground(kind: System) -> System:
 
 
 def _bare(kind: System) -> System:
-    """A system on ground of one slope, of walkers that have nothing more than legs and a hip."""
+    """A system on ground of one slope, of walkers with legs and a hip actuator only."""
     bare = _on_smooth_ground(kind)._replace(name=kind.name, absent=(*EXTRAS, *UNEVEN))
     rng, names = np.random.default_rng(0), bare.Body._fields  # type: ignore[attr-defined]
     body = bare.Body(*(0.0 if name in bare.absent else rng.uniform(1.0, 2.0) for name in names))
@@ -47,17 +47,17 @@ def _bare(kind: System) -> System:
 
 
 def _anywhere(kind: System) -> System:
-    """A system with all there may be."""
+    """A system with all features."""
     return kind._replace(name=f"{kind.name}-uneven")
 
 
 SYSTEMS: dict[str, System] = {}
-"""By name: users' systems, and of each kind of the package a bare one, one with all `EXTRAS`, and
-one for `UNEVEN` ground too."""
+"""Systems by name: those of users, and three of each kind of the package. These are one without
+extras, one with all `EXTRAS`, and one for `UNEVEN` ground too."""
 
 
 def register(system: System) -> System:
-    """Make a system known by its name; the package registers its own in this way too."""
+    """Add a system under its name; the package adds its own systems in this way too."""
     SYSTEMS[system.name] = system
     return system
 
@@ -68,7 +68,7 @@ for _made in (_bare, _on_smooth_ground, _anywhere):
 
 
 def kind_of(walker: Walker) -> str:
-    """What kind of legs a walker has: "kneed", "straight", "simplest", or a user's own."""
+    """Kind of a walker's legs: "kneed", "straight", "simplest", or the name of a user's system."""
     if isinstance(walker, Mechanism):
         return walker.hybrid.name
     if walker.massless_legs:
@@ -77,12 +77,12 @@ def kind_of(walker: Walker) -> str:
 
 
 def system_of(*walkers: Walker, using: Collection[str] = ()) -> System:
-    """Which equations walkers of one kind obey.
+    """System of equations of walkers of one kind.
 
     Args:
         walkers: The walkers.
-        using: What else there is of `EXTRAS` and `UNEVEN`, or may be: controls in use, parameters
-            that vary, ground that does.
+        using: Further features in use, of `EXTRAS` and `UNEVEN`: controls, parameters that vary,
+            and changes of the ground.
     """
     if isinstance(walkers[0], Mechanism):
         smooth = set(UNEVEN).isdisjoint(using)
@@ -107,7 +107,7 @@ def _row(walker: Walker) -> NDArray[np.float64]:
 
 
 def bodies(*walkers: Walker) -> NDArray[np.float64]:
-    """Constants of walkers of one kind as the engine reads them, (walkers, 1, constants)."""
+    """Constants of walkers of one kind in the form of the engine, (walkers, 1, constants)."""
     return np.concatenate([_row(walker) for walker in walkers])
 
 
@@ -115,11 +115,11 @@ _INFINITESIMAL = 1e-100  # imaginary part that carries a derivative: its square 
 
 
 def varied_bodies(walker: Walker, parameters: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
-    """Constants of walkers that differ from one in some parameters.
+    """Constants of walkers that differ from one walker in some parameters.
 
     Args:
-        walker: The one.
-        parameters: Values of parameters, a number for all or (n,).
+        walker: The walker.
+        parameters: Values of parameters, one for all or (n,).
 
     Returns:
         Shape (1 or n, constants).
@@ -135,7 +135,7 @@ def varied_bodies(walker: Walker, parameters: Mapping[str, ArrayLike]) -> NDArra
 def bodies_by(
     walker: Walker, parameters: Mapping[str, ArrayLike], name: str
 ) -> NDArray[np.float64]:
-    """How the constants of `varied_bodies` change with a parameter, of the same shape."""
+    """Derivatives of the constants of `varied_bodies` by a parameter, of the same shape."""
     own = walker.body if isinstance(walker, Mechanism) else walker
     value = parameters.get(name, getattr(own, name))
     moved = {**parameters, name: np.asarray(value) + 1j * _INFINITESIMAL}

@@ -1,4 +1,4 @@
-"""What analyses need to know of a walker that is not one of McGeer's parameters."""
+"""Walkers that are not described by McGeer's parameters, as far as analyses need them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 
 class Mechanism:
-    """A walker that a user states by equations of its own; see `gym_passive_walker.System`.
+    """A walker with equations of a user's own; see `gym_passive_walker.System`.
 
     Its parameters are the fields of `body`. It is dimensionless: length, mass, and gravity are 1.
     """
@@ -26,9 +26,9 @@ class Mechanism:
     coordinates: int
     total_mass: float
     hybrid: Any
-    """The hybrid system that it obeys, a `physics.hybrid.System`."""
+    """Its hybrid system, a `physics.hybrid.System`."""
     uneven: Any
-    """The same on footholds of different heights."""
+    """Its hybrid system on footholds of different heights."""
     falls: Any
     drawn: Any
     lines: Any
@@ -42,14 +42,14 @@ class Mechanism:
 
 
 def state_size(walker: Any) -> int:
-    """How many numbers a walker's state has: coordinates and their rates."""
+    """Size of a walker's state: coordinates and their rates."""
     return 2 * walker.coordinates if isinstance(walker, Mechanism) else 6
 
 
 def check_heights_only(walker: Any, slopes: Any) -> None:
-    """Refuse footholds of different slopes for a walker of a user's own.
+    """Check that a user's system has no footholds of different slopes.
 
-    Its coordinates may be lengths, or angles to another link, which do not turn with the ground.
+    Its coordinates may be lengths, or angles to another link, which do not rotate with the ground.
 
     Raises:
         ValueError: if it is a `Mechanism` and a slope is not 0.
@@ -61,11 +61,11 @@ def check_heights_only(walker: Any, slopes: Any) -> None:
 
 
 def check_parametric(walker: Any, what: str) -> None:
-    """Refuse a walker of a user's own where an analysis needs legs with McGeer's parameters.
+    """Check that a walker has legs with McGeer's parameters, which some analyses require.
 
     Args:
         walker: The walker.
-        what: What the analysis needs them for, as the beginning of the message.
+        what: The analysis, as the beginning of the message.
 
     Raises:
         ValueError: if it is a `Mechanism`.

@@ -1,4 +1,4 @@
-"""What a walker is called."""
+"""Names of walkers in messages and pictures."""
 
 from __future__ import annotations
 
@@ -22,6 +22,6 @@ def name_of(walker: Walker) -> str:
 
 
 def describe(walker: Walker) -> str:
-    """A walker in the midst of a sentence: by its title or preset's name, or by its parameters."""
+    """Name of a walker within a sentence: its title, the preset's name, or its parameters."""
     name = name_of(walker)
     return f"walker {name!r}" if walker.title or name in WALKERS else str(walker)

@@ -14,11 +14,11 @@ class Part(NamedTuple):
     """A rigid piece of a leg segment, in any consistent set of units.
 
     Attributes:
-        mass: Its mass.
-        com: Distance of its centre of mass from the upper joint, down the segment.
-        offset: Distance of its centre of mass from the segment's line: positive backwards (uphill)
-            in a thigh, positive forwards (downhill) in a shank; see `assemble`.
-        inertia: Its moment of inertia about its own centre of mass.
+        mass: Mass.
+        com: Distance of the centre of mass from the upper joint, down the segment.
+        offset: Distance of the centre of mass from the segment's line. It is positive backwards
+            (uphill) in a thigh and positive forwards (downhill) in a shank; see `assemble`.
+        inertia: Moment of inertia about the centre of mass.
     """
 
     mass: float
@@ -31,7 +31,7 @@ def combine(parts: Iterable[Part]) -> Part:
     """The rigid body made of several parts (parallel-axis theorem).
 
     Raises:
-        WalkerError: if they are no parts, or have no mass.
+        WalkerError: if a part is invalid, or the parts have no mass.
     """
     try:
         parts = [Part(*(number(value, "each entry") for value in part)) for part in parts]

@@ -1,4 +1,4 @@
-"""The walkers of Garcia (1999), chapter 4, and the forms in which a walker may be given."""
+"""The walkers of Garcia (1999), chapter 4, and the forms in which functions accept a walker."""
 
 from __future__ import annotations
 
@@ -102,19 +102,19 @@ def is_walker(value: Any) -> TypeGuard[WalkerLike]:
 
 
 def as_walker(walker: WalkerLike) -> Walker:
-    """Return a walker from any form that it may be given in.
+    """Return a walker from any form in which functions accept it.
 
     Args:
         walker: A `Walker`; the name of a preset, one of `WALKERS`; a mapping of parameters of
             `Walker`; or the path of a JSON, YAML or TOML file of such a mapping. A mapping has all
-            parameters without a default, or names a preset to change, as
-            ``{"preset": "C", "foot_radius": 0.25}``; it may have a "title", by which messages and
-            pictures call the walker. A file's title is its name without the ending.
+            parameters without a default, or names a preset to change, as ``{"preset": "C",
+            "foot_radius": 0.25}``. It may have a "title", the name of the walker in messages and
+            pictures. The title of a file is its name without the ending.
 
     Raises:
-        WalkerError: if there is no such preset or file, or the parameters describe no walker.
+        WalkerError: if there is no such preset or file, or the parameters are invalid.
         ImportError: if the file is YAML and pyyaml is not installed.
-        ValueError: if it is a `System` where only legs with McGeer's parameters are of use.
+        ValueError: if it is a `System` where legs with McGeer's parameters are required.
     """
     if isinstance(walker, Walker):
         return walker
@@ -132,7 +132,7 @@ def as_walker(walker: WalkerLike) -> Walker:
 
 
 def as_any(walker: WalkerLike) -> Walker:
-    """Return a walker as `as_walker` does, or a system of the user's own as it is."""
+    """Return a walker as `as_walker` does; a user's system is returned unchanged."""
     return walker if isinstance(walker, Mechanism) else as_walker(walker)  # type: ignore[return-value]
 
 

@@ -1,4 +1,4 @@
-"""Tuning: which walkers may walk at vanishing slope, and walkers between two (4.6.1)."""
+"""Tuning of walkers for gaits at vanishing slope, and interpolation between two walkers (4.6.1)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class TuningErrors(NamedTuple):
 
 
 def _lateral(walker: Walker) -> tuple[float, float]:
-    """How far forward lie a leg's centre of mass, and the shank's from the knee, leg straight."""
+    """Forward distances of a leg's centre of mass, and of the shank's from the knee."""
     epsilon, shank = walker.foot_angle, walker.shank_angle
     shank_ahead = walker.shank_com * math.sin(shank) - walker.shank_offset * math.cos(shank)
     thigh_ahead = -walker.thigh_com * math.sin(epsilon) - walker.thigh_offset * math.cos(epsilon)
@@ -59,16 +59,16 @@ def tuning_errors(walker: WalkerLike) -> TuningErrors:
 
 
 def tune(walker: WalkerLike) -> Walker:
-    """The nearest walker that can stand at zero slope, and so may walk there (Fig. 4.7).
+    """The nearest walker that can stand at zero slope, and so may have gaits there (Fig. 4.7).
 
-    Moves the two offsets `thigh_offset` and `shank_offset` and nothing else: the shank's centre of
-    mass goes under the knee, then the thigh's goes where it brings the whole body's onto the line
-    from hip to foot centre. A straight-legged walker is given the same offsets as its kneed twin.
+    Only the two offsets `thigh_offset` and `shank_offset` change. First the shank's centre of mass
+    is placed under the knee. Then the thigh's is placed so that the centre of mass of the whole
+    body lies on the line from hip to foot centre. A straight-legged walker gets the same offsets as
+    its kneed twin.
 
-    The conditions are necessary for walking at vanishing slopes, not sufficient for walking at any:
-    a walker that walks may be tuned into one that does not. The laboratory's walker is one:
-    its gyrations would have to change as well. `tune_to_walk` gives the nearest tuned walker that
-    walks.
+    The conditions are necessary for gaits at vanishing slopes, but not sufficient for a gait at any
+    slope. Tuning can remove a walker's gaits. The laboratory's walker is an example: its gyrations
+    would have to change as well. `tune_to_walk` returns the nearest tuned walker with a gait.
 
     Raises:
         WalkerError: if the thigh has no mass to balance an angled foot with.
@@ -93,16 +93,17 @@ def tune(walker: WalkerLike) -> Walker:
 
 
 def interpolate(a: WalkerLike, b: WalkerLike, fraction: float) -> Walker:
-    """A walker between two: every parameter at `fraction` of the way from a to b (Fig. 4.8).
+    """A walker between two walkers, parameter by parameter (Fig. 4.8).
 
     Args:
         a: The walker at fraction 0, in a form that `as_walker` takes.
         b: The walker at fraction 1, in the same forms.
-        fraction: Usually between 0 and 1; beyond them is allowed while it is still a walker.
+        fraction: Usually between 0 and 1. Other fractions are allowed if the result is a valid
+            walker.
 
     Raises:
-        ValueError: if the fraction is no number.
-        WalkerError: if one has knees and the other has not, or the result is no walker.
+        ValueError: if the fraction is not a number.
+        WalkerError: if only one of them has knees, or the result is invalid.
     """
     a, b, fraction = as_walker(a), as_walker(b), number(fraction, "fraction")
     if a.knees != b.knees:

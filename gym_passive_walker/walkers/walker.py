@@ -1,4 +1,4 @@
-"""What a walker is: McGeer's parameters, and which of them describe one."""
+"""The walker: McGeer's parameters and their validation."""
 
 from __future__ import annotations
 
@@ -79,17 +79,17 @@ class Walker(Shown):
     knees: bool = True
     gravity: float = 9.81
     title = ""
-    """What pictures and messages call it; no parameter: walkers of different titles are equal."""
+    """Name in pictures and messages; walkers that differ in it alone are equal."""
 
     def __new__(cls, **parameters: Any) -> Walker:
-        """Refuse what no walker has, before `__init__` does so in Python's words."""
+        """Check the names of the parameters; `__init__` would raise Python's own error."""
         known = cls.__dataclass_fields__
         if not parameters.keys() <= known.keys():  # seldom, and walkers are made by the thousand
             raise WalkerError(unknown(parameters, tuple(known), "a walker"))
         return super().__new__(cls)
 
     def __post_init__(self) -> None:
-        """Refuse what is no walker."""
+        """Check the values of the parameters."""
         for field in fields(self):
             value = getattr(self, field.name)
             if field.name == "knees":
@@ -127,7 +127,7 @@ class Walker(Shown):
         self._check_masses()
 
     def _check_places(self) -> None:
-        """A centre of mass metres from its leg is a slip of the decimal point, or of the unit."""
+        """Check positions: a centre of mass far from its leg is a wrong decimal point or unit."""
         farthest = 2.0 * self.leg_length
         for name in _PLACES:
             if abs(getattr(self, name)) > farthest:
@@ -137,7 +137,7 @@ class Walker(Shown):
                 )
 
     def _check_masses(self) -> None:
-        """Every joint must have something to turn."""
+        """Check that each joint moves some inertia."""
         if self.thigh_mass == 0.0 and self.shank_mass == 0.0:
             if self.hip_mass == 0.0:
                 raise WalkerError("a walker needs mass: thigh_mass, shank_mass and hip_mass are 0")
@@ -167,13 +167,13 @@ class Walker(Shown):
         return walker
 
     def facts(self) -> dict[str, str]:
-        """Its parameters, in its own units."""
+        """The walker's parameters, in its own units."""
         return {field.name: f"{getattr(self, field.name):.6g}" for field in fields(self)} | {
             "knees": str(self.knees)
         }
 
     def __repr__(self) -> str:
-        """As it may be made again: its parameters but those left as they are by default."""
+        """The expression that makes the walker, without parameters that have their default."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         given = (f.name for f in fields(self) if values[f.name] != f.default)
         return f"Walker({', '.join(f'{name}={values[name]!r}' for name in given)})"
@@ -206,7 +206,7 @@ class Walker(Shown):
 
 
 PARAMETERS = tuple(field.name for field in fields(Walker) if field.name != "knees")
-"""Names of the numbers that make a walker."""
+"""Names of the numerical parameters of a walker."""
 
 
 def changed(walker: Any, parameter: str, value: float) -> Any:
@@ -221,6 +221,6 @@ def changed(walker: Any, parameter: str, value: float) -> Any:
 
 
 def varied(walker: Walker, parameters: Mapping[str, Any]) -> Any:
-    """What has a walker's attributes, with other values of some parameters: arrays, tensors, ..."""
+    """An object with a walker's attributes and other values of some parameters, such as tensors."""
     attributes = {**vars(walker), "massless_legs": walker.massless_legs, **parameters}
     return SimpleNamespace(**attributes)
