@@ -1316,6 +1316,7 @@ export class SystemWalker {
   #trace = [];
   #earlier = null;
   #impulse = 0;
+  #height = 1;
 
   constructor(module, { slope = module.notes.slope, body = {}, state = null, terrain = null, seed = 0, tolerance = 1e-8 } = {}) {
     const block = (this.#block = new Block(module)), { notes } = block;
@@ -1338,9 +1339,9 @@ export class SystemWalker {
     return this.#block;
   }
 
-  /** The unit of time, sqrt(l/g), in itself. */
+  /** sqrt(l/g) in s, the unit of time, if the unit of length is 1 m. */
   get timeUnit() {
-    return 1;
+    return 1 / Math.sqrt(9.81);
   }
 
   get #size() {
@@ -1449,6 +1450,8 @@ export class SystemWalker {
     this.duration = 0;
     this.fresh = true;
     this.outcome = null;
+    this.stride = null;
+    this.#height = Math.max(...this.lines().flat(2).map(Math.abs));
     this.#remember();
   }
 
@@ -1510,6 +1513,7 @@ export class SystemWalker {
     this.outcome = outcome ? outcomes[outcome] : null;
     if (this.outcome === "HEELSTRIKE") {
       this.strides += 1;
+      this.stride = { step_length: block.get("record.step_length"), step_period: block.get("record.time") };
       const { x, y } = this.#trace[this.#trace.length - 1];
       this.#trace.push({ strides: this.strides, x: x + block.get("record.step_length"), y: y + this.rise });
       if (this.#trace.length > 12) this.#trace.shift();
@@ -1579,7 +1583,7 @@ export class SystemWalker {
   }
 
   /** Draws the system and its ground on a canvas, `width` units of length wide. */
-  render(canvas, { colors = {}, frame = this.frame(), width = 3.2, push = null } = {}) {
+  render(canvas, { colors = {}, frame = this.frame(), width = 2.5 * this.#height, push = null } = {}) {
     const context = canvas.getContext("2d"), found = { ...COLORS, ...colors }, scale = canvas.width / width;
     const middle = frame.contact, place = placeOn(canvas, this.slope, middle, scale);
     context.fillStyle = found.background;

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples.five_links import FIVE_LINKS
+from examples.torso import TORSO
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.policies import shipped_policies
@@ -148,6 +150,55 @@ def test_every_walker_and_every_policy_walks(page):
             return [player.walk.info.episode_distance, player.said.textContent];
         }})()""")
         assert distance[0] > 0.1 and distance[1] == "", name
+
+
+_SYSTEM = """(async () => {
+    const { play } = await import("./player.js"), root = document.createElement("div");
+    document.body.append(root);
+    const own = await play(root, { system: "NAME", slope: SLOPE, paused: true });
+    const set = (name, value) => {
+        own.sliders[name].input.value = value;
+        own.sliders[name].input.dispatchEvent(new Event("input"));
+        return new Promise((done) => setTimeout(done, 600));
+    };
+    own.advance(3.0);
+    own.draw();
+    const found = { strides: own.walk.strides, said: own.said.textContent };
+    found.fields = Object.keys(own.sliders);
+    found.measures = own.measures.textContent;
+    const { width, height } = own.canvas, context = own.canvas.getContext("2d");
+    const pixels = new Uint32Array(context.getImageData(0, 0, width, height).data.buffer);
+    found.colors = new Set(pixels).size;
+    const before = own.walk.state;
+    own.push(0.01);
+    own.advance(0.05);
+    found.moved = own.walk.state.some((x, i) => x !== before[i]);
+    await set("body FIELD", VALUE);
+    found.field = own.walk.fields.FIELD;
+    found.multipliers = own.multipliers.textContent;
+    await own.set({ ground: "rough" }, true);
+    own.advance(1.0);
+    found.rise = own.walk.block.get("record.ground", 2);
+    own.stop();
+    root.remove();
+    return found;
+})()"""
+
+
+@pytest.mark.parametrize(
+    ("name", "slope", "field", "value"),
+    [("five", 0.05, "torso", 19.0), ("torso", 0.03, "leg", 0.11)],
+)
+def test_a_system_of_ones_own_walks_in_the_player(page, name, slope, field, value):
+    there = page()
+    code = _SYSTEM.replace("NAME", name).replace("SLOPE", str(slope))
+    found = there.run(code.replace("FIELD", field).replace("VALUE", str(value)))
+    assert found["strides"] >= 1 and found["said"] == "" and "step length" in found["measures"]
+    assert found["colors"] > 3 and found["moved"] and found["rise"] != 0.0
+    assert found["field"] == value and "The gait is" in found["multipliers"]
+    system = {"five": FIVE_LINKS, "torso": TORSO}[name]
+    assert {f"body {each}" for each in system.body._fields} <= set(found["fields"])
+    assert {f"control {each}" for each in system.controls} <= set(found["fields"])
 
 
 def test_a_walker_that_cannot_be_says_why_and_the_walk_goes_on(page):
