@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.engine import compiled
 from gym_passive_walker.modeling.checks import StatementError, check
-from gym_passive_walker.modeling.mechanics import Derived, Link, Motion, is_zero, rates_by, solve
+from gym_passive_walker.modeling.mechanics import (
+    Derived,
+    Link,
+    Motion,
+    is_zero,
+    rates_by,
+    relabelled,
+    solve,
+)
 from gym_passive_walker.modeling.statement import push_of
 from gym_passive_walker.physics import hybrid
 from gym_passive_walker.physics.hybrid import SMOOTH, Ground, Guard, Outcome, Watch
@@ -356,15 +364,7 @@ class System(Mechanism):
 
     def _strike(self, body: Any, before: Any, push_off: Any, ground: Ground) -> hybrid.Strike:
         rates, lost = self._motion(body, before).landing(self.landing(body, before))
-        coordinates, after = self.relabel(body, before), []
-        for coordinate in coordinates:
-            rate: Any = 0.0
-            for change, old in zip(
-                rates_by(coordinate, before[: self.coordinates]), rates, strict=True
-            ):
-                rate = rate + change * old
-            after.append(rate)
-        return hybrid.Strike(self.State(*coordinates, *after), lost)
+        return hybrid.Strike(relabelled(self.relabel, body, before, rates), lost)
 
     def _measure(
         self, system: Any, body: Any, start: Any, before: Any, after: Any, ground: Ground

@@ -4,15 +4,19 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples.five_links import FIVE_LINKS
+from gym_passive_walker.math import cos, sin
 from gym_passive_walker.modeling import (
     Ground,
     Outcome,
     StatementError,
     accelerations_of,
+    heelstrike_of,
     kinetic_energy_of,
     stop_of,
 )
-from gym_passive_walker.physics import kneed
+from gym_passive_walker.modeling.mechanics import Derived
+from gym_passive_walker.physics import kneed, straight
 from gym_passive_walker.physics.hybrid import measured
 from gym_passive_walker.physics.systems import SYSTEMS, body_of
 from tests.modeling.statements import COMPASS
@@ -24,6 +28,17 @@ KNEED = SYSTEMS["kneed"]
 def closed(body, state):
     """How far the shank is behind the thigh."""
     return state.thigh - state.shank
+
+
+def foot(body, state):
+    """The swing foot of a straight leg: its centre, less how far it has rolled."""
+    x, y = (body.leg * (f(state.thigh) - f(state.stance)) for f in (sin, cos))
+    return x + body.foot_radius * (state.thigh - state.stance), -y
+
+
+def swapped(body, state):
+    """The legs exchange their roles."""
+    return state.thigh, state.stance, state.stance
 
 
 def by_matrix():
@@ -111,6 +126,67 @@ def test_a_stop_is_the_kneestrike_of_the_package(system):
         )
         np.testing.assert_allclose(own.after, package.after, rtol=1e-11, atol=1e-14)
         assert own.lost == pytest.approx(package.lost, rel=1e-10) and own.lost > 0.0
+
+
+def straight_with(relabel):
+    """The straight-legged walker by its mass matrix, with a derived heelstrike."""
+    given = SYSTEMS["straight"]
+    matrix, gain = straight.mass_matrix, given.potential_gain
+    heel = heelstrike_of(matrix, gain, foot, relabel, links=2)
+    reset = given.phases[0].resets[Outcome.HEELSTRIKE]._replace(strike=heel)
+    phase = given.phases[0]._replace(resets={Outcome.HEELSTRIKE: reset})
+    return given._replace(phases=(phase,))
+
+
+def test_a_heelstrike_is_that_of_the_package():
+    usual = stated("straight")
+    own = gpw.System.of(straight_with(swapped), usual.body, centre=hip)
+    for seed in range(5):
+        state = random_state(own, seed, links=2)
+        state = state._replace(thigh=-state.stance, shank=-state.stance)
+        found, expected = (
+            each.hybrid.phases[0].resets[Outcome.HEELSTRIKE].strike(
+                own.body, state, 0.0, Ground(0.0, 1.0)
+            )
+            for each in (own, usual)
+        )  # fmt: skip
+        np.testing.assert_allclose(found.after, expected.after, rtol=1e-10, atol=1e-13)
+        assert found.lost == pytest.approx(expected.lost, rel=1e-10) and found.lost > 0.0
+    gait = dimensionless("straight", gpw.find_gait("A", 0.01).state)
+    strides = [gpw.stride(each, 0.01, gait, tolerance=1e-12) for each in (own, usual)]
+    np.testing.assert_allclose(strides[0].state, strides[1].state, atol=1e-10)
+
+
+@pytest.mark.parametrize("given", [COMPASS, FIVE_LINKS], ids=["compass", "five links"])
+def test_a_heelstrike_is_that_of_the_positions_of_masses(given):
+    """In five coordinates and any posture; the mass need not be one."""
+    equations = given.hybrid
+
+    def doubled(function):
+        return lambda *arguments: tuple(2.0 * x for x in function(*arguments))
+
+    def gain(*arguments):
+        return 2.0 * equations.potential_gain(*arguments)
+
+    own = heelstrike_of(
+        doubled(equations.mass_matrix), gain, given.landing, given.relabel,
+        mass=lambda body: 2.0 * given.total_mass,
+    )  # fmt: skip
+    usual = equations.phases[0].resets[Outcome.HEELSTRIKE].strike
+    for seed in range(5):
+        numbers = np.random.default_rng(seed).uniform(-0.5, 0.5, 2 * given.coordinates)
+        state = given.State(*numbers.tolist())
+        found = own(given.body, state, 0.0, Ground(0.0, 1.0))
+        expected = Derived(usual)(given.body, state, 0.0, Ground(0.0, 1.0))
+        np.testing.assert_allclose(found.after, expected.after, rtol=1e-10, atol=1e-13)
+        assert found.lost == pytest.approx(2.0 * expected.lost, rel=1e-10)
+
+
+def test_a_heelstrike_that_turns_a_leg_is_refused_by_name():
+    wrong = straight_with(lambda body, state: (state.thigh, state.thigh, state.thigh))
+    with pytest.raises(StatementError, match="reset HEELSTRIKE of phase LOCKED") as raised:
+        gpw.System.of(wrong, stated("straight").body, centre=hip)
+    assert "\n" not in str(raised.value)
 
 
 def test_its_strides_are_the_packages(system):
