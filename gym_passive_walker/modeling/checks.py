@@ -77,6 +77,29 @@ class Checks:
         return found
 
 
+_DERIVED = ("links", "landing", "relabel", "counts", "potential", "dissipation", "forces")
+
+
+def check_given(system: System, equations: hybrid.System) -> None:
+    """Refuse functions beside given equations from which these would be derived.
+
+    Raises:
+        StatementError: with the function's name.
+    """
+    for name in _DERIVED:
+        if getattr(system, name):
+            raise StatementError(
+                f"{name} of system {system.name!r} must be left out: its equations are given; "
+                "change `equations`"
+            )
+    for name in ("State", "Control", "travel"):
+        if getattr(system, name) is not getattr(equations, name):
+            raise StatementError(
+                f"{name} of system {system.name!r} must be that of its equations: give changed "
+                "equations to gpw.System.of"
+            )
+
+
 def check(system: System) -> None:
     """Refuse functions that do not fit each other.
 
@@ -96,8 +119,14 @@ def check(system: System) -> None:
         if checks.numbers("limits", [limit])[0] <= 0.0:
             raise checks.error("limits", f"must be positive, not {limit!r} of {name!r}")
     if system.equations is not None:
+        if system.centre is None:
+            raise checks.error("centre", "is missing: give x and y of the centre of mass")
+        if not checks.numbers("mass", [system.mass])[0] > 0.0:
+            raise checks.error("mass", f"must be positive, not {system.mass!r}")
         _check_statement(checks, system.equations)
         return
+    if system.centre is not None or system.mass != 1.0:
+        raise checks.error("centre and mass", "follow from its links: leave them out")
     controls = len(system.controls)
     rows = 1 + len(system.falls) + len(system.counts) + controls
     if rows > MOST_GUARDS or controls > WIDE.controls or len(system.body) > MOST_CONSTANTS:
@@ -150,18 +179,36 @@ def _check_pose(checks: Checks, state: Any) -> None:
 
 
 def _check_equations(checks: Checks, state: Any) -> None:
-    system, body, count = checks.system, checks.body, checks.count
-    matrix = np.zeros((count, count))
-    derived = checks.tried("links", Derived(system._mass_matrix), body, state)
-    matrix[np.triu_indices(count)] = derived
-    matrix = matrix + np.triu(matrix, 1).T
-    if np.linalg.eigvalsh(matrix)[0] <= 1e-12 * np.abs(matrix).max():
-        raise checks.error(
-            "links", "leave a coordinate without inertia: the mass matrix is not positive at "
-            f"{state}"
-        )  # fmt: skip
+    system, body = checks.system, checks.body
+    _positive_matrix(
+        checks, system._mass_matrix, checks.count, state, "links",
+        "leave a coordinate without inertia: the mass matrix must be positive",
+    )  # fmt: skip
     if system.dissipation is not None and system.dissipation(body, state) < 0.0:
         raise checks.error("dissipation", f"must not be negative, as at {state}")
+
+
+def _positive_matrix(
+    checks: Checks, function: Any, count: int, state: Any, name: str, said: str
+) -> NDArray[np.float64]:
+    """The mass matrix of some coordinates, (count, count); refused if it is not positive.
+
+    Args:
+        checks: The system.
+        function: Function of body and state: the upper triangle, row by row.
+        count: Number of coordinates.
+        state: Where to evaluate it.
+        name: The user's function that an error names.
+        said: What the error says of a matrix that is not positive.
+    """
+    above = np.triu_indices(count)
+    found = checks.tried(name, Derived(function), checks.body, state)
+    matrix = np.zeros((count, count))
+    matrix[above] = checks.numbers(name, found, len(above[0]))
+    matrix = matrix + np.triu(matrix, 1).T
+    if np.linalg.eigvalsh(matrix)[0] <= 1e-12 * np.abs(matrix).max():
+        raise checks.error(name, f"{said}, as it is not at {state}")
+    return matrix
 
 
 def _check_heelstrike(checks: Checks, state: Any) -> None:
@@ -260,18 +307,12 @@ def _check_phase(checks: Checks, equations: hybrid.System, phase: Phase, state: 
 
 def _check_mass_matrix(checks: Checks, equations: hybrid.System, count: int, state: Any) -> None:
     """Compare the mass matrix of the links that move by themselves with the kinetic energy."""
-    assert equations.mass_matrix is not None
-    matrix = np.zeros((count, count))
-    found = checks.tried("mass_matrix", Derived(equations.mass_matrix), checks.body, state)
-    above = np.triu_indices(count)
-    matrix[above] = checks.numbers("mass_matrix", found, len(above[0]))
-    matrix = matrix + np.triu(matrix, 1).T
-    if np.linalg.eigvalsh(matrix)[0] <= 1e-12 * np.abs(matrix).max():
-        raise checks.error("mass_matrix", f"must be positive, as it is not at {state}")
+    name = "mass_matrix"
+    matrix = _positive_matrix(checks, equations.mass_matrix, count, state, name, "must be positive")
     rates = np.array(state[checks.count :][:count])
     kinetic = Derived(equations.kinetic_energy)(checks.body, state)
     if abs(0.5 * rates @ matrix @ rates - kinetic) > _CLOSE * kinetic:
-        raise checks.error("mass_matrix", "does not give the kinetic energy")
+        raise checks.error(name, "does not give the kinetic energy")
 
 
 def _check_resets(checks: Checks, equations: hybrid.System, phase: Phase, state: Any) -> None:

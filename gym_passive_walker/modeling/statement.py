@@ -161,7 +161,7 @@ def heelstrike_of(
     def strike(body: Any, before: Any, push_off: Any, ground: Ground) -> Strike:
         half, given = len(before) // 2, mass_matrix(body, before)
         moving = size_of(given) if links is None else links
-        total = mass(body) if callable(mass) else mass
+        total: Any = mass(body) if callable(mass) else mass
         state, matrix = tied(before, moving), triangle(given, moving)
         rates = state[half : half + moving]
         # The old foot moves by as much as the new one would, with the opposite sign.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine import compiled
-from gym_passive_walker.modeling.checks import StatementError, check
+from gym_passive_walker.modeling.checks import StatementError, check, check_given
 from gym_passive_walker.modeling.mechanics import (
     Derived,
     Link,
@@ -43,6 +43,15 @@ def _uncontrolled(state: Any) -> Free:
 def _falls(guard: Guard, body: Any, state: Any) -> Any:
     """A guard's function on smooth ground."""
     return guard.falls(body, state, SMOOTH)
+
+
+def _falls_of(equations: hybrid.System) -> dict[str, Callable[[Any, Any], Any]]:
+    """The rules by which a walker of given equations has fallen, by the names of outcomes."""
+    return {
+        guard.outcome.name.lower(): partial(_falls, guard)
+        for guard in equations.phases[0].guards
+        if guard.watch == Watch.BOUND
+    }
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -83,7 +92,8 @@ class System(Mechanism):
             does. Of other controls it is the scene's `max_hip_torque` times the system's weight.
         pose: Function of body and state: what pictures show, lines of points (x, y). None draws a
             line from the foot to each mass, or to the centre of mass.
-        equations: The hybrid system that was given to `of`; None otherwise.
+        equations: The hybrid system that was given to `of`; None otherwise. `State`, `Control`,
+            `travel` and `falls` are then those of the equations.
         mass: Its total mass, as given to `of`.
         centre: Function of body and state: x and y of its centre of mass, as given to `of`.
 
@@ -107,12 +117,16 @@ class System(Mechanism):
     start: Sequence[float] | None = None
     limits: Mapping[str, float] = field(default_factory=dict)
     pose: Callable[[Any, Any], Sequence[Sequence[tuple[Any, Any]]]] | None = None
-    equations: hybrid.System | None = field(default=None, init=False)
-    mass: float = field(default=1.0, init=False)
-    centre: Any = field(default=None, init=False)
+    equations: hybrid.System | None = None
+    mass: float = 1.0
+    centre: Any = None
     _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
+        if self.equations is not None:
+            check_given(self, self.equations)
+            pushed = _pushed(self.equations)
+            self.__dict__.update(equations=pushed, falls=_falls_of(pushed))
         check(self)
 
     @classmethod
@@ -143,24 +157,17 @@ class System(Mechanism):
                 positive, a power balance that does not close, a guard that never falls, a reset
                 that gains energy or moves the walker. The message names the function.
         """
-        equations = _pushed(equations)
-        falls = {
-            guard.outcome.name.lower(): partial(_falls, guard)
-            for guard in equations.phases[0].guards
-            if guard.watch == Watch.BOUND
-        }
-        given = {
-            "name": equations.name, "State": equations.State, "Control": equations.Control,
-            "travel": equations.travel, "falls": falls, "body": body, "start": None, "limits": {},
-            "pose": None, "equations": equations, "centre": centre, "mass": mass,
-            "links": None, "landing": None, "relabel": None,
-        }  # fmt: skip
         if unknown := rest.keys() - {"name", "start", "limits", "pose"}:
             raise TypeError(f"System.of has no argument {', '.join(sorted(unknown))}")
-        made = object.__new__(cls)
-        made.__dict__.update(given | rest | {"_made": {}})
-        check(made)
-        return made
+        absent: Any = None  # functions from which equations would be derived
+        given: dict[str, Any] = {
+            "name": equations.name, "State": equations.State, "Control": equations.Control,
+            "travel": equations.travel, "falls": _falls_of(equations),
+        }  # fmt: skip
+        return cls(
+            body=body, equations=equations, centre=centre, mass=mass, links=absent,
+            landing=absent, relabel=absent, **(given | rest),
+        )  # fmt: skip
 
     def vary(self, **parameters: float) -> System:
         """This system with other values of some fields of its body."""

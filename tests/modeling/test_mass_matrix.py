@@ -1,15 +1,25 @@
 """Systems by mass matrix and forces: the package's walkers without their special equations."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
 from examples.five_links import FIVE_LINKS
+from examples.rimless_wheel import RIMLESS_WHEEL, closed_form
 from gym_passive_walker.math import cos, sin
 from gym_passive_walker.modeling import (
+    Free,
     Ground,
+    Guard,
+    HybridSystem,
     Outcome,
+    Phase,
+    Reset,
+    Stage,
     StatementError,
+    Watch,
     accelerations_of,
     heelstrike_of,
     kinetic_energy_of,
@@ -200,6 +210,90 @@ def test_its_strides_are_the_packages(system):
     np.testing.assert_allclose(own.state[walked], usual.state[walked], atol=1e-10)
     lost = own.kneestrike_loss[walked]
     np.testing.assert_allclose(lost, usual.kneestrike_loss[walked], atol=1e-11)
+
+
+def gain(body, start, end, ground):
+    """The energy that a rimless wheel gains in gravity's field."""
+    return ground.cosine * (cos(end.spoke) - cos(start.spoke)) + ground.sine * (
+        sin(end.spoke) - sin(start.spoke)
+    )
+
+
+def wheel_by_matrix():
+    """The rimless wheel by its mass matrix: one link, one phase, and no leg to exchange."""
+    wheel = RIMLESS_WHEEL
+
+    def matrix(body, state):
+        return (1.0 + body.inertia,)
+
+    def forces(body, state, control, ground):
+        return (ground.cosine * sin(state.spoke) - ground.sine * cos(state.spoke),)
+
+    phase = Phase(
+        stage=Stage.LOCKED,
+        links=1,
+        accelerations=accelerations_of(matrix, forces),
+        guards=(
+            Guard(lambda b, s, g: wheel.landing(b, s)[1], Outcome.HEELSTRIKE, Watch.STRIKE),
+            Guard(lambda b, s, g: wheel.falls["fell_backward"](b, s), Outcome.FELL_BACKWARD),
+        ),
+        resets={
+            Outcome.HEELSTRIKE: Reset(heelstrike_of(matrix, gain, wheel.landing, wheel.relabel))
+        },
+    )
+    equations = HybridSystem(
+        name="wheel", Body=type(wheel.body), phases=(phase,),
+        place=lambda body, state: -sin(state.spoke),
+        kinetic_energy=kinetic_energy_of(matrix), potential_gain=gain,
+        foot_clearance=lambda body, state: wheel.landing(body, state)[1],
+        mass_matrix=matrix, travel=lambda state: Free(), works=Free(),
+        absent=("height_change", "slope_change", "push_off"),
+        State=wheel.State, Control=Free,
+    )  # fmt: skip
+    return gpw.System.of(
+        equations, wheel.body, centre=lambda b, s: (-sin(s.spoke), cos(s.spoke)), start=wheel.start
+    )
+
+
+def test_a_wheel_of_one_link_and_one_phase_has_the_gait_of_the_closed_form():
+    system = wheel_by_matrix()
+    gait = gpw.find_gait(system, 0.08)
+    rate, multiplier = closed_form(system.body, 0.08)
+    assert gait.state[1] == pytest.approx(rate, rel=1e-12)
+    assert gait.multipliers[0].real == pytest.approx(multiplier, rel=1e-10)
+    assert gpw.gait_family(system, 0.06, 0.1).stable.all()
+
+
+def test_given_equations_are_replaced_like_other_systems():
+    system = wheel_by_matrix()
+    assert system.equations is not None
+    other = replace(
+        system, name="heavier", start=(0.39, -0.6), body=system.body._replace(inertia=0.5)
+    )
+    assert other.hybrid.name == system.hybrid.name  # the equations are compiled once
+    found = gpw.find_gait(other, 0.08)
+    assert found.state[1] == pytest.approx(closed_form(other.body, 0.08)[0], rel=1e-12)
+    renamed = replace(system, equations=system.equations._replace(spring_gain=None))
+    assert renamed.falls.keys() == system.falls.keys()
+
+
+REPLACED = {
+    "links": ({"links": RIMLESS_WHEEL.links}, "links .*must be left out"),
+    "State": ({"State": tuple}, "State .*must be that of its equations"),
+    "travel": ({"travel": lambda state: Free()}, "travel .*must be that of its equations"),
+    "mass": ({"mass": -1.0}, "mass .*must be positive"),
+    "centre": ({"centre": None}, "centre .*is missing"),
+}
+
+
+@pytest.mark.parametrize("name", REPLACED)
+def test_what_follows_from_given_equations_is_not_replaced(name):
+    changes, said = REPLACED[name]
+    with pytest.raises(StatementError, match=said) as raised:
+        replace(wheel_by_matrix(), **changes)
+    assert "\n" not in str(raised.value)
+    with pytest.raises(StatementError, match=r"centre and mass .*follow from its links"):
+        replace(RIMLESS_WHEEL, mass=2.0)
 
 
 def test_even_equations_are_refused_on_footholds_of_different_heights():
