@@ -157,6 +157,10 @@ class System(Mechanism):
                 positive, a power balance that does not close, a guard that never falls, a reset
                 that gains energy or moves the walker. The message names the function.
         """
+        if not isinstance(equations, hybrid.System):
+            raise StatementError(f"equations must be a HybridSystem, not {equations!r}")
+        if not equations.phases:
+            raise StatementError(f"phases of {equations.name!r} must have one phase or more")
         if unknown := rest.keys() - {"name", "start", "limits", "pose"}:
             raise TypeError(f"System.of has no argument {', '.join(sorted(unknown))}")
         absent: Any = None  # functions from which equations would be derived

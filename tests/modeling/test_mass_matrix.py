@@ -296,6 +296,29 @@ def test_what_follows_from_given_equations_is_not_replaced(name):
         replace(RIMLESS_WHEEL, mass=2.0)
 
 
+GIVEN = {
+    "kinetic_energy": (lambda b, s: np.nan, "finite"),
+    "potential_gain": (lambda *given: np.nan, "finite"),
+    "spring_gain": (lambda *given: np.inf, "finite"),
+    "friction_power": (lambda b, s: "x", "numbers"),
+    "place": (lambda b, s: np.nan, "finite"),
+    "foot_clearance": (lambda b, s: (0.0,), "numbers"),
+    "measure": (lambda *given: (0.0, 0.0), "4 numbers"),
+    "mass_matrix": (lambda b, s: (-1.0,), "positive"),
+    "phases": ((), "one phase"),
+}
+
+
+@pytest.mark.parametrize("name", GIVEN)
+def test_given_equations_that_are_wrong_are_refused_by_the_name_of_their_function(name):
+    system, (function, said) = wheel_by_matrix(), GIVEN[name]
+    assert system.equations is not None
+    wrong = system.equations._replace(**{name: function})
+    with pytest.raises(StatementError, match=said) as raised:
+        gpw.System.of(wrong, system.body, centre=system.centre)
+    assert str(raised.value).startswith(name) and "\n" not in str(raised.value)
+
+
 def test_even_equations_are_refused_on_footholds_of_different_heights():
     system = stated("straight")
     with pytest.raises(StatementError, match="equations of system 'straight' are for even ground"):
