@@ -444,8 +444,10 @@ def _pushed(equations: hybrid.System) -> hybrid.System:
 
 def _registered(stated: hybrid.System) -> hybrid.System:
     """Name a system by its compiled text, and make it known by this name."""
-    digest = hashlib.sha256(str(compiled.written(stated)).encode()).hexdigest()[:16]
-    return register(stated._replace(name=f"own-{digest}"))
+    module = compiled.written(stated)
+    name = f"own-{hashlib.sha256(str(module).encode()).hexdigest()[:16]}"
+    compiled.WRITTEN[name] = module
+    return register(stated._replace(name=name))
 
 
 def _on_ground(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any, Ground], Any]:
