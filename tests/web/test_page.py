@@ -49,7 +49,7 @@ FRAMES = """new Promise((done) => {
 
 _WIDGET = """(async () => {
   const values = VALUES, heard = {}, files = {};
-  const names = ["data.json", "kneed.wasm"];
+  const names = NAMES;
   for (const name of names) files[name] = new DataView(await (await fetch(name)).arrayBuffer());
   const model = {
     get: (name) => (name === "files" ? files : values[name]),
@@ -256,19 +256,37 @@ def test_every_control_has_a_label(page):
     assert unnamed == 0
 
 
+def in_a_notebook(there, package, widget, names):
+    """What the page of a widget reports as it begins, as it pauses, and after a push."""
+    (package / "widget.js").write_text(widget._esm, encoding="utf-8")
+    traits = ("given", "slope", "hip_torque", "speed", "running")
+    values = json.dumps({name: getattr(widget, name) for name in traits})
+    found = there.run(_WIDGET.replace("VALUES", values).replace("NAMES", json.dumps(names)))
+    paused, after = found["paused"], found["after"]
+    assert (paused["slope"], paused["running"], paused["outcome"]) == (0.03, False, "")
+    assert paused["strides"] >= 1 and after["state"] != paused["state"]
+    assert found["heard"] == 0
+    return found["start"]
+
+
 def test_the_widget_of_notebooks_walks_and_reports(page, package):
     pytest.importorskip("anywidget")
     from gym_passive_walker.web.widget import PlayerWidget
 
     gait = gpw.find_gait("C", 0.02)
     widget = PlayerWidget(gait.walker, gait.slope, start=gait.state)
-    names = ("given", "slope", "hip_torque", "speed", "running")
-    (package / "widget.js").write_text(widget._esm, encoding="utf-8")
-    values = {name: getattr(widget, name) for name in names}
-    found = page().run(_WIDGET.replace("VALUES", json.dumps(values)))
-    assert found["start"]["state"] == pytest.approx(gait.state)
-    assert gpw.Walker(**found["start"]["parameters"]) == gait.walker
-    paused, after = found["paused"], found["after"]
-    assert (paused["slope"], paused["running"], paused["outcome"]) == (0.03, False, "")
-    assert paused["strides"] >= 1 and after["state"] != paused["state"]
-    assert found["heard"] == 0
+    start = in_a_notebook(page(), package, widget, ["data.json", "kneed.wasm"])
+    assert start["state"] == pytest.approx(gait.state)
+    assert gpw.Walker(**start["parameters"]) == gait.walker
+
+
+def test_the_widget_of_a_system_walks_and_reports(page, package):
+    pytest.importorskip("anywidget")
+    from gym_passive_walker.web.widget import PlayerWidget
+
+    gait = gpw.find_gait(TORSO, 0.03)
+    widget = PlayerWidget(gait.walker, gait.slope, start=gait.state)
+    (package / "systems/own.wasm").write_bytes(widget.files["systems/own.wasm"])
+    start = in_a_notebook(page(), package, widget, ["systems/own.wasm"])
+    assert start["state"] == pytest.approx(gait.state)
+    assert start["parameters"] == TORSO.body._asdict()
