@@ -465,7 +465,8 @@ class Block {
   constructor({ module, notes }) {
     const base = Math.ceil((notes.end + STACK) / 64) * 64;
     this.table = base + notes.size;
-    const bytes = this.table + 16 * FOOTHOLDS;
+    this.scratch = this.table + 16 * FOOTHOLDS;
+    const bytes = this.scratch + (notes.scratch ?? 0);
     const memory = new WebAssembly.Memory({ initial: Math.ceil(bytes / PAGE) });
     const env = {
       __linear_memory: memory,
@@ -1002,31 +1003,8 @@ export class PassiveWalker {
       return found.outcome === "HEELSTRIKE" ? { point: free.map((i) => found.state[i]), found } : null;
     };
     const start = guess ?? this.startingState(slope);
-    let point = free.map((i) => start[i]);
-    for (let i = 0; i < tries; i++) {
-      const here = map(point);
-      if (!here) return null;
-      const columns = jacobian(map, point);
-      if (!columns) return null;
-      const residual = here.point.map((x, k) => x - point[k]);
-      const change = solve(columns.map((row, r) => row.map((x, c) => x - (r === c ? 1 : 0))), residual.map((x) => -x));
-      if (!change) return null;
-      const length = Math.max(...change.map(Math.abs));
-      let share = Math.min(1, 0.05 / length);
-      let next = null;
-      for (; share > 1e-3; share /= 2) {
-        next = point.map((x, k) => x + share * change[k]);
-        if (map(next)) break;
-      }
-      point = next;
-      if (length < 1e-11) {
-        const end = map(point);
-        const matrix = end && jacobian(map, point);
-        if (!matrix) return null;
-        return { state: of(point), multipliers: eigenvalues(matrix), stride: end.found };
-      }
-    }
-    return null;
+    const gait = fixedPoint(map, free.map((i) => start[i]), tries);
+    return gait && { state: of(gait.point), multipliers: gait.multipliers, stride: gait.end.found };
   }
 
   /**
@@ -1037,6 +1015,32 @@ export class PassiveWalker {
   render(canvas, { colors = {}, frame = this.frame(), width = 3.2, push = null } = {}) {
     draw(this, canvas, { ...COLORS, ...colors }, frame, width, push);
   }
+}
+
+/** A fixed point of a map by Newton's method with finite differences, and its multipliers; or null. */
+function fixedPoint(map, start, tries) {
+  let point = [...start];
+  for (let i = 0; i < tries; i++) {
+    const here = map(point);
+    if (!here) return null;
+    const matrix = jacobian(map, point);
+    if (!matrix) return null;
+    const residual = here.point.map((x, k) => x - point[k]);
+    const change = solve(matrix.map((row, r) => row.map((x, c) => x - (r === c ? 1 : 0))), residual.map((x) => -x));
+    if (!change) return null;
+    const length = Math.max(...change.map(Math.abs));
+    let next = null;
+    for (let share = Math.min(1, 0.05 / length); share > 1e-3; share /= 2) {
+      next = point.map((x, k) => x + share * change[k]);
+      if (map(next)) break;
+    }
+    point = next;
+    if (length < 1e-11) {
+      const end = map(point), last = end && jacobian(map, point);
+      return last && { point, multipliers: eigenvalues(last), end };
+    }
+  }
+  return null;
 }
 
 function jacobian(map, point) {
@@ -1066,30 +1070,61 @@ function solve(matrix, right) {
   return rows.map((row, i) => row[n] / row[i]);
 }
 
-/** Eigenvalues [re, im] of a small matrix: the roots of its characteristic polynomial. */
+/** Eigenvalues [re, im] of a small matrix by the QR method with Wilkinson's shifts. */
 function eigenvalues(matrix) {
-  const n = matrix.length;
-  const times = (a, b) => a.map((row) => b[0].map((_, j) => row.reduce((sum, x, k) => sum + x * b[k][j], 0)));
-  // Faddeev and LeVerrier's method, then that of Durand and Kerner.
-  let power = matrix.map((row) => [...row]);
-  const coefficients = [1];
-  for (let k = 1; k <= n; k++) {
-    const c = -power.reduce((sum, row, i) => sum + row[i], 0) / k;
-    coefficients.push(c);
-    power = times(matrix, power.map((row, i) => row.map((x, j) => x + (i === j ? c : 0))));
+  const times = ([a, b], [c, d]) => [a * c - b * d, a * d + b * c];
+  const root = ([a, b]) => {
+    const size = Math.hypot(a, b), re = Math.sqrt((size + Math.abs(a)) / 2);
+    if (!re) return [0, 0];
+    return a >= 0 ? [re, b / (2 * re)] : [Math.abs(b) / (2 * re), b < 0 ? -re : re];
+  };
+  const norm = Math.max(...matrix.flat().map(Math.abs)) || 1, found = [];
+  let rows = matrix.map((row) => row.map((x) => [x, 0]));
+  for (let tries = 0; rows.length; tries++) {
+    const n = rows.length - 1, [corner, last] = [rows[n][n], rows[n].slice(0, n)];
+    if (tries > 500 || last.every(([x, y]) => Math.hypot(x, y) < 1e-15 * norm)) {
+      found.push(corner);
+      rows = rows.slice(0, n).map((row) => row.slice(0, n));
+      tries = 0;
+      continue;
+    }
+    // The eigenvalue of the last two rows and columns that is nearer to the corner.
+    const before = rows[n - 1][n - 1], half = [(before[0] - corner[0]) / 2, (before[1] - corner[1]) / 2];
+    const square = times(half, half), product = times(rows[n - 1][n], rows[n][n - 1]);
+    const [x, y] = root([square[0] + product[0], square[1] + product[1]]);
+    const sign = half[0] * x + half[1] * y > 0 ? -1 : 1;
+    const exceptional = tries % 11 === 10 ? norm : 0;
+    const shift = [corner[0] + half[0] + sign * x + exceptional, corner[1] + half[1] + sign * y];
+    rows = turned(rows, shift, times);
   }
-  const multiply = ([a, b], [c, d]) => [a * c - b * d, a * d + b * c];
-  const value = (z) => coefficients.reduce((sum, c) => multiply(sum, z).map((x, i) => (i ? x : x + c)), [0, 0]);
-  const size = 1 + Math.max(...coefficients.map(Math.abs));
-  let roots = Array.from({ length: n }, (_, k) => [size * Math.cos(1 + (2 * Math.PI * k) / n), size * Math.sin(1 + (2 * Math.PI * k) / n)]);
-  for (let i = 0; i < 200; i++) {
-    roots = roots.map((z, k) => {
-      const [c, d] = roots.reduce((product, w, j) => (j === k ? product : multiply(product, [z[0] - w[0], z[1] - w[1]])), [1, 0]);
-      const [a, b] = value(z), square = c * c + d * d;
-      return square ? [z[0] - (a * c + b * d) / square, z[1] - (b * c - a * d) / square] : z;
-    });
+  return found.map(([re, im]) => [re, Math.abs(im) < 1e-9 * (1 + Math.abs(re)) ? 0 : im]);
+}
+
+/** RQ + shift, where QR is a complex matrix less the shift; by Givens rotations. */
+function turned(rows, [re, im], times) {
+  const n = rows.length, a = rows.map((row, i) => row.map(([x, y], j) => (i === j ? [x - re, y - im] : [x, y]))), turns = [];
+  const conjugate = ([x, y]) => [x, -y], plus = ([p, q], [x, y]) => [p + x, q + y];
+  for (let j = 0; j < n; j++) {
+    for (let i = j + 1; i < n; i++) {
+      const size = Math.hypot(...a[j][j], ...a[i][j]);
+      if (!Math.hypot(...a[i][j])) continue;
+      const c = a[j][j].map((x) => x / size), s = a[i][j].map((x) => x / size);
+      turns.push([j, i, c, s]);
+      for (let k = 0; k < n; k++) {
+        const [p, q] = [a[j][k], a[i][k]];
+        a[j][k] = plus(times(conjugate(c), p), times(conjugate(s), q));
+        a[i][k] = plus(times([-s[0], -s[1]], p), times(c, q));
+      }
+    }
   }
-  return roots.map(([re, im]) => [re, Math.abs(im) < 1e-9 * (1 + Math.abs(re)) ? 0 : im]);
+  for (const [j, i, c, s] of turns) {
+    for (let k = 0; k < n; k++) {
+      const [p, q] = [a[k][j], a[k][i]];
+      a[k][j] = plus(times(p, c), times(q, s));
+      a[k][i] = plus(times(p, conjugate([-s[0], -s[1]])), times(q, conjugate(c)));
+    }
+  }
+  return a.map((row, i) => row.map(([x, y], j) => (i === j ? [x + re, y + im] : [x, y])));
 }
 
 const COLORS = {
@@ -1101,15 +1136,10 @@ function draw(walk, canvas, colors, { joints, strides }, width, push) {
   const context = canvas.getContext("2d");
   const l = walk.legLength, slope = walk.scene.slope;
   const scale = canvas.width / (width * l);
-  const [sine, cosine] = [Math.sin(slope), Math.cos(slope)];
-  const middle = joints.hip[0];
-  const place = ([x, y]) => {
-    const [right, up] = [(x - middle) * cosine + y * sine, y * cosine - (x - middle) * sine];
-    return [canvas.width / 2 + right * scale, canvas.height * 0.86 - up * scale];
-  };
+  const middle = joints.hip[0], place = placeOn(canvas, slope, [middle, 0], scale);
   context.fillStyle = colors.background;
   context.fillRect(0, 0, canvas.width, canvas.height);
-  drawGround(walk, context, place, middle, width * l, colors, scale);
+  drawGround(context, place, middle, width * l, colors, scale, l, walk.scene.terrain && walk.footholds);
   const odd = strides % 2 === 1;
   const legs = [
     ["swing", odd ? colors.even : colors.odd, joints.shank],
@@ -1124,23 +1154,33 @@ function draw(walk, canvas, colors, { joints, strides }, width, push) {
   if (push) drawPush(context, [x, y], push, colors.push, scale * l);
 }
 
-function drawGround(walk, context, place, middle, span, colors, scale) {
-  const reach = span, holds = walk.footholds;
+/** Turns positions along a slope into those of a canvas, with one of them in its middle. */
+function placeOn(canvas, slope, middle, scale) {
+  const sine = Math.sin(slope), cosine = Math.cos(slope);
+  return (point) => {
+    const x = point[0] - middle[0], y = point[1] - middle[1];
+    return [canvas.width / 2 + (x * cosine + y * sine) * scale, canvas.height * 0.86 - (y * cosine - x * sine) * scale];
+  };
+}
+
+/** Draws smooth ground, or footholds; marks are a leg's length `l` apart. */
+function drawGround(context, place, middle, span, colors, scale, l, holds) {
+  const reach = span;
   context.strokeStyle = colors.ground;
-  context.lineWidth = Math.max(1, 0.006 * scale * walk.legLength);
+  context.lineWidth = Math.max(1, 0.006 * scale * l);
   context.beginPath();
-  if (walk.scene.terrain === null) {
+  if (!holds) {
     context.moveTo(...place([middle - reach, 0]));
     context.lineTo(...place([middle + reach, 0]));
   } else {
     for (const { x, y } of holds) {
-      context.moveTo(...place([x - 0.12 * walk.legLength, y]));
-      context.lineTo(...place([x + 0.12 * walk.legLength, y]));
+      context.moveTo(...place([x - 0.12 * l, y]));
+      context.lineTo(...place([x + 0.12 * l, y]));
     }
   }
   context.stroke();
   context.fillStyle = colors.mark;
-  const l = walk.legLength, first = Math.ceil((middle - reach) / l), last = Math.floor((middle + reach) / l);
+  const first = Math.ceil((middle - reach) / l), last = Math.floor((middle + reach) / l);
   context.font = `${Math.max(10, Math.round(0.06 * scale * l))}px system-ui, sans-serif`;
   context.textAlign = "center";
   for (let i = first; i <= last; i++) {
@@ -1256,37 +1296,42 @@ export async function loadPolicy(name, { read = readFile } = {}) {
 // ---------------------------------------------------------------------------------------------
 // Systems of one's own, compiled by Python's `web.build(folder, systems)`.
 
-const SCRATCH = 4096; // bytes from a system's numbers to the points that show it
-
 /**
  * Makes a walker of a system of one's own.
  *
  * @param name The system's name in `web.build`, as "torso".
  * @param options `slope` in rad, `body` with other values of its fields, `state` to start from,
- *   `tolerance`, and `read`, which reads the package's files by name.
+ *   `terrain` of different heights, `seed` of random footholds, `tolerance`, and `read`, which reads
+ *   the package's files by name.
  */
 export async function createSystem(name, { read = readFile, ...options } = {}) {
   return new SystemWalker(await compiled(`systems/${name}`, read), options);
 }
 
+const LAY_GROUND = 1, PUSH = 2; // what a system's module runs besides ADVANCE
+
 /** A system of one's own: its stride map, a walk under held controls, and its picture. */
 export class SystemWalker {
   #block;
-  #contact = 0;
+  #trace = [];
+  #earlier = null;
+  #impulse = 0;
+  #height = 1;
 
-  constructor(module, { slope = 0, body = {}, state = null, tolerance = 1e-8 } = {}) {
+  constructor(module, { slope = module.notes.slope, body = {}, state = null, terrain = null, seed = 0, tolerance = 1e-8 } = {}) {
     const block = (this.#block = new Block(module)), { notes } = block;
     this.name = notes.system;
     this.fields = { ...notes.body };
     this.controls = notes.controls;
-    block.set("phases", block.functions.phases(0));
-    block.set("hooks", block.functions.hooks(0));
+    this.terrain = this.#checkTerrain(terrain);
+    this.#choose(this.terrain !== null);
     block.set("count", notes.links.length);
+    block.set("bodies", block.scratch);
     block.set("constants", Object.keys(notes.body).length);
     block.set("table", block.table);
     this.#tolerate(tolerance);
     this.change({ slope, body });
-    this.reset(state);
+    this.reset(state, { seed });
   }
 
   /** Block of memory, for tests. */
@@ -1294,8 +1339,20 @@ export class SystemWalker {
     return this.#block;
   }
 
+  /** sqrt(l/g) in s, the unit of time, if the unit of length is 1 m. */
+  get timeUnit() {
+    return 1 / Math.sqrt(9.81);
+  }
+
   get #size() {
     return this.#block.notes.state.length;
+  }
+
+  /** Chooses the equations for even or uneven ground. */
+  #choose(uneven) {
+    const block = this.#block;
+    block.set("phases", block.functions.phases(uneven ? 1 : 0));
+    block.set("hooks", block.functions.hooks(uneven ? 1 : 0));
   }
 
   #tolerate(tolerance) {
@@ -1305,6 +1362,20 @@ export class SystemWalker {
     }
     ["tolerance", "landing", "doubt", "first_step", "fineness"].forEach((name, i) => block.set(`options.${name}`, told[i]));
     block.set("options.scuff", 0);
+  }
+
+  #even() {
+    if (!this.#block.notes.uneven) throw new SceneError(`the equations of ${this.name} are for even ground`);
+  }
+
+  #checkTerrain(value) {
+    const terrain = terrainFrom(value);
+    if (terrain === null) return null;
+    this.#even();
+    if (terrain.slope_std || terrain.slopes.some((x) => x !== 0)) {
+      throw new SceneError("footholds of a system may differ in height, not in slope");
+    }
+    return terrain;
   }
 
   /** Changes fields of the body and the slope; coordinates and their rates stay. */
@@ -1320,26 +1391,36 @@ export class SystemWalker {
     }
     this.slope = slope;
     this.fields = { ...this.fields, ...body };
-    Object.values(this.fields).forEach((value, i) => block.set("bodies", value, i));
-    // The compiled code has Python's sine: the ground is that of an episode's begin.
-    const kept = block.record("record").slice();
-    block.set("slopes", slope);
-    block.set("drawn", 0);
-    block.run(BEGIN);
-    const ground = [block.get("record.ground", 0), block.get("record.ground", 1)];
-    block.record("record").set(kept);
-    ground.forEach((x, i) => block.set("record.ground", x, i));
+    Object.values(this.fields).forEach((value, i) => (block.f8[block.scratch / 8 + i] = value));
+    this.#ground(this.terrain, this.strides);
+  }
+
+  /** Sets the ground of a stride; the compiled code has Python's sine. */
+  #ground(terrain, strides, slope = this.slope) {
+    const block = this.#block, { rises, repeats, height_std } = terrain ?? { rises: [0], repeats: true, height_std: 0 };
+    rises.forEach((rise, i) => {
+      block.f8[block.table / 8 + 2 * i] = rise;
+      block.f8[block.table / 8 + 2 * i + 1] = 0;
+    });
+    block.set("footholds", rises.length);
+    [repeats ? 1 : 0, height_std, 0].forEach((x, i) => block.set("spread", x, i));
+    block.set("strides", strides ?? 0);
+    block.set("slope", slope);
+    block.run(LAY_GROUND);
+  }
+
+  /** The height of the next foothold over this one. */
+  get rise() {
+    return this.#block.get("record.ground", 2);
   }
 
   #put(state) {
-    const block = this.#block, half = this.#size / 2, row = Array.from(state ?? []);
+    const block = this.#block, { room } = block.notes, half = this.#size / 2, row = Array.from(state ?? []);
     if (row.length !== this.#size || !row.every(Number.isFinite)) {
       throw new SceneError(`state must be ${this.#size} finite numbers, not ${shown(state)}`);
     }
-    const ground = [block.get("record.ground", 0), block.get("record.ground", 1)];
     block.record("record").fill(0);
-    ground.forEach((x, i) => block.set("record.ground", x, i));
-    row.forEach((x, i) => block.set("record.state", x, i < half ? i : 3 + i - half));
+    row.forEach((x, i) => block.set("record.state", x, i < half ? i : room + i - half));
   }
 
   #hold(controls) {
@@ -1358,26 +1439,46 @@ export class SystemWalker {
   }
 
   /** Begins again just after a heelstrike; without a state, at the system's start. */
-  reset(state = null) {
-    const { notes } = this.#block;
+  reset(state = null, { seed = 0 } = {}) {
+    const block = this.#block, { notes } = block;
     this.#put(state ?? notes.start ?? Array(this.#size).fill(0));
-    this.#contact = 0;
+    block.set("key", BigInt.asUintN(64, BigInt(seed)));
     this.strides = 0;
+    this.#ground(this.terrain, 0);
+    this.#trace = [{ strides: 0, x: 0, y: 0 }];
+    this.#impulse = 0;
+    this.duration = 0;
     this.fresh = true;
     this.outcome = null;
+    this.stride = null;
+    this.#height = Math.max(...this.lines().flat(2).map(Math.abs));
+    this.#remember();
   }
 
   get state() {
-    const row = this.#block.row("record.state"), half = this.#size / 2;
-    return Array.from({ length: this.#size }, (_, i) => row[i < half ? i : 3 + i - half]);
+    const row = this.#block.row("record.state"), half = this.#size / 2, { room } = this.#block.notes;
+    return Array.from({ length: this.#size }, (_, i) => row[i < half ? i : room + i - half]);
+  }
+
+  /** Whether the walk has ended: by a fall, or without a further heelstrike. */
+  get over() {
+    return this.outcome !== null && this.outcome !== "HEELSTRIKE";
+  }
+
+  /** Points at which the last strides began. */
+  get footholds() {
+    return this.#trace.map((each) => ({ ...each }));
   }
 
   /** The stride map under held controls; the walk of this object stays as it is. */
-  strideFrom(state, { controls = null, end = 20 } = {}) {
-    const block = this.#block, kept = block.record("record").slice();
+  strideFrom(state, { controls = null, end = 20, slope = this.slope, height_change = 0 } = {}) {
+    if (height_change !== 0) this.#even();
+    const block = this.#block, kept = block.bytes.slice(block.base, block.scratch);
     try {
+      this.#choose(height_change !== 0);
       this.#put(state);
       this.#hold(controls);
+      this.#ground({ rises: [height_change], repeats: true, height_std: 0 }, 0, slope);
       this.#advance(end, true);
       const outcome = block.get("record.outcome") || block.notes.outcomes.indexOf("STALLED");
       return {
@@ -1385,63 +1486,118 @@ export class SystemWalker {
         step_length: block.get("record.step_length"), heel_loss: block.get("record.heel_loss"),
       };
     } finally {
-      block.record("record").set(kept);
+      block.bytes.set(kept, block.base);
     }
   }
 
   /** Walks for a time in sqrt(l/g), or to the next heelstrike; returns how it ended, or null. */
   step(duration = 0.1, controls = null) {
     const block = this.#block, { outcomes } = block.notes;
-    if (this.outcome !== null && this.outcome !== "HEELSTRIKE") return this.outcome;
+    if (this.over) return this.outcome;
     if (this.outcome === "HEELSTRIKE") {
       this.#put(this.state);
+      this.#ground(this.terrain, this.strides);
       this.fresh = true;
     }
     this.#hold(controls);
+    if (this.#impulse) {
+      block.set("impulse", this.#impulse);
+      block.run(PUSH);
+      this.#impulse = 0;
+    }
+    this.#remember();
     this.#advance(block.get("record.time") + duration, this.fresh);
     this.fresh = false;
+    this.duration = block.get("record.time") - this.#earlier.time;
     const outcome = block.get("record.outcome");
     this.outcome = outcome ? outcomes[outcome] : null;
     if (this.outcome === "HEELSTRIKE") {
       this.strides += 1;
-      this.#contact += block.get("record.step_length");
+      this.stride = { step_length: block.get("record.step_length"), step_period: block.get("record.time") };
+      const { x, y } = this.#trace[this.#trace.length - 1];
+      this.#trace.push({ strides: this.strides, x: x + block.get("record.step_length"), y: y + this.rise });
+      if (this.#trace.length > 12) this.#trace.shift();
     }
     return this.outcome;
   }
 
+  /** Pushes the centre of mass when the next control step begins: an impulse, positive downhill. */
+  push(impulse) {
+    if (!this.#block.notes.pushed) throw new SceneError(`the equations of ${this.name} do not say what a push does`);
+    if (!Number.isFinite(impulse) || Math.abs(impulse) > 10) {
+      throw new SceneError(`impulse must be a number from -10 to 10, not ${shown(impulse)}`);
+    }
+    if (!this.over) this.#impulse += impulse;
+  }
+
+  #remember() {
+    const block = this.#block;
+    block.record("before").set(block.record("record"));
+    this.#earlier = { time: block.get("record.time"), fresh: this.fresh, place: this.#trace[this.#trace.length - 1] };
+  }
+
   /** Lines of points [x, y] that show a state, from the stance foot. */
   lines(state = this.state) {
-    const block = this.#block, at = block.table, { notes } = block;
-    [...Object.values(this.fields), ...state].forEach((x, i) => (block.f8[at / 8 + i] = x));
-    block.functions.pose(at, at + SCRATCH);
-    let next = (at + SCRATCH) / 8;
+    const block = this.#block, { notes } = block, body = Object.values(this.fields), at = block.scratch;
+    state.forEach((x, i) => (block.f8[at / 8 + body.length + i] = x));
+    let next = at / 8 + body.length + state.length;
+    block.functions.pose(at, 8 * next);
     return notes.lines.map((count) => Array.from({ length: count }, () => [block.f8[next++], block.f8[next++]]));
   }
 
+  #placed(state, { strides, x, y }) {
+    return { state, strides, lines: this.lines(state).map((line) => line.map(([a, b]) => [a + x, b + y])), contact: [x, y] };
+  }
+
+  /** The system now, for a picture. */
+  frame() {
+    return this.#placed(this.state, this.#trace[this.#trace.length - 1]);
+  }
+
+  /** The system within the last control step, at a share from 0 to 1 of it; exact, for a picture. */
+  within(share) {
+    if (share >= 1 || !(this.duration > 0)) return this.frame();
+    const block = this.#block, kept = block.bytes.slice(block.base, block.scratch);
+    try {
+      block.record("record").set(block.record("before"));
+      this.#advance(this.#earlier.time + Math.max(share * this.duration, 1e-9), this.#earlier.fresh);
+      return this.#placed(this.state, this.#earlier.place);
+    } finally {
+      block.bytes.set(kept, block.base);
+    }
+  }
+
+  /**
+   * Searches for the periodic gait near a state by Newton's method, with finite differences.
+   *
+   * Returns its state, its Floquet multipliers [re, im] and its stride; null if none is found.
+   */
+  findGait({ guess = null, controls = null, slope = this.slope, tries = 30 } = {}) {
+    const start = guess ?? this.#block.notes.start;
+    if (start === null) return null;
+    const found = fixedPoint((state) => {
+      const stride = this.strideFrom(state, { controls, slope });
+      return stride.outcome === "HEELSTRIKE" ? { point: stride.state, stride } : null;
+    }, start, tries);
+    return found && { state: found.point, multipliers: found.multipliers, stride: found.end.stride };
+  }
+
   /** Draws the system and its ground on a canvas, `width` units of length wide. */
-  render(canvas, { colors = {}, width = 3.2 } = {}) {
+  render(canvas, { colors = {}, frame = this.frame(), width = 2.5 * this.#height, push = null } = {}) {
     const context = canvas.getContext("2d"), found = { ...COLORS, ...colors }, scale = canvas.width / width;
-    const [sine, cosine] = [Math.sin(this.slope), Math.cos(this.slope)];
-    const place = ([x, y]) => [
-      canvas.width / 2 + (x * cosine + y * sine) * scale, canvas.height * 0.86 - (y * cosine - x * sine) * scale,
-    ];
-    const path = (points) => {
-      context.beginPath();
-      points.forEach((point, i) => (i ? context.lineTo(...place(point)) : context.moveTo(...place(point))));
-      context.stroke();
-    };
+    const middle = frame.contact, place = placeOn(canvas, this.slope, middle, scale);
     context.fillStyle = found.background;
     context.fillRect(0, 0, canvas.width, canvas.height);
-    context.strokeStyle = found.ground;
-    context.lineWidth = Math.max(1, 0.006 * scale);
-    path([[-width, 0], [width, 0]]);
-    const first = Math.ceil(this.#contact - width), last = Math.floor(this.#contact + width);
-    for (let i = first; i <= last; i++) path([[i - this.#contact, 0], [i - this.#contact, -0.03]]);
+    drawGround(context, place, middle[0], width, found, scale, 1, this.terrain && this.footholds);
     context.lineCap = context.lineJoin = "round";
     context.lineWidth = 0.035 * scale;
-    this.lines().forEach((line, i) => {
-      context.strokeStyle = [found.odd, found.even, found.body][i % 3];
-      path(line);
+    const legs = frame.strides % 2 ? [found.even, found.odd] : [found.odd, found.even];
+    frame.lines.forEach((line, i) => {
+      context.strokeStyle = legs[i] ?? found.body;
+      context.beginPath();
+      line.forEach((point, k) => (k ? context.lineTo(...place(point)) : context.moveTo(...place(point))));
+      context.stroke();
     });
+    if (push) drawPush(context, place(frame.lines[0][0]), push, found.push, scale);
   }
 }

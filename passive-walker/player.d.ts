@@ -1,8 +1,12 @@
-import type { PassiveWalker, Read, State } from "./passive-walker.js";
+import type { PassiveWalker, Read, State, SystemWalker } from "./passive-walker.js";
 
 export interface Settings {
+  /** Name of a system of one's own in Python's `web.build`; then `walker`, `torque` and `policy` are ignored. */
+  system?: string;
+  /** Controls of a system that are held, by name. */
+  controls?: Record<string, number>;
   walker?: string;
-  /** Parameters of the walker that differ from the preset's. */
+  /** Parameters of the walker that differ from the preset's; fields of a system's body. */
   changes?: Record<string, number>;
   slope?: number;
   /** Hip torque that is held, in m g l. */
@@ -13,7 +17,7 @@ export interface Settings {
   speed?: number;
   seed?: number;
   /** State on the Poincaré section to start from. */
-  start?: State;
+  start?: State | number[];
 }
 
 export interface Options extends Settings {
@@ -28,7 +32,7 @@ export interface Options extends Settings {
 }
 
 export class Player {
-  walk: PassiveWalker;
+  walk: PassiveWalker | SystemWalker;
   settings: Required<Settings>;
   running: boolean;
   begin(): Promise<void>;

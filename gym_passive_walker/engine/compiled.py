@@ -105,6 +105,10 @@ def body_layout(system: System) -> np.dtype:
     return np.dtype([("body", "f8", (len(system.Body._fields),))])  # type: ignore[attr-defined]
 
 
+WRITTEN: dict[str, Module] = {}
+"""Native functions of systems that were generated for their names and are not yet compiled."""
+
+
 @lru_cache
 def compiled(system: str, *, derived: bool = False) -> NDArray:
     """Compile a system, or load it from the cache.
@@ -116,8 +120,8 @@ def compiled(system: str, *, derived: bool = False) -> NDArray:
     Returns:
         The phases, shape (phases,) of PHASE.
     """
-    of = SYSTEMS[system]
-    code = kept(system + "-derived" * derived, lambda: written(of, derived=derived))
+    of, known = SYSTEMS[system], None if derived else WRITTEN.pop(system, None)
+    code = kept(system + "-derived" * derived, lambda: known or written(of, derived=derived))
     return phases_of(of, code)
 
 

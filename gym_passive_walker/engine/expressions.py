@@ -33,11 +33,12 @@ class Expression:
 
     def __new__(cls, known: dict, op: str, *args: Any) -> Expression:
         """Return the expression; equal operations on equal operands give the same object."""
-        key = (op, *(id(a) if isinstance(a, Expression) else repr(a) for a in args))
-        if key not in known:
+        key = (op, *[id(a) if isinstance(a, Expression) else repr(a) for a in args])
+        self = known.get(key)
+        if self is None:
             self = known[key] = super().__new__(cls)
             self.op, self.args, self.known = op, args, known
-        return known[key]
+        return self
 
     def _with(self, op: str, *others: Any) -> Expression:
         return Expression(self.known, op, *others)
@@ -48,19 +49,22 @@ class Expression:
 
     def _binary(self, op: str, a: Any, b: Any) -> Expression:
         a, b = self.number(a), self.number(b)
-        if a.op == b.op == "constant" and op in _FOLDED:
-            return self.number(_FOLDED[op](a.args[0], b.args[0]))
-        if op == "mul" and a.op == b.op == "neg":
-            a, b = a.args[0], b.args[0]
-        if op == "mul" and 1.0 in (a.value, b.value):
-            return b if a.value == 1.0 else a
-        if op == "mul" and 0.0 in (a.value, b.value):
-            return self.number(0.0)
-        if op == "div" and a.value == 0.0:
+        x, y = a.value, b.value
+        if x is not None and y is not None and op in _FOLDED:
+            return self.number(_FOLDED[op](x, y))
+        if op == "mul":
+            if a.op == b.op == "neg":
+                a, b = a.args[0], b.args[0]
+                x, y = a.value, b.value
+            if 1.0 in (x, y):
+                return b if x == 1.0 else a
+            if 0.0 in (x, y):
+                return self.number(0.0)
+        elif op == "div" and x == 0.0:
             return a
-        if op in ("add", "sub") and b.value == 0.0:
+        elif op in ("add", "sub") and y == 0.0:
             return a
-        if op == "add" and a.value == 0.0:
+        elif op == "add" and x == 0.0:
             return b
         return self._with(op, a, b)
 

@@ -5,7 +5,12 @@ The named tuples here state the package's own kinds of walkers too.
 
 from gym_passive_walker.modeling.checks import StatementError
 from gym_passive_walker.modeling.mechanics import Link
-from gym_passive_walker.modeling.statement import accelerations_of, kinetic_energy_of, stop_of
+from gym_passive_walker.modeling.statement import (
+    accelerations_of,
+    heelstrike_of,
+    kinetic_energy_of,
+    stop_of,
+)
 from gym_passive_walker.modeling.system import Free, System
 from gym_passive_walker.physics.hybrid import (
     Ground,
@@ -38,6 +43,7 @@ __all__ = [
     "System",
     "Watch",
     "accelerations_of",
+    "heelstrike_of",
     "kinetic_energy_of",
     "stop_of",
 ]

@@ -30,23 +30,34 @@ class StatementError(ValueError):
     """A statement of a system is wrong; the message names the function."""
 
 
+def _fields_of(of: Any) -> tuple[str, ...]:
+    """The names of a named tuple's fields; none of anything else."""
+    return getattr(of, "_fields", ()) if isinstance(of, type) else ()
+
+
 class Checks:
     """Trials of a system's functions at random states, before anything is compiled."""
 
     def __init__(self, system: System) -> None:
         self.system, rng = system, np.random.default_rng(0)
-        fields = getattr(system.State, "_fields", ())
+        if not isinstance(system.name, str):
+            raise self.error("name", f"must be text, not {system.name!r}")
+        fields = _fields_of(system.State)
         if not fields or len(fields) % 2 or len(fields) // 2 > WIDE.links:
             raise self.error(
                 "State", "must be a named tuple of 1 to 8 coordinates and, behind them, their rates"
             )
+        if not hasattr(system.Control, "_fields") or not isinstance(system.Control, type):
+            raise self.error("Control", "must be a named tuple of the controls")
         if not hasattr(system.body, "_fields"):
             raise self.error("body", "must be an instance of a named tuple of parameters")
         self.body, count = system.body, len(fields) // 2
         self.numbers("body", self.body)
         if system.start is not None and np.shape(system.start) != (2 * count,):
             raise self.error("start", f"must have {2 * count} numbers, not {system.start!r}")
-        centre = np.zeros(2 * count) if system.start is None else np.array(system.start)
+        centre = np.array([0.0] * (2 * count) if system.start is None else system.start)
+        self.numbers("start", centre)
+        self.start = system.State(*centre.tolist())
         states = centre + rng.uniform(-0.3, 0.3, (_TRIALS, 2 * count))
         self.states = [system.State(*state) for state in states.tolist()]
         self.count = count
@@ -77,6 +88,29 @@ class Checks:
         return found
 
 
+_DERIVED = ("links", "landing", "relabel", "counts", "potential", "dissipation", "forces")
+
+
+def check_given(system: System, equations: hybrid.System) -> None:
+    """Refuse functions beside given equations from which these would be derived.
+
+    Raises:
+        StatementError: with the function's name.
+    """
+    for name in _DERIVED:
+        if getattr(system, name):
+            raise StatementError(
+                f"{name} of system {system.name!r} must be left out: its equations are given; "
+                "change `equations`"
+            )
+    for name in ("State", "Control", "travel"):
+        if getattr(system, name) is not getattr(equations, name):
+            raise StatementError(
+                f"{name} of system {system.name!r} must be that of its equations: give changed "
+                "equations to gpw.System.of"
+            )
+
+
 def check(system: System) -> None:
     """Refuse functions that do not fit each other.
 
@@ -96,8 +130,19 @@ def check(system: System) -> None:
         if checks.numbers("limits", [limit])[0] <= 0.0:
             raise checks.error("limits", f"must be positive, not {limit!r} of {name!r}")
     if system.equations is not None:
+        if system.centre is None:
+            raise checks.error("centre", "is missing: give x and y of the centre of mass")
+        if not checks.numbers("mass", [system.mass])[0] > 0.0:
+            raise checks.error("mass", f"must be positive, not {system.mass!r}")
         _check_statement(checks, system.equations)
         return
+    if system.centre is not None or system.mass != 1.0:
+        raise checks.error("centre and mass", "follow from its links: leave them out")
+    for name in ("counts", "links", "landing", "relabel"):
+        value = getattr(system, name)
+        if not (isinstance(value, (tuple, list)) if name == "counts" else callable(value)):
+            kind = "a list of functions" if name == "counts" else "a function of body and state"
+            raise checks.error(name, f"must be {kind}, not {value!r}")
     controls = len(system.controls)
     rows = 1 + len(system.falls) + len(system.counts) + controls
     if rows > MOST_GUARDS or controls > WIDE.controls or len(system.body) > MOST_CONSTANTS:
@@ -105,15 +150,26 @@ def check(system: System) -> None:
             "statement", f"is too large: at most {WIDE.controls} controls, {MOST_CONSTANTS} "
             f"parameters, and {MOST_GUARDS} controls, falls and counts together"
         )  # fmt: skip
+    if system.start is not None and not all(
+        checks.numbers("falls", [checks.tried("falls", function, checks.body, checks.start)])[0] > 0
+        for function in system.falls.values()
+    ):
+        raise checks.error("falls", "is not positive at its start: the walker has fallen there")
     for state in checks.states:
         _check_links(checks, state)
         _check_functions(checks, state)
         _check_equations(checks, state)
+    coordinates = np.array([state[: checks.count] for state in checks.states])
+    if checks.count > 1 and np.all(np.isnan(system.with_both_feet_down(coordinates))):
+        raise checks.error("landing", "never falls: its y is zero near none of the states tried")
+    for state in checks.states:
         _check_heelstrike(checks, state)
 
 
 def _check_links(checks: Checks, state: Any) -> None:
     links = checks.tried("links", checks.system.links, checks.body, state)
+    if not isinstance(links, (tuple, list)):
+        raise checks.error("links", f"must give a list of gpw.Link, not {links!r}")
     for link in links:
         each = checks.tried("links", lambda link: Link(*link), link)
         mass, *_, inertia, _ = checks.numbers("links", each, 5)
@@ -138,9 +194,31 @@ def _check_functions(checks: Checks, state: Any) -> None:
     ):
         if function is not None:
             checks.numbers(name, [checks.tried(name, function, body, state)])
+    for function in system.falls.values():
+        if not np.any(_slopes(checks, "falls", function, state, 0)):
+            raise checks.error("falls", "never falls: it does not depend on the coordinates")
+    for function in system.counts:
+        moves = _slopes(checks, "counts", function, state, 0)
+        if function(body, state) <= 0.0 and not np.any(moves):
+            raise checks.error("counts", "is never positive: no heelstrike would count")
+    if system.potential is not None and np.any(
+        _slopes(checks, "potential", system.potential, state, checks.count)
+    ):
+        raise checks.error("potential", "must not depend on the rates of the coordinates")
     moved = checks.tried("travel", system.travel, state)
     checks.numbers("travel", moved, len(system.controls))
     _check_pose(checks, state)
+
+
+def _slopes(
+    checks: Checks, name: str, function: Any, state: Any, first: int
+) -> NDArray[np.float64]:
+    """Derivatives of a function by the coordinates of a state, or by its rates, (m,)."""
+
+    def slopes(body: Any, state: Any) -> tuple:
+        return tuple(rates_by(function(body, state), state[first : first + checks.count]))
+
+    return checks.numbers(name, checks.tried(name, Derived(slopes), checks.body, state))
 
 
 def _check_pose(checks: Checks, state: Any) -> None:
@@ -150,27 +228,41 @@ def _check_pose(checks: Checks, state: Any) -> None:
 
 
 def _check_equations(checks: Checks, state: Any) -> None:
-    system, body, count = checks.system, checks.body, checks.count
-    matrix = np.zeros((count, count))
-    derived = checks.tried("links", Derived(system._mass_matrix), body, state)
-    matrix[np.triu_indices(count)] = derived
-    matrix = matrix + np.triu(matrix, 1).T
-    if np.linalg.eigvalsh(matrix)[0] <= 1e-12 * np.abs(matrix).max():
-        raise checks.error(
-            "links", "leave a coordinate without inertia: the mass matrix is not positive at "
-            f"{state}"
-        )  # fmt: skip
+    system, body = checks.system, checks.body
+    _positive_matrix(
+        checks, system._mass_matrix, checks.count, state, "links",
+        "leave a coordinate without inertia: the mass matrix must be positive",
+    )  # fmt: skip
     if system.dissipation is not None and system.dissipation(body, state) < 0.0:
         raise checks.error("dissipation", f"must not be negative, as at {state}")
 
 
+def _positive_matrix(
+    checks: Checks, function: Any, count: int, state: Any, name: str, said: str
+) -> NDArray[np.float64]:
+    """The mass matrix of some coordinates, (count, count); refused if it is not positive.
+
+    Args:
+        checks: The system.
+        function: Function of body and state: the upper triangle, row by row.
+        count: Number of coordinates.
+        state: Where to evaluate it.
+        name: The user's function that an error names.
+        said: What the error says of a matrix that is not positive.
+    """
+    above = np.triu_indices(count)
+    found = checks.tried(name, Derived(function), checks.body, state)
+    matrix = np.zeros((count, count))
+    matrix[above] = checks.numbers(name, found, len(above[0]))
+    matrix = matrix + np.triu(matrix, 1).T
+    if np.linalg.eigvalsh(matrix)[0] <= 1e-12 * np.abs(matrix).max():
+        raise checks.error(name, f"{said}, as it is not at {state}")
+    return matrix
+
+
 def _check_heelstrike(checks: Checks, state: Any) -> None:
     system, body = checks.system, checks.body
-
-    def slopes(body: Any, state: Any) -> tuple:
-        return tuple(rates_by(system.landing(body, state)[1], state[: checks.count]))
-
-    if not np.any(checks.tried("landing", Derived(slopes), body, state)):
+    if not np.any(_slopes(checks, "landing", system._clearance, state, 0)):
         raise checks.error("landing", "never falls: its y does not depend on the coordinates")
 
     def struck(body: Any, state: Any) -> tuple:
@@ -205,10 +297,31 @@ def _check_statement(checks: Checks, equations: hybrid.System) -> None:
     for state in checks.states:
         checks.numbers("centre", checks.tried("centre", system.centre, body, state), 2)
         _check_pose(checks, state)
+        _check_energies(checks, equations, state)
         for phase in equations.phases:
             tied = equations.State(*_tied(phase, state))
             _check_phase(checks, equations, phase, tied)
             _check_resets(checks, equations, phase, tied)
+
+
+def _check_energies(checks: Checks, equations: hybrid.System, state: Any) -> None:
+    """Refuse energies, places and measures that are not finite numbers."""
+    body, start = checks.body, equations.State(*np.zeros(2 * checks.count).tolist())
+    for name, arguments in (
+        ("kinetic_energy", (body, state)),
+        ("potential_gain", (body, start, state, _SLOPING)),
+        ("spring_gain", (body, start, state)),
+        ("friction_power", (body, state)),
+        ("place", (body, state)),
+        ("foot_clearance", (body, state)),
+    ):
+        function = getattr(equations, name)
+        if function is not None:
+            checks.numbers(name, [checks.tried(name, Derived(function), *arguments)])
+    moved = checks.tried("travel", equations.travel, state)
+    checks.numbers("travel", moved, len(checks.system.controls))
+    given = equations, body, state[: checks.count], state, state, _SLOPING
+    checks.numbers("measure", checks.tried("measure", equations.measure, *given), 4)
 
 
 def _tied(phase: Phase, state: Any) -> list[Any]:
@@ -260,18 +373,12 @@ def _check_phase(checks: Checks, equations: hybrid.System, phase: Phase, state: 
 
 def _check_mass_matrix(checks: Checks, equations: hybrid.System, count: int, state: Any) -> None:
     """Compare the mass matrix of the links that move by themselves with the kinetic energy."""
-    assert equations.mass_matrix is not None
-    matrix = np.zeros((count, count))
-    found = checks.tried("mass_matrix", Derived(equations.mass_matrix), checks.body, state)
-    above = np.triu_indices(count)
-    matrix[above] = checks.numbers("mass_matrix", found, len(above[0]))
-    matrix = matrix + np.triu(matrix, 1).T
-    if np.linalg.eigvalsh(matrix)[0] <= 1e-12 * np.abs(matrix).max():
-        raise checks.error("mass_matrix", f"must be positive, as it is not at {state}")
+    name = "mass_matrix"
+    matrix = _positive_matrix(checks, equations.mass_matrix, count, state, name, "must be positive")
     rates = np.array(state[checks.count :][:count])
     kinetic = Derived(equations.kinetic_energy)(checks.body, state)
     if abs(0.5 * rates @ matrix @ rates - kinetic) > _CLOSE * kinetic:
-        raise checks.error("mass_matrix", "does not give the kinetic energy")
+        raise checks.error(name, "does not give the kinetic energy")
 
 
 def _check_resets(checks: Checks, equations: hybrid.System, phase: Phase, state: Any) -> None:

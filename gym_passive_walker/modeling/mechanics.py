@@ -120,6 +120,27 @@ def rates_by(value: Any, variables: Sequence[Any]) -> list[Any]:
     return found
 
 
+def relabelled(
+    relabel: Callable[[Any, Any], Sequence[Any]], body: Any, state: Any, rates: Any
+) -> Any:
+    """The state in other coordinates, given by those of a state with other rates.
+
+    Args:
+        relabel: Function of body and state: the new coordinates.
+        body: Parameters.
+        state: The state.
+        rates: Rates of its coordinates, or of the first ones, with which all others move.
+    """
+    coordinates = relabel(body, state)
+    after = []
+    for coordinate in coordinates:
+        rate: Any = 0.0
+        for change, old in zip(rates_by(coordinate, state[: len(rates)]), rates, strict=True):
+            rate = rate + change * old
+        after.append(rate)
+    return state._make([*coordinates, *after])
+
+
 def along(value: Any, state: Any) -> tuple[Any, Any]:
     """A value's rate along the motion, and its second derivative without accelerations."""
     if not isinstance(value, Expression):

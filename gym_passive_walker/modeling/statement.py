@@ -11,8 +11,10 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from gym_passive_walker.modeling.mechanics import Derived, rates_by, solve
+from gym_passive_walker.modeling.mechanics import Derived, rates_by, relabelled, solve
 from gym_passive_walker.physics.hybrid import Ground, Strike
+
+_UPHILL, _UPWARDS = Ground(1.0, 0.0), Ground(0.0, 1.0)  # directions in which a weight resists
 
 Matrix = Callable[[Any, Any], Sequence[Any]]
 Forces = Callable[[Any, Any, Any, Ground], Sequence[Any]]
@@ -116,18 +118,93 @@ def stop_of(mass_matrix: Matrix, gap: Callable[[Any, Any], Any]) -> Derived:
     return Derived(strike)
 
 
-def push_of(mass_matrix: Matrix, potential_gain: Any, links: int) -> Derived:
-    """The jumps of the rates by an impulse at the centre of mass, per unit of mass.
+def _moved_by(potential_gain: Any, body: Any, state: Any, links: int) -> list[list[Any]]:
+    """How each coordinate moves the centre of mass, times the mass, along the ground and up.
 
     Gravity acts at the centre of mass: its potential says how a coordinate moves it.
     """
+    still = state._make([0.0] * len(state))
+    gains = (potential_gain(body, still, state, ground) for ground in (_UPHILL, _UPWARDS))
+    return [rates_by(gain, state[:links]) for gain in gains]
+
+
+def heelstrike_of(
+    mass_matrix: Matrix,
+    potential_gain: Any,
+    contact: Callable[[Any, Any], tuple[Any, Any]],
+    relabel: Callable[[Any, Any], Sequence[Any]],
+    *,
+    links: int | None = None,
+    mass: Any = 1.0,
+) -> Derived:
+    """A plastic impact of the swing foot, which stays where it lands as the old foot lets go.
+
+    Args:
+        mass_matrix: Function of body and state: the upper triangle, row by row, for a stance foot
+            that does not move.
+        potential_gain: Function of body, two states and ground, as in `HybridSystem`. It says how
+            the coordinates move the centre of mass.
+        contact: Function of body and state: x and y of the swing foot from the stance foot, as
+            `System.landing`. Of a foot that rolls, x is where its centre is less how far it has
+            rolled.
+        relabel: Function of body and state: the coordinates after the heelstrike, when the legs
+            have exchanged their roles, by those before it.
+        links: Coordinates that move by themselves before it; all if None.
+        mass: The total mass, or a function of the body.
+
+    Returns:
+        Function of body, state, push-off and ground, for `Reset.strike`. It keeps the momentum of
+        every motion that the new contact allows. A joint that is locked before the heelstrike
+        stays locked in it.
+    """
+
+    def strike(body: Any, before: Any, push_off: Any, ground: Ground) -> Strike:
+        half, given = len(before) // 2, mass_matrix(body, before)
+        moving = size_of(given) if links is None else links
+        total: Any = mass(body) if callable(mass) else mass
+        state, matrix = tied(before, moving), triangle(given, moving)
+        rates = state[half : half + moving]
+        # The old foot moves by as much as the new one would, with the opposite sign.
+        feet = [rates_by(place, state[:moving]) for place in contact(body, state)]
+        back, up = _moved_by(potential_gain, body, state, moving)
+        moments = [[-value for value in back], up]
+
+        def row(i: int, values: Sequence[Any]) -> Any:
+            entries = (matrix[min(i, j), max(i, j)] * value for j, value in enumerate(values))
+            return sum(entries, start=0.0)
+
+        def by(ways: Sequence[Any], values: Sequence[Any]) -> Any:
+            return sum((a * b for a, b in zip(ways, values, strict=True)), start=0.0)
+
+        free = dict(matrix)
+        for (i, j), value in matrix.items():
+            for foot, moment in zip(feet, moments, strict=True):
+                both = foot[i] * moment[j] + moment[i] * foot[j]
+                value = value - both + total * (foot[i] * foot[j])
+            free[i, j] = value
+        momenta = [by(moment, rates) for moment in moments]
+        right = [
+            row(i, rates) - sum(foot[i] * along for foot, along in zip(feet, momenta, strict=True))
+            for i in range(moving)
+        ]
+        after = solve(free, right)
+        jumps = [old - new for old, new in zip(rates, after, strict=True)]
+        lost = 0.5 * by([row(i, jumps) for i in range(moving)], jumps)
+        for foot, moment in zip(feet, moments, strict=True):
+            jump = by(foot, after)
+            lost = lost + jump * by(moment, jumps) + 0.5 * total * (jump * jump)
+        return Strike(relabelled(relabel, body, state, after), lost)
+
+    return Derived(strike)
+
+
+def push_of(mass_matrix: Matrix, potential_gain: Any, links: int) -> Derived:
+    """The jumps of the rates by an impulse at the centre of mass, per unit of mass."""
 
     def push(body: Any, state: Any, back: Any, up: Any) -> tuple:
-        state = tied(state, links)
-        still = state._make([0.0] * len(state))
-        impulses: list[Any] = [0.0] * links
-        for amount, ground in ((back, Ground(1.0, 0.0)), (up, Ground(0.0, 1.0))):
-            ways = rates_by(potential_gain(body, still, state, ground), state[:links])
+        state, impulses = tied(state, links), [0.0] * links
+        moments = _moved_by(potential_gain, body, state, links)
+        for amount, ways in zip((back, up), moments, strict=True):
             impulses = [a + amount * b for a, b in zip(impulses, ways, strict=True)]
         return tuple(solve(triangle(mass_matrix(body, state), links), impulses))
 

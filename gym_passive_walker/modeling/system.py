@@ -12,8 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine import compiled
-from gym_passive_walker.modeling.checks import StatementError, check
-from gym_passive_walker.modeling.mechanics import Derived, Link, Motion, is_zero, rates_by, solve
+from gym_passive_walker.modeling.checks import StatementError, check, check_given
+from gym_passive_walker.modeling.mechanics import (
+    Derived,
+    Link,
+    Motion,
+    is_zero,
+    rates_by,
+    relabelled,
+    solve,
+)
 from gym_passive_walker.modeling.statement import push_of
 from gym_passive_walker.physics import hybrid
 from gym_passive_walker.physics.hybrid import SMOOTH, Ground, Guard, Outcome, Watch
@@ -35,6 +43,15 @@ def _uncontrolled(state: Any) -> Free:
 def _falls(guard: Guard, body: Any, state: Any) -> Any:
     """A guard's function on smooth ground."""
     return guard.falls(body, state, SMOOTH)
+
+
+def _falls_of(equations: hybrid.System) -> dict[str, Callable[[Any, Any], Any]]:
+    """The rules by which a walker of given equations has fallen, by the names of outcomes."""
+    return {
+        guard.outcome.name.lower(): partial(_falls, guard)
+        for guard in equations.phases[0].guards
+        if guard.watch == Watch.BOUND
+    }
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -75,7 +92,8 @@ class System(Mechanism):
             does. Of other controls it is the scene's `max_hip_torque` times the system's weight.
         pose: Function of body and state: what pictures show, lines of points (x, y). None draws a
             line from the foot to each mass, or to the centre of mass.
-        equations: The hybrid system that was given to `of`; None otherwise.
+        equations: The hybrid system that was given to `of`; None otherwise. `State`, `Control`,
+            `travel` and `falls` are then those of the equations.
         mass: Its total mass, as given to `of`.
         centre: Function of body and state: x and y of its centre of mass, as given to `of`.
 
@@ -99,12 +117,16 @@ class System(Mechanism):
     start: Sequence[float] | None = None
     limits: Mapping[str, float] = field(default_factory=dict)
     pose: Callable[[Any, Any], Sequence[Sequence[tuple[Any, Any]]]] | None = None
-    equations: hybrid.System | None = field(default=None, init=False)
-    mass: float = field(default=1.0, init=False)
-    centre: Any = field(default=None, init=False)
+    equations: hybrid.System | None = None
+    mass: float = 1.0
+    centre: Any = None
     _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
+        if self.equations is not None:
+            check_given(self, self.equations)
+            pushed = _pushed(self.equations)
+            self.__dict__.update(equations=pushed, falls=_falls_of(pushed))
         check(self)
 
     @classmethod
@@ -135,24 +157,21 @@ class System(Mechanism):
                 positive, a power balance that does not close, a guard that never falls, a reset
                 that gains energy or moves the walker. The message names the function.
         """
-        equations = _pushed(equations)
-        falls = {
-            guard.outcome.name.lower(): partial(_falls, guard)
-            for guard in equations.phases[0].guards
-            if guard.watch == Watch.BOUND
-        }
-        given = {
-            "name": equations.name, "State": equations.State, "Control": equations.Control,
-            "travel": equations.travel, "falls": falls, "body": body, "start": None, "limits": {},
-            "pose": None, "equations": equations, "centre": centre, "mass": mass,
-            "links": None, "landing": None, "relabel": None,
-        }  # fmt: skip
+        if not isinstance(equations, hybrid.System):
+            raise StatementError(f"equations must be a HybridSystem, not {equations!r}")
+        if not equations.phases:
+            raise StatementError(f"phases of {equations.name!r} must have one phase or more")
         if unknown := rest.keys() - {"name", "start", "limits", "pose"}:
             raise TypeError(f"System.of has no argument {', '.join(sorted(unknown))}")
-        made = object.__new__(cls)
-        made.__dict__.update(given | rest | {"_made": {}})
-        check(made)
-        return made
+        absent: Any = None  # functions from which equations would be derived
+        given: dict[str, Any] = {
+            "name": equations.name, "State": equations.State, "Control": equations.Control,
+            "travel": equations.travel, "falls": _falls_of(equations),
+        }  # fmt: skip
+        return cls(
+            body=body, equations=equations, centre=centre, mass=mass, links=absent,
+            landing=absent, relabel=absent, **(given | rest),
+        )  # fmt: skip
 
     def vary(self, **parameters: float) -> System:
         """This system with other values of some fields of its body."""
@@ -356,15 +375,7 @@ class System(Mechanism):
 
     def _strike(self, body: Any, before: Any, push_off: Any, ground: Ground) -> hybrid.Strike:
         rates, lost = self._motion(body, before).landing(self.landing(body, before))
-        coordinates, after = self.relabel(body, before), []
-        for coordinate in coordinates:
-            rate: Any = 0.0
-            for change, old in zip(
-                rates_by(coordinate, before[: self.coordinates]), rates, strict=True
-            ):
-                rate = rate + change * old
-            after.append(rate)
-        return hybrid.Strike(self.State(*coordinates, *after), lost)
+        return hybrid.Strike(relabelled(self.relabel, body, before, rates), lost)
 
     def _measure(
         self, system: Any, body: Any, start: Any, before: Any, after: Any, ground: Ground
@@ -433,8 +444,10 @@ def _pushed(equations: hybrid.System) -> hybrid.System:
 
 def _registered(stated: hybrid.System) -> hybrid.System:
     """Name a system by its compiled text, and make it known by this name."""
-    digest = hashlib.sha256(str(compiled.written(stated)).encode()).hexdigest()[:16]
-    return register(stated._replace(name=f"own-{digest}"))
+    module = compiled.written(stated)
+    name = f"own-{hashlib.sha256(str(module).encode()).hexdigest()[:16]}"
+    compiled.WRITTEN[name] = module
+    return register(stated._replace(name=name))
 
 
 def _on_ground(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any, Ground], Any]:

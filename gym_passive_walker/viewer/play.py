@@ -18,7 +18,7 @@ from gym_passive_walker.render.film import film_path
 from gym_passive_walker.render.screen import load_pygame, open_window
 from gym_passive_walker.units import units_of
 from gym_passive_walker.viewer.walk import LiveWalk, Setup, gentle_slope
-from gym_passive_walker.walkers import as_any, check_parametric
+from gym_passive_walker.walkers import as_any
 
 if TYPE_CHECKING:
     from gym_passive_walker.web.widget import PlayerWidget
@@ -90,7 +90,7 @@ def play(
 
     Args:
         walker: A gait, which also gives slope, controller and start; a walker (see `as_walker`); or
-            a `System`, in a window. None is the policy's own, or the laboratory's.
+            a `System`. None is the policy's own, or the laboratory's.
         slope: Slope in rad; None is the gait's or the policy's own, or a gentle one.
         policy: A trained policy that works the motors, or what `load_policy` takes.
         start: State on the Poincaré section to start from, in the walker's own units, (6,), or
@@ -114,7 +114,6 @@ def play(
         from gym_passive_walker.web.widget import PlayerWidget
 
         setup, start = _asked(walker, slope, policy, start)
-        check_parametric(setup.walker, "the player of notebooks")
         return PlayerWidget(*setup, start=start)
     pygame = load_pygame()
     from gym_passive_walker.viewer.player import FPS, SIZE, Player

@@ -15,6 +15,7 @@ from pathlib import Path
 from gym_passive_walker.arguments import shown
 from gym_passive_walker.engine import cache
 from gym_passive_walker.engine.layout import NARROW, layout_of
+from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.policies import TENSORS, policy_folder, shipped_policies
 from gym_passive_walker.progress import compiling
 from gym_passive_walker.walkers import Mechanism
@@ -78,31 +79,30 @@ def data() -> bytes:
     return found
 
 
-def system_module(system: Mechanism) -> bytes:
+def system_module(system: Mechanism, gait: Gait | None = None) -> bytes:
     """Return the WebAssembly module of a user's system; cached by its equations.
 
+    Args:
+        system: The system.
+        gait: A gait of it, in which a page begins; None is the system's `start`.
+
     Raises:
-        ValueError: if the system is too large for a page.
         WebError: if the module cannot be compiled here.
     """
-    if layout_of(system.hybrid) != NARROW:
-        raise ValueError(
-            f"system {system.title!r} is too large for a page: at most {NARROW.links} coordinates "
-            f"and {NARROW.controls} controls"
-        )
     from gym_passive_walker.web import code, container  # numba is imported where it is needed
 
+    name = "narrow" if layout_of(system.hybrid) == NARROW else "wide"
     texts = code.of_system(system)
     digest = hashlib.sha256("".join(texts).encode()).hexdigest()[:16]
     made = cache.found(f"web-{_name()}-{digest}.o")
     if made is None:
         with compiling("a system for web pages"), tempfile.TemporaryDirectory() as folder:
             for i, text in enumerate(texts):
-                (Path(folder) / f"system-{i}.ll").write_text(text, encoding="utf-8")
-            _compile(Path(folder), "system")
-            made = (Path(folder) / "system.o").read_bytes()
+                (Path(folder) / f"{name}-{i}.ll").write_text(text, encoding="utf-8")
+            _compile(Path(folder), name)
+            made = (Path(folder) / f"{name}.o").read_bytes()
         cache.keep(f"web-{_name()}-{digest}.o", made)
-    section = notes.of_system(system, container.data_end(made))
+    section = notes.of_system(system, container.data_end(made), code.variants(system), gait)
     return container.module(made, code.EXPORTED_OF_SYSTEM, {notes.SECTION: section})
 
 
@@ -133,25 +133,29 @@ def files() -> dict[str, bytes]:
     return found
 
 
-def build(folder: str | Path, systems: Mapping[str, Mechanism] | None = None) -> Path:
+def build(folder: str | Path, systems: Mapping[str, Mechanism | Gait] | None = None) -> Path:
     """Write the JavaScript package into a folder, ready for a page or for npm.
 
     Args:
         folder: The folder; it is made if it does not exist.
         systems: Systems of one's own, by the names of their modules: "torso" is written to
-            "systems/torso.wasm". They have at most three coordinates and two controls.
+            "systems/torso.wasm". A gait of a system gives the page its slope and its start too.
 
     Raises:
-        ValueError: if a system is too large for a page, or a name is not that of a file.
+        ValueError: if a name is not that of a file, or a value is not a system.
         WebError: if the modules cannot be compiled here.
     """
-    systems = {} if systems is None else systems
-    for name, system in systems.items():
+    own = {}
+    for name, given in ({} if systems is None else systems).items():
         if not re.fullmatch(r"[\w-]+", name):
             raise ValueError(f"systems: {name!r} must be letters, digits, '-' and '_'")
+        gait = given if isinstance(given, Gait) else None
+        system = given if gait is None else gait.walker
         if not isinstance(system, Mechanism):
-            raise ValueError(f"systems[{name!r}] must be a gpw.System, not {shown(system)}")
-    own = {f"systems/{name}.wasm": system_module(system) for name, system in systems.items()}
+            raise ValueError(
+                f"systems[{name!r}] must be a gpw.System or a gait of one, not {shown(given)}"
+            )
+        own[f"systems/{name}.wasm"] = system_module(system, gait)
     folder = Path(folder)
     for name, content in (files() | own).items():
         place = folder / name

@@ -22,17 +22,19 @@ from gym_passive_walker.engine import jit, lanes, one_walker
 from gym_passive_walker.engine.compiled import OF_LANE, OF_LANES, phases_of, written
 from gym_passive_walker.engine.device_linker import DeviceLinker
 from gym_passive_walker.engine.expressions import Expression
+from gym_passive_walker.engine.layout import Layout
 from gym_passive_walker.engine.native import Emitter, Function, Memory, Module
 from gym_passive_walker.envs import disturbance_kernels
 from gym_passive_walker.envs import one_walker as one_episode
 from gym_passive_walker.envs.constraints import HOOK, equipped, push_code
+from gym_passive_walker.modeling import StatementError
 from gym_passive_walker.physics import bodies, kneed, simplest, straight
 from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.physics.systems import SYSTEMS
 from gym_passive_walker.render.pose import hip_over, joints
 from gym_passive_walker.walkers import Mechanism
 from gym_passive_walker.walkers.walker import PARAMETERS
-from gym_passive_walker.web import elementary, kernels
+from gym_passive_walker.web import elementary, kernels, system_kernels
 
 KINDS = {kind.name: kind for kind in (kneed.SYSTEM, straight.SYSTEM, simplest.SYSTEM)}
 VARIANTS = ("", "-fitted", "-uneven")
@@ -54,6 +56,8 @@ _FUNCTIONS = {
     "cos": (elementary.cosine, 1),
     "log": (elementary.logarithm, 1),
     "asin": (elementary.arcsine, 1),
+    "exp": (elementary.exponential, 1),
+    "tanh": (elementary.hyperbolic_tangent, 1),
 }
 """Elementary functions of one or three numbers, by the names that LLVM's text has for them."""
 
@@ -98,15 +102,20 @@ def _with_own_functions(text: str) -> str:
 
 
 @lru_cache
-def bookkeeping() -> list[str]:
-    """Return the texts of the bookkeeping and of the elementary functions."""
+def bookkeeping(layout: Layout | None = None) -> list[str]:
+    """Return the texts of the bookkeeping and of the elementary functions.
+
+    Args:
+        layout: Layout of the records of a user's system; None for the package's walkers.
+    """
+    run = kernels.run if layout is None else system_kernels.run_for(layout)
     bound = DeviceLinker({}, _jitted).instead({
         lanes.integrate_phase: one_walker.integrate_phase,
         jit.entry: one_walker.entry,
         disturbance_kernels.copy_of: one_episode.as_it_is,
         disturbance_kernels.integrate_past_events: one_episode.integrate_past_events,
     })  # fmt: skip
-    text, name = _compiled(bound.rebound(kernels.run), types.int64, types.int64)
+    text, name = _compiled(bound.rebound(run), types.int64, types.int64)
     call = (
         "define void @run(i32 %what, i32 %base) {\n"
         "%result = alloca ptr\n%error = alloca ptr\n"
@@ -279,7 +288,20 @@ def of_system(system: Mechanism) -> list[str]:
     )
     function.once(partial(_pose, system))
     function.end()
-    return [*equations([system.hybrid], pushed=False), _called(module, "pose")]
+    return [*equations(variants(system), pushed=pushed(system)), _called(module, "pose")]
+
+
+def variants(system: Mechanism) -> list[System]:
+    """Return a user's system, and its form for uneven ground if it has one."""
+    try:
+        return [system.hybrid, system.uneven]
+    except StatementError:
+        return [system.hybrid]
+
+
+def pushed(system: Mechanism) -> bool:
+    """Return whether a user's system can be pushed in all of its phases."""
+    return all(phase.push is not None for phase in system.hybrid.phases)
 
 
 def _pose(system: Mechanism, given: Memory, points: Memory) -> None:
@@ -333,8 +355,16 @@ def of_kind(kind: str) -> list[str]:
     return [*equations([SYSTEMS[kind + variant] for variant in VARIANTS]), geometry(KINDS[kind])]
 
 
-def object_code(texts: Sequence[str], exported: Sequence[str]) -> bytes:
-    """Return the object file of a walker's texts, with all other code that it needs."""
+def object_code(
+    texts: Sequence[str], exported: Sequence[str], layout: Layout | None = None
+) -> bytes:
+    """Return the object file of a walker's texts, with all other code that it needs.
+
+    Args:
+        texts: LLVM's texts of its equations.
+        exported: Names of the functions that a page calls.
+        layout: Layout of the records of a user's system; None for the package's walkers.
+    """
     context = llvm.create_context()
 
     def parsed(text: str) -> Any:
@@ -343,7 +373,7 @@ def object_code(texts: Sequence[str], exported: Sequence[str]) -> bytes:
         return found
 
     whole = parsed("")
-    for text in (*texts, *bookkeeping()):
+    for text in (*texts, *bookkeeping(layout)):
         whole.link_in(parsed(text))
     for function in whole.functions:
         if not function.is_declaration and function.name not in exported:

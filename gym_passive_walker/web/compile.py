@@ -6,24 +6,35 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from gym_passive_walker.engine.layout import NARROW, WIDE, Layout
 from gym_passive_walker.web import code, container, notes
 from gym_passive_walker.web.build import KINDS
 
 _GIVEN = ("__linear_memory", "__stack_pointer", "__indirect_function_table")
 
 
-def _object(name: str, texts: Sequence[str], exported: Sequence[str]) -> bytes:
-    made = code.object_code(texts, exported)
+_LAYOUTS = {"narrow": NARROW, "wide": WIDE}
+
+
+def _object(
+    name: str, texts: Sequence[str], exported: Sequence[str], layout: Layout | None = None
+) -> bytes:
+    made = code.object_code(texts, exported, layout)
     if strange := set(container.imports(made)) - set(_GIVEN):
         raise SystemExit(f"the module {name} needs {', '.join(sorted(strange))}")
     return made
 
 
 def main(folder: Path, *names: str) -> None:
-    """Write a module for each kind of walker, or object files of systems by their texts."""
+    """Write a module for each kind of walker, or the object file of a user's system.
+
+    Args:
+        folder: Where to write, and where the texts of the system are.
+        names: Nothing, or the name of the system's layout, with which names of its files begin.
+    """
     for name in names:
         texts = [part.read_text(encoding="utf-8") for part in sorted(folder.glob(f"{name}-*.ll"))]
-        made = _object(name, texts, code.EXPORTED_OF_SYSTEM)
+        made = _object(name, texts, code.EXPORTED_OF_SYSTEM, _LAYOUTS[name])
         (folder / f"{name}.o").write_bytes(made)
     if names:
         return

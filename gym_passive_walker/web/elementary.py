@@ -1,8 +1,8 @@
 """Elementary functions for machines without a mathematical library or a fused multiply-add.
 
-Numba compiles these functions for WebAssembly, which has neither. `fused` is exact. `sine`,
-`cosine`, `logarithm` and `arcsine` compute with pairs of numbers of about 104 bits and round once.
-The result is the number nearest to the exact one, up to rare cases near a tie.
+Numba compiles these functions for WebAssembly, which has neither. `fused` is exact. The
+other functions compute with pairs of numbers of about 104 bits and round once. The result is the
+number nearest to the exact one, up to rare cases near a tie.
 """
 
 from __future__ import annotations
@@ -225,6 +225,9 @@ _LOG_2 = _pair(sum((Fraction(1, k * 2**k) for k in range(1, 300)), Fraction(0)))
 _SINES = np.array([_pair(Fraction((-1) ** k, _factorial(2 * k + 1))) for k in range(15)])
 _COSINES = np.array([_pair(Fraction((-1) ** k, _factorial(2 * k))) for k in range(15)])
 _LOGARITHMS = np.array([_pair(Fraction(2, 2 * k + 1)) for k in range(24)])
+_EXPONENTIALS = np.array([_pair(Fraction(1, _factorial(k))) for k in range(26)])
+_PER_LOG_2 = 1.0 / _LOG_2[0]
+_LARGEST_EXPONENT, _LEAST_EXPONENT = 709.782712893384, -745.2
 _ROOT_HALF = 0.7071067811865476
 
 
@@ -240,6 +243,14 @@ def _times(a, a_low, b, b_low):
     """Return the product of two pairs."""
     high, low = _product(a, b)
     return _sum(high, low + (a * b_low + a_low * b))
+
+
+@inlined
+def _quotient(a, a_low, b, b_low):
+    """Return the quotient of two pairs."""
+    high = a / b
+    product, error = _product(high, b)
+    return _sum(high, ((a - product) - error + a_low - high * b_low) / b)
 
 
 @jitted
@@ -297,16 +308,59 @@ def logarithm(x):
         fraction, power = 2.0 * fraction, power - 1
     # 2 artanh((m - 1) / (m + 1)); m - 1 is exact.
     above, (below, below_low) = fraction - 1.0, _sum(fraction, 1.0)
-    high = above / below
-    product, error = _product(high, below)
-    low = (above - product - error - high * below_low) / below
-    high, low = _sum(high, low)
+    high, low = _quotient(above, 0.0, below, below_low)
     square, square_low = _times(high, low, high, low)
     value, rest = _series(_LOGARITHMS, square, square_low)
     value, rest = _times(value, rest, high, low)
     more, less = _times(float(power), 0.0, _LOG_2[0], _LOG_2[1])
     value, rest = _add(more, less, value, rest)
     return value + rest
+
+
+@jitted
+def _reduced_exponential(x):
+    """Return a pair and a power of two, the product of which is the exponential of a number."""
+    power = (x * _PER_LOG_2 + _ROUNDS) - _ROUNDS
+    high, low = _times(power, 0.0, -_LOG_2[0], -_LOG_2[1])
+    high, low = _add(x, 0.0, high, low)
+    high, low = _series(_EXPONENTIALS, high, low)
+    return high, low, np.int64(power)
+
+
+@jitted
+def _power_of_two(n):
+    """Return 2^n, from n = -1022 to 1023."""
+    return number_of(np.uint64(n + 1023) << np.uint64(52))
+
+
+@jitted
+def exponential(x):
+    """Return the exponential of a number; a result below 2.3e-308 is rounded twice."""
+    if not abs(x) < np.inf:
+        return 0.0 if x < 0.0 else x
+    if x > _LARGEST_EXPONENT:
+        return np.inf
+    if x < _LEAST_EXPONENT:
+        return 0.0
+    high, low, power = _reduced_exponential(x)
+    half = power >> 1
+    return (high + low) * _power_of_two(half) * _power_of_two(power - half)
+
+
+@jitted
+def hyperbolic_tangent(x):
+    """Return the hyperbolic tangent of a number."""
+    if not (abs(x) > 1e-9):  # the next term of its series is below rounding
+        return x
+    if abs(x) > 20.0:
+        return 1.0 if x > 0.0 else -1.0
+    high, low, power = _reduced_exponential(2.0 * abs(x))
+    scale = _power_of_two(power)
+    high, low = high * scale, low * scale
+    above, above_low = _add(high, low, -1.0, 0.0)
+    below, below_low = _add(high, low, 1.0, 0.0)
+    value, rest = _quotient(above, above_low, below, below_low)
+    return value + rest if x > 0.0 else -(value + rest)
 
 
 @jitted

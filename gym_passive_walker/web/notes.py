@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gym_passive_walker import __version__
+from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.engine.run import options
 from gym_passive_walker.envs import disturbance_kernels, task
 from gym_passive_walker.envs.batch import rules_of
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.envs.scene import SCENES, make_scene
 from gym_passive_walker.envs.starts import REFERENCE_SLOPES, searched_gait
+from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.physics.hybrid import Outcome, System
 from gym_passive_walker.physics.systems import kind_of
 from gym_passive_walker.policies import DESCRIPTION, policy_folder, shipped_policies
 from gym_passive_walker.walkers import WALKERS, Mechanism
 from gym_passive_walker.walkers.presets import ABOUT
 from gym_passive_walker.walkers.walker import PARAMETERS
-from gym_passive_walker.web import kernels
+from gym_passive_walker.web import kernels, system_kernels
 
 TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)
 """Tolerances of the integration that a page may choose from."""
@@ -64,32 +67,50 @@ def of_module(kind: System, variants: tuple[str, ...], end: int) -> bytes:
     return _noted(kind, end, content)
 
 
-def of_system(system: Mechanism, end: int) -> bytes:
-    """Return the notes of the module of a user's system, as JSON."""
-    start = None if system.start is None else list(map(float, system.start))
+def of_system(system: Mechanism, end: int, variants: Sequence[System], gait: Gait | None) -> bytes:
+    """Return the notes of the module of a user's system, as JSON.
+
+    Args:
+        system: The system.
+        end: First address after the module's data.
+        variants: The system, and its form for uneven ground if it has one.
+        gait: A gait of the system, in which a page begins; None is the system's `start`.
+    """
+    layout = layout_of(system.hybrid)
+    start = system.start if gait is None else gait.state
+    start = None if start is None else list(map(float, start))
     lines = system.drawn(np.zeros(2 * system.coordinates) if start is None else start)
+    points = sum(len(line) for line in lines)
     content = {
         "system": system.title,
         "body": system.body._asdict(),
         "state": system.State._fields,  # type: ignore[attr-defined]
         "controls": system.controls,
         "start": start,
+        "slope": 0.0 if gait is None else gait.slope,
         "lines": [len(line) for line in lines],
         "outcomes": [outcome.name for outcome in Outcome],
+        "room": layout.links,
+        # Bytes of a body, of a state, and of the points that show it.
+        "scratch": 8 * (len(system.body) + 2 * system.coordinates + 2 * points),
+        "uneven": len(variants) > 1,
+        "pushed": all(phase.push is not None for phase in system.hybrid.phases),
     }
-    return _noted(system.hybrid, end, content)
+    return _noted(system.hybrid, end, content, system_kernels.block_for(layout))
 
 
-def _noted(system: System, end: int, content: dict[str, Any]) -> bytes:
+def _noted(
+    system: System, end: int, content: dict[str, Any], block: np.dtype = kernels.WALK
+) -> bytes:
     """Return notes with what every module says: where fields are, and the engine's options."""
     left = {"tile", "history"}
     shared = {
         "version": __version__,
         "end": end,
-        "size": kernels.WALK.itemsize,
+        "size": block.itemsize,
         "places": {
             name: place
-            for name, place in _places(kernels.WALK).items()
+            for name, place in _places(block).items()
             if name.partition(".")[0] not in left and not name.startswith(("blank", "before."))
         },
         "links": [phase.links for phase in system.phases],

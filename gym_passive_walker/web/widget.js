@@ -4,10 +4,10 @@ const SHORTEST = 100; // ms between two reports to Python
 
 /** What Python knows of a walk, by the names of the widget's traits. */
 function reported({ walk, settings, running }) {
-  const own = (x, i) => (i < 3 ? x : x / walk.timeUnit);
+  const own = (x, i) => (settings.system || i < 3 ? x : x / walk.timeUnit);
   return {
     state: walk.state.map(own), strides: walk.strides, outcome: walk.over ? (walk.outcome ?? "") : "",
-    parameters: walk.walker, policy: settings.policy, slope: settings.slope, hip_torque: settings.torque,
+    parameters: walk.walker ?? walk.fields, policy: settings.policy, slope: settings.slope, hip_torque: settings.torque,
     speed: settings.speed, running,
   };
 }

@@ -14,9 +14,9 @@ from gym_passive_walker.envs.starts import checked_state
 from gym_passive_walker.extras import extra
 from gym_passive_walker.physics.systems import kind_of
 from gym_passive_walker.policies import TENSORS, TrainedPolicy
-from gym_passive_walker.walkers import PARAMETERS, WALKERS, Walker
+from gym_passive_walker.walkers import PARAMETERS, WALKERS, Mechanism, Walker
 from gym_passive_walker.web import notes
-from gym_passive_walker.web.build import DATA, PACKAGE, files
+from gym_passive_walker.web.build import DATA, PACKAGE, files, system_module
 
 with extra("notebook"):
     import anywidget
@@ -24,6 +24,7 @@ with extra("notebook"):
 
 _LIBRARY, _PLAYER, _STYLE = "passive-walker.js", "player.js", "player.css"
 _READ = (".json", ".wasm", ".safetensors")
+_SYSTEM = "own"  # name of a user's system among the files
 _MOST_PUSH = 10.0  # m sqrt(g l), as in an environment
 
 
@@ -57,14 +58,15 @@ class PlayerWidget(anywidget.AnyWidget):
     second.
 
     Args:
-        walker: The walker.
+        walker: The walker, or a `System`.
         slope: Slope in rad.
-        controller: A trained policy, or a constant hip torque in m g l.
-        start: State on the Poincaré section to start from, (6,); None is a periodic gait.
+        controller: A trained policy, or a constant hip torque in m g l; 0 for a `System`.
+        start: State on the Poincaré section to start from, (6,), or (2 m,) of a `System`; None is
+            a periodic gait.
 
     Attributes:
-        state: Angles and angular velocities at the last control step, 6 numbers; empty until the
-            widget is displayed.
+        state: Angles and angular velocities at the last control step, 6 or 2 m numbers; empty until
+            the widget is displayed.
         strides: Strides since the walk began.
         outcome: How the walk ended: a name of `Outcome`; empty while it continues.
         policy: Name of the policy that works the motors; empty without one.
@@ -95,14 +97,25 @@ class PlayerWidget(anywidget.AnyWidget):
 
     def __init__(
         self,
-        walker: Walker,
+        walker: Walker | Mechanism,
         slope: float,
         controller: TrainedPolicy | float = 0.0,
         start: ArrayLike | None = None,
     ) -> None:
+        self._walker = walker
+        if isinstance(walker, Mechanism):
+            given: dict[str, Any] = {"system": _SYSTEM}
+            own: Any = walker
+            if start is not None:
+                given["start"] = list(checked_state(np.asarray(start, float).tolist(), own))
+            super().__init__(
+                files={f"systems/{_SYSTEM}.wasm": system_module(walker)}, given=given,
+                parameters=walker.body._asdict(), slope=slope,
+            )  # fmt: skip
+            return
         content = {name: file for name, file in files().items() if name.endswith(_READ)}
         preset, changes = _as_changes(walker)
-        given: dict[str, Any] = {"walker": preset, "changes": changes}
+        given = {"walker": preset, "changes": changes}
         if start is not None:
             given["start"] = list(checked_state(np.asarray(start, dtype=float).tolist(), walker))
         if isinstance(controller, TrainedPolicy):
@@ -120,12 +133,14 @@ class PlayerWidget(anywidget.AnyWidget):
         )  # fmt: skip
 
     @property
-    def walker(self) -> Walker:
+    def walker(self) -> Walker | Mechanism:
         """The walker with its parameters now."""
+        if isinstance(self._walker, Mechanism):
+            return self._walker.vary(**self.parameters)
         return Walker(**self.parameters)
 
     def push(self, impulse: float) -> None:
-        """Push the hip by an impulse in m sqrt(g l), positive downhill.
+        """Push the hip, or a system's centre of mass, by an impulse in m sqrt(g l), downhill.
 
         Raises:
             ValueError: if the impulse is not a number from -10 to 10.

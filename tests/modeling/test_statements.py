@@ -30,11 +30,14 @@ WRONG = {
         "a position that is missing": (lambda b, s: [(1.0, s.stance)], "missing"),
         "an error": (lambda b, s: 1 / 0, "ZeroDivisionError"),
         "not a number": (lambda b, s: [gpw.Link(1.0, math.nan, s.stance)], "finite"),
+        "a number": (lambda b, s: 1.0, "list of gpw.Link"),
         "a leg without mass": (lambda b, s: links(b, s)[:2], "without inertia"),
     },
     "landing": {
         "a foot that never falls": (lambda b, s: (sin(s.swing), 1.0), "never falls"),
         "one number": (lambda b, s: (0.0,), "2 numbers"),
+        "a foot in the air": (lambda b, s: (s.swing, 3.0 + cos(s.stance)), "near none"),
+        "no function": (None, "must be a function"),
     },
     "relabel": {
         "legs that keep their roles": (lambda b, s: (s.stance, s.swing), "same motion"),
@@ -45,9 +48,20 @@ WRONG = {
         "none": ({}, "has fallen"),
         "an unknown one": ({"tumbled": lambda b, s: s.stance}, "fell_forward"),
         "text": ({"fell_forward": lambda b, s: "x"}, "numbers"),
+        "a constant": ({"fell_forward": lambda b, s: 1.0}, "never falls"),
+        "fallen at the start": ({"fell_forward": lambda b, s: -1.0 - s.stance**2}, "at its start"),
     },
-    "counts": {"an attribute that is missing": ((lambda b, s: s.knee,), "AttributeError")},
-    "potential": {"infinity": (lambda b, s: math.inf, "finite")},
+    "counts": {
+        "an attribute that is missing": ((lambda b, s: s.knee,), "AttributeError"),
+        "never": ((lambda b, s: -1.0,), "never positive"),
+        "one function": (lambda b, s: 1.0, "list of functions"),
+    },
+    "potential": {
+        "infinity": (lambda b, s: math.inf, "finite"),
+        "of rates": (lambda b, s: s.stance_rate, "rates"),
+    },
+    "name": {"a number": (3, "text")},
+    "Control": {"a tuple": (tuple, "named tuple")},
     "dissipation": {"a gain": (lambda b, s: -(s.stance_rate**2), "negative")},
     "forces": {"one of two": (lambda b, s: (0.0,), "2 numbers")},
     "State": {"no rates": (Nothing, "1 to 8 coordinates"), "a tuple": (tuple, "named tuple")},
@@ -55,7 +69,10 @@ WRONG = {
         "a list": ([1.0], "named tuple"),
         "text": (Nothing("x"), "numbers"),  # type: ignore[arg-type]
     },
-    "start": {"too short": ((0.1, 0.2), "4 numbers")},
+    "start": {
+        "too short": ((0.1, 0.2), "4 numbers"),
+        "not a number": ((math.nan, 0.1, 0.2, 0.3), "finite"),
+    },
 }
 
 

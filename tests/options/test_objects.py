@@ -199,6 +199,10 @@ OPTIONS = {
             limits={"hip": 0.2},
             pose=lambda b, s: [[(0.0, 0.0), (-s.stance, 1.0)]],
         ),
+        besides={
+            name: "of given equations alone: see tests/modeling/test_mass_matrix.py"
+            for name in ("equations", "mass", "centre")
+        },
         of=gpw.System.__init__,
     ),
     "Walker": Call(

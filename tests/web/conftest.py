@@ -9,9 +9,11 @@ from typing import Any
 
 import pytest
 
+import gym_passive_walker as gpw
+from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
 from gym_passive_walker.web.build import build
-from tests.modeling.statements import DRIVEN
+from tests.modeling.statements import DRIVEN, PROGRESSIVE
 from tests.web.browser import Browser
 
 
@@ -27,7 +29,9 @@ def node() -> str:
 @pytest.fixture(scope="session")
 def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the JavaScript package."""
-    return build(tmp_path_factory.mktemp("package"), {"torso": TORSO, "driven": DRIVEN})
+    five = gpw.find_gait(FIVE_LINKS, 0.05)
+    systems = {"torso": TORSO, "driven": DRIVEN, "five": five, "progressive": PROGRESSIVE}
+    return build(tmp_path_factory.mktemp("package"), systems)
 
 
 @pytest.fixture(scope="session")

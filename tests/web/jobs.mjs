@@ -73,24 +73,38 @@ async function gait(walkers, { walker, slope }) {
   return walk.findGait();
 }
 
-/** Strides of a system of one's own, a walk by control steps, the lines of its states, and a refusal. */
-async function system(walkers, { name, options, states, controls, ticks }) {
+/** Strides of a system of one's own, walks by control steps, lines, a gait, and a refusal. */
+async function system(walkers, { name, options, states, controls, ticks, disturbed }) {
   const walk = await walkers.createSystem(name, options);
   const strides = states.map((state) => walk.strideFrom(state, { controls }));
   const lines = states.map((state) => walk.lines(state));
   walk.reset(states[0]);
   const steps = [];
   for (let i = 0; i < ticks; i++) steps.push([walk.step(0.1, controls), walk.state]);
+  const within = [walk.within(1e-9).state, walk.within(1).state];
+  const other = await walkers.createSystem(name, { ...options, terrain: disturbed.terrain, seed: disturbed.seed, state: states[0] });
+  const uneven = [];
+  for (let i = 0; i < ticks; i++) {
+    if (i % disturbed.every === 0) other.push(disturbed.impulse);
+    uneven.push([other.step(0.1, controls), other.state]);
+  }
   let refused = null;
   try {
-    walk.change({ body: { knee: 1 } });
+    walk.change({ body: { fin: 1 } });
   } catch (error) {
     refused = `${error.name}: ${error.message}`;
   }
-  return { strides, lines, steps, walked: walk.strides, refused };
+  const rises = walk.strideFrom(states[0], { controls, height_change: 0.001 }).state;
+  const gait = walk.findGait({ controls });
+  return { strides, lines, steps, within, walked: walk.strides, uneven, footholds: other.footholds, rises, gait, refused };
 }
 
-const DOES = { strides, episodes, refusal, policy, joints, gait, system };
+async function stridesOfSystem(walkers, { name, options, states }) {
+  const walk = await walkers.createSystem(name, options);
+  return states.map((state) => walk.strideFrom(state));
+}
+
+const DOES = { strides, episodes, refusal, policy, joints, gait, system, "strides of a system": stridesOfSystem };
 
 /** Does a job with the module `passive-walker.js`; returns its result. */
 export const run = (walkers, job) => DOES[job.what](walkers, job);

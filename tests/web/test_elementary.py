@@ -62,6 +62,10 @@ def test_the_fused_sum_of_special_numbers_is_the_processors():
         (elementary.logarithm, mpmath.log, (1e-300, 1.0)),
         (elementary.logarithm, mpmath.log, (0.999, 1.001)),
         (elementary.arcsine, mpmath.asin, (-1.0, 1.0)),
+        (elementary.exponential, mpmath.exp, (-700.0, 709.0)),
+        (elementary.exponential, mpmath.exp, (-1e-3, 1e-3)),
+        (elementary.hyperbolic_tangent, mpmath.tanh, (-25.0, 25.0)),
+        (elementary.hyperbolic_tangent, mpmath.tanh, (-1e-5, 1e-5)),
     ],
 )
 def test_an_elementary_function_is_the_nearest_number(function, exact, bounds):

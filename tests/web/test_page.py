@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples.five_links import FIVE_LINKS
+from examples.torso import TORSO
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.policies import shipped_policies
@@ -47,7 +49,7 @@ FRAMES = """new Promise((done) => {
 
 _WIDGET = """(async () => {
   const values = VALUES, heard = {}, files = {};
-  const names = ["data.json", "kneed.wasm"];
+  const names = NAMES;
   for (const name of names) files[name] = new DataView(await (await fetch(name)).arrayBuffer());
   const model = {
     get: (name) => (name === "files" ? files : values[name]),
@@ -150,6 +152,55 @@ def test_every_walker_and_every_policy_walks(page):
         assert distance[0] > 0.1 and distance[1] == "", name
 
 
+_SYSTEM = """(async () => {
+    const { play } = await import("./player.js"), root = document.createElement("div");
+    document.body.append(root);
+    const own = await play(root, { system: "NAME", slope: SLOPE, paused: true });
+    const set = (name, value) => {
+        own.sliders[name].input.value = value;
+        own.sliders[name].input.dispatchEvent(new Event("input"));
+        return new Promise((done) => setTimeout(done, 600));
+    };
+    own.advance(3.0);
+    own.draw();
+    const found = { strides: own.walk.strides, said: own.said.textContent };
+    found.fields = Object.keys(own.sliders);
+    found.measures = own.measures.textContent;
+    const { width, height } = own.canvas, context = own.canvas.getContext("2d");
+    const pixels = new Uint32Array(context.getImageData(0, 0, width, height).data.buffer);
+    found.colors = new Set(pixels).size;
+    const before = own.walk.state;
+    own.push(0.01);
+    own.advance(0.05);
+    found.moved = own.walk.state.some((x, i) => x !== before[i]);
+    await set("body FIELD", VALUE);
+    found.field = own.walk.fields.FIELD;
+    found.multipliers = own.multipliers.textContent;
+    await own.set({ ground: "rough" }, true);
+    own.advance(1.0);
+    found.rise = own.walk.block.get("record.ground", 2);
+    own.stop();
+    root.remove();
+    return found;
+})()"""
+
+
+@pytest.mark.parametrize(
+    ("name", "slope", "field", "value"),
+    [("five", 0.05, "torso", 19.0), ("torso", 0.03, "leg", 0.11)],
+)
+def test_a_system_of_ones_own_walks_in_the_player(page, name, slope, field, value):
+    there = page()
+    code = _SYSTEM.replace("NAME", name).replace("SLOPE", str(slope))
+    found = there.run(code.replace("FIELD", field).replace("VALUE", str(value)))
+    assert found["strides"] >= 1 and found["said"] == "" and "step length" in found["measures"]
+    assert found["colors"] > 3 and found["moved"] and found["rise"] != 0.0
+    assert found["field"] == value and "The gait is" in found["multipliers"]
+    system = {"five": FIVE_LINKS, "torso": TORSO}[name]
+    assert {f"body {each}" for each in system.body._fields} <= set(found["fields"])
+    assert {f"control {each}" for each in system.controls} <= set(found["fields"])
+
+
 def test_a_walker_that_cannot_be_says_why_and_the_walk_goes_on(page):
     there = page()
     there.run("player.sliders.foot_radius.input.max = 2")
@@ -205,19 +256,37 @@ def test_every_control_has_a_label(page):
     assert unnamed == 0
 
 
+def in_a_notebook(there, package, widget, names):
+    """What the page of a widget reports as it begins, as it pauses, and after a push."""
+    (package / "widget.js").write_text(widget._esm, encoding="utf-8")
+    traits = ("given", "slope", "hip_torque", "speed", "running")
+    values = json.dumps({name: getattr(widget, name) for name in traits})
+    found = there.run(_WIDGET.replace("VALUES", values).replace("NAMES", json.dumps(names)))
+    paused, after = found["paused"], found["after"]
+    assert (paused["slope"], paused["running"], paused["outcome"]) == (0.03, False, "")
+    assert paused["strides"] >= 1 and after["state"] != paused["state"]
+    assert found["heard"] == 0
+    return found["start"]
+
+
 def test_the_widget_of_notebooks_walks_and_reports(page, package):
     pytest.importorskip("anywidget")
     from gym_passive_walker.web.widget import PlayerWidget
 
     gait = gpw.find_gait("C", 0.02)
     widget = PlayerWidget(gait.walker, gait.slope, start=gait.state)
-    names = ("given", "slope", "hip_torque", "speed", "running")
-    (package / "widget.js").write_text(widget._esm, encoding="utf-8")
-    values = {name: getattr(widget, name) for name in names}
-    found = page().run(_WIDGET.replace("VALUES", json.dumps(values)))
-    assert found["start"]["state"] == pytest.approx(gait.state)
-    assert gpw.Walker(**found["start"]["parameters"]) == gait.walker
-    paused, after = found["paused"], found["after"]
-    assert (paused["slope"], paused["running"], paused["outcome"]) == (0.03, False, "")
-    assert paused["strides"] >= 1 and after["state"] != paused["state"]
-    assert found["heard"] == 0
+    start = in_a_notebook(page(), package, widget, ["data.json", "kneed.wasm"])
+    assert start["state"] == pytest.approx(gait.state)
+    assert gpw.Walker(**start["parameters"]) == gait.walker
+
+
+def test_the_widget_of_a_system_walks_and_reports(page, package):
+    pytest.importorskip("anywidget")
+    from gym_passive_walker.web.widget import PlayerWidget
+
+    gait = gpw.find_gait(TORSO, 0.03)
+    widget = PlayerWidget(gait.walker, gait.slope, start=gait.state)
+    (package / "systems/own.wasm").write_bytes(widget.files["systems/own.wasm"])
+    start = in_a_notebook(page(), package, widget, ["systems/own.wasm"])
+    assert start["state"] == pytest.approx(gait.state)
+    assert start["parameters"] == TORSO.body._asdict()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples.torso import TORSO
 from gym_passive_walker.policies import policy_folder
 from gym_passive_walker.units import units_of
 
@@ -50,6 +51,17 @@ def test_a_gait_under_a_torque_keeps_it(notebook):
     torque = 0.001 * units_of(walker).torque
     strides = gpw.stride_map(walker, 0.02, controller=gpw.Actuation(hip_torque=torque))
     assert gpw.play(gpw.find_gait(strides)).hip_torque == pytest.approx(0.001, rel=1e-12)
+
+
+def test_a_system_of_ones_own_goes_with_the_widget(notebook):
+    gait = gpw.find_gait(TORSO.vary(torso=0.08), 0.03)
+    widget = gpw.play(gait)
+    assert widget is not None and list(widget.files) == ["systems/own.wasm"]
+    assert widget.given == {"system": "own", "start": gait.state.tolist()}
+    assert (widget.slope, widget.parameters["torso"]) == (0.03, 0.08)
+    widget.set_state({"parameters": widget.parameters | {"torso": 0.09}})
+    assert isinstance(widget.walker, gpw.System) and widget.walker.body.torso == 0.09
+    assert "start" not in gpw.play(TORSO, 0.03).given
 
 
 @pytest.mark.parametrize("form", ["name", "gait"])

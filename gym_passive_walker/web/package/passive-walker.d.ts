@@ -239,6 +239,23 @@ export function create(
   scene?: Scene | SceneName,
   options?: { read?: Read },
 ): Promise<PassiveWalker>;
+/** A stride of a system of one's own. */
+export interface SystemStride {
+  outcome: string;
+  state: number[];
+  duration: number;
+  step_length: number;
+  heel_loss: number;
+}
+
+export interface SystemFrame {
+  state: number[];
+  strides: number;
+  lines: [number, number][][];
+  /** Where the stance foot is. */
+  contact: [number, number];
+}
+
 /** A system of one's own, compiled by `web.build(folder, systems)` of the Python package. */
 export class SystemWalker {
   readonly name: string;
@@ -246,25 +263,51 @@ export class SystemWalker {
   readonly fields: Record<string, number>;
   readonly controls: string[];
   readonly slope: number;
+  readonly terrain: Terrain | null;
   readonly strides: number;
   /** How the last stride ended, or null within one. */
   readonly outcome: string | null;
+  readonly over: boolean;
+  /** Length of the last control step, in sqrt(l/g). */
+  readonly duration: number;
   /** Coordinates, then their rates. */
   readonly state: number[];
+  readonly footholds: { strides: number; x: number; y: number }[];
   change(changes: { slope?: number; body?: Record<string, number> }): void;
-  reset(state?: number[] | null): void;
-  strideFrom(state: number[], options?: { controls?: number[] | null; end?: number }): {
-    outcome: string; state: number[]; duration: number; step_length: number; heel_loss: number;
-  };
+  reset(state?: number[] | null, options?: { seed?: number | bigint }): void;
+  strideFrom(
+    state: number[],
+    options?: { controls?: number[] | null; end?: number; slope?: number; height_change?: number },
+  ): SystemStride;
   /** Walks for a time in sqrt(l/g), or to the next heelstrike. */
   step(duration?: number, controls?: number[] | null): string | null;
+  /** An impulse on the centre of mass when the next control step begins, positive downhill. */
+  push(impulse: number): void;
+  findGait(options?: { guess?: number[] | null; controls?: number[] | null; slope?: number; tries?: number }): {
+    state: number[]; multipliers: [number, number][]; stride: SystemStride;
+  } | null;
   lines(state?: number[]): [number, number][][];
-  render(canvas: HTMLCanvasElement, options?: { colors?: Record<string, string>; width?: number }): void;
+  frame(): SystemFrame;
+  /** The system within the last control step, at a share from 0 to 1 of it. */
+  within(share: number): SystemFrame;
+  render(
+    canvas: HTMLCanvasElement,
+    options?: { colors?: Partial<Colors>; frame?: SystemFrame; width?: number; push?: number | null },
+  ): void;
 }
 
 export function createSystem(
   name: string,
-  options?: { slope?: number; body?: Record<string, number>; state?: number[] | null; tolerance?: number; read?: Read },
+  options?: {
+    slope?: number;
+    body?: Record<string, number>;
+    state?: number[] | null;
+    /** Footholds of different heights. */
+    terrain?: Terrain | null;
+    seed?: number | bigint;
+    tolerance?: number;
+    read?: Read;
+  },
 ): Promise<SystemWalker>;
 
 export function library(read?: Read): Promise<Library>;

@@ -2,8 +2,9 @@
 //
 //     import { play } from "./player.js";
 //     play(document.querySelector("#walker"), { walker: "lab", slope: 0.036 });
+//     play(document.querySelector("#walker"), { system: "torso" }); // one of Python's web.build
 
-import { checkWalker, create, library, loadPolicy, readFile } from "./passive-walker.js";
+import { checkWalker, create, createSystem, library, loadPolicy, readFile } from "./passive-walker.js";
 
 const TORQUE = 0.05; // m g l: the hip torque of the action 1
 const TRAIL = 900; // frames in the phase portrait
@@ -94,7 +95,6 @@ export class Player {
   // The page's elements.
 
   #build() {
-    const { settings, data } = this;
     this.canvas = element("canvas", {
       class: "pw-scene", width: 960, height: 480, tabindex: 0, role: "img",
       "aria-label": "A walker on a slope. Press the arrow keys left and right to push it, the space bar to pause.",
@@ -106,30 +106,12 @@ export class Player {
     });
     this.said = element("p", { class: "pw-said", role: "status", "aria-live": "polite" });
     this.pause = element("button", { type: "button", onclick: () => this.toggle() });
-    const walkers = Object.entries(data.walkers).map(([name, { about }]) => [name, `${name}: ${about}`]);
-    const policies = Object.keys(data.policies).map((name) => [`policy ${name}`, `policy ${name}`]);
-    this.walkerChoice = choice(walkers, settings.walker, (value) => this.#choose(value));
-    this.controllers = choice(
-      [["passive", "passive"], ["torque", "held hip torque"], ...policies],
-      settings.policy ? `policy ${settings.policy}` : settings.torque ? "torque" : "passive",
-      (value) => this.#control(value),
-    );
-    this.grounds = choice(
-      Object.entries(GROUNDS).map(([name, { label }]) => [name, label]), settings.ground,
-      (value) => this.set({ ground: value }, true),
-    );
     this.sliders = {};
-    const main = [
-      this.#slider("slope", "Slope, rad", -0.02, 0.12, 0.0005),
-      this.#slider("torque", "Hip torque, m g l", -0.03, 0.03, 0.0005),
-      this.#slider("speed", "Speed", 0.0625, 2, 0.0625),
-      this.#slider("gravity", "Gravity, m/s²", 0.5, 25, 0.01),
-    ];
-    const others = data.parameters.filter((name) => name !== "gravity");
+    const fields = this.fields();
     this.more = element(
       "details", { class: "pw-more" },
       element("summary", {}, "All parameters of the walker"),
-      element("div", { class: "pw-fields" }, ...others.map((name) => this.#slider(name, `${name}, ${UNITS[name]}`))),
+      element("div", { class: "pw-fields" }, ...this.parameters()),
     );
     const buttons = [
       this.pause,
@@ -141,7 +123,7 @@ export class Player {
     if (this.share) buttons.push(element("button", { type: "button", onclick: () => this.#link() }, "Copy link"));
     this.portrait = element("canvas", {
       class: "pw-plot", width: 460, height: 320, role: "img",
-      "aria-label": "Phase portrait: angular velocity over angle of both legs",
+      "aria-label": this.portraitOf,
     });
     this.circle = element("canvas", {
       class: "pw-plot", width: 320, height: 320, role: "img", "aria-label": "Floquet multipliers in the complex plane",
@@ -151,14 +133,11 @@ export class Player {
     this.root.classList.add("pw");
     this.root.replaceChildren(
       this.canvas, this.said, element("div", { class: "pw-buttons" }, ...buttons),
-      element(
-        "div", { class: "pw-fields" }, labelled("Walker", this.walkerChoice),
-        labelled("Controller", this.controllers), labelled("Ground", this.grounds), ...main,
-      ),
+      element("div", { class: "pw-fields" }, ...fields),
       this.more,
       element(
         "div", { class: "pw-plots" },
-        element("figure", {}, this.portrait, element("figcaption", {}, "Phase portrait: angular velocity over angle of both legs; dots are now")),
+        element("figure", {}, this.portrait, element("figcaption", {}, `${this.portraitOf}; dots are now`)),
         element(
           "figure", {}, this.circle,
           element("figcaption", {}, "Floquet multipliers by finite differences of strides"), this.multipliers,
@@ -169,11 +148,47 @@ export class Player {
     if (this.compact) this.root.classList.add("pw-compact");
   }
 
-  #slider(name, label, least, most, step = "any") {
+  get portraitOf() {
+    return "Phase portrait: angular velocity over angle of both legs";
+  }
+
+  groundChoice() {
+    const entries = Object.entries(GROUNDS).map(([name, { label }]) => [name, label]);
+    return (this.grounds = choice(entries, this.settings.ground, (value) => this.set({ ground: value }, true)));
+  }
+
+  /** Choices, and the sliders that act on every walker. */
+  fields() {
+    const { settings, data } = this;
+    const walkers = Object.entries(data.walkers).map(([name, { about }]) => [name, `${name}: ${about}`]);
+    const policies = Object.keys(data.policies).map((name) => [`policy ${name}`, `policy ${name}`]);
+    this.walkerChoice = choice(walkers, settings.walker, (value) => this.#choose(value));
+    this.controllers = choice(
+      [["passive", "passive"], ["torque", "held hip torque"], ...policies],
+      settings.policy ? `policy ${settings.policy}` : settings.torque ? "torque" : "passive",
+      (value) => this.#control(value),
+    );
+    return [
+      labelled("Walker", this.walkerChoice), labelled("Controller", this.controllers),
+      labelled("Ground", this.groundChoice()),
+      this.slider("slope", "Slope, rad", -0.02, 0.12, 0.0005),
+      this.slider("torque", "Hip torque, m g l", -0.03, 0.03, 0.0005),
+      this.slider("speed", "Speed", 0.0625, 2, 0.0625),
+      this.slider("gravity", "Gravity, m/s²", 0.5, 25, 0.01),
+    ];
+  }
+
+  /** Sliders of the walker's parameters. */
+  parameters() {
+    const others = this.data.parameters.filter((name) => name !== "gravity");
+    return others.map((name) => this.slider(name, `${name}, ${UNITS[name]}`));
+  }
+
+  slider(name, label, least, most, step = "any") {
     const output = element("output");
     const input = element("input", {
       type: "range", step,
-      oninput: () => this.#slide(name, Number(input.value)),
+      oninput: () => this.slide(name, Number(input.value)),
     });
     const field = labelled(label, input, output);
     output.setAttribute("for", input.id);
@@ -183,21 +198,35 @@ export class Player {
 
   /** Writes the settings into the sliders. */
   #show() {
-    const { settings, data } = this;
-    const parameters = this.walk.parameters, own = data.walkers[settings.walker].parameters;
+    const { settings } = this;
     for (const [name, { input, output, range }] of Object.entries(this.sliders)) {
-      const value = name in settings ? settings[name] : parameters[name];
-      const size = Math.abs(own[name] ?? 0) || (UNITS[name] === "m" ? 0.1 : UNITS[name] === "rad" ? 0.1 : 0.5);
-      const signed = ["thigh_offset", "shank_offset", "foot_angle"].includes(name);
-      const [least, most] = range ?? [signed ? -2 * size : 0, (own[name] ? 2 : 1) * size];
+      const value = name in settings ? settings[name] : this.valueOf(name);
+      const [least, most] = range ?? this.rangeOf(name);
       input.min = Math.min(least, value);
       input.max = Math.max(most, value);
       if (Number(input.value) !== value) input.value = value;
       output.textContent = name === "speed" ? `× ${digits(value)}` : digits(value);
       input.setAttribute("aria-valuetext", `${digits(value)} ${UNITS[name] ?? ""}`.trim());
     }
-    this.sliders.torque.input.disabled = settings.policy !== "";
     this.pause.textContent = this.running ? "Pause" : "Continue";
+    this.showChoices();
+  }
+
+  valueOf(name) {
+    return this.walk.parameters[name];
+  }
+
+  /** Least and largest value of a parameter's slider. */
+  rangeOf(name) {
+    const own = this.data.walkers[this.settings.walker].parameters[name];
+    const size = Math.abs(own ?? 0) || (UNITS[name] === "m" ? 0.1 : UNITS[name] === "rad" ? 0.1 : 0.5);
+    const signed = ["thigh_offset", "shank_offset", "foot_angle"].includes(name);
+    return [signed ? -2 * size : 0, (own ? 2 : 1) * size];
+  }
+
+  showChoices() {
+    const { settings } = this;
+    this.sliders.torque.input.disabled = settings.policy !== "";
     this.controllers.value = settings.policy ? `policy ${settings.policy}` : settings.torque || this.controllers.value === "torque" ? "torque" : "passive";
     this.grounds.value = settings.ground;
     this.walkerChoice.value = settings.walker;
@@ -206,7 +235,7 @@ export class Player {
   // ------------------------------------------------------------------------------------------
   // What a user changes.
 
-  #slide(name, value) {
+  slide(name, value) {
     if (name === "slope" || name === "torque" || name === "speed") this.set({ [name]: value }, name === "torque");
     else this.set({ changes: { ...this.settings.changes, [name]: value } });
   }
@@ -231,12 +260,12 @@ export class Player {
   async set(changes, again = false) {
     const before = this.settings;
     this.settings = { ...before, ...changes };
-    const key = ["walker", "changes", "policy", "ground", "slope"];
+    const key = ["walker", "changes", "policy", "ground", "slope", "controls"];
     try {
-      checkWalker(this.#walkerGiven(), this.data);
+      this.check();
       const others = ["walker", "policy", "ground"].some((name) => before[name] !== this.settings[name]);
       if (others || this.settings.start || (again && this.walk.over)) await this.begin();
-      else if (key.some((name) => !same(before[name], this.settings[name]))) this.#change();
+      else if (key.some((name) => !same(before[name], this.settings[name]))) this.#changed();
       this.#tell("");
     } catch (error) {
       this.settings = before;
@@ -259,23 +288,41 @@ export class Player {
     return { ...own, ...rules, ...stub };
   }
 
-  #change() {
+  check() {
+    checkWalker(this.#walkerGiven(), this.data);
+  }
+
+  /** Gives the walker the settings. */
+  change() {
     this.walk.change({ walker: this.#walkerGiven(), scene: { slope: this.settings.slope } });
+  }
+
+  #changed() {
+    this.change();
     this.last = null;
     this.#seek();
   }
 
-  /** Begins again with the settings, at the periodic gait or near it. */
-  async begin() {
-    const given = this.#walkerGiven(), scene = this.#scene();
-    const walk = await create(given, scene, { read: this.read });
+  /** Makes the walker of the settings, at a state or at its periodic gait. */
+  async make(start) {
+    const walk = await create(this.#walkerGiven(), this.#scene(), { read: this.read });
     const policy = this.settings.policy ? await loadPolicy(this.settings.policy, { read: this.read }) : null;
     this.policy = policy;
     this.walk = walk;
-    const start = this.settings.start ?? null;
-    this.settings.start = undefined;
-    const gait = start || policy ? null : walk.findGait({ hip_torque: this.settings.torque });
+    const gait = start || policy ? null : this.findGait();
     this.observation = walk.reset({ seed: this.settings.seed++, noise: false, state: start ?? gait?.state ?? null });
+  }
+
+  findGait() {
+    const { slope, torque, policy } = this.settings;
+    return this.walk.findGait({ slope, hip_torque: policy ? 0 : torque });
+  }
+
+  /** Begins again with the settings, at the periodic gait or near it. */
+  async begin() {
+    const start = this.settings.start ?? null;
+    await this.make(start);
+    this.settings.start = undefined;
     this.trail = [];
     this.progress = 1;
     this.rest = 0;
@@ -393,21 +440,27 @@ export class Player {
   }
 
   #step() {
-    const { walk, settings } = this;
     if (this.pending) {
       const wanted = Math.max(-0.1, Math.min(0.1, this.pending));
-      walk.push(wanted);
+      this.walk.push(wanted);
       this.pending = 0;
       this.last = null;
     }
-    this.action = this.policy ? this.policy.predict(this.observation) : [settings.torque / TORQUE];
-    const found = walk.step(this.action);
-    this.observation = found.observation;
-    if (found.info.outcome === "HEELSTRIKE") {
-      this.last = found.info;
+    const last = this.step();
+    if (last) {
+      this.last = last;
       this.#measure();
     }
     this.listener?.(this);
+  }
+
+  /** Takes a control step; returns the measures of a stride that it ends. */
+  step() {
+    const { walk, settings } = this;
+    this.action = this.policy ? this.policy.predict(this.observation) : [settings.torque / TORQUE];
+    const found = walk.step(this.action);
+    this.observation = found.observation;
+    return found.info.outcome === "HEELSTRIKE" ? found.info : null;
   }
 
   #ended() {
@@ -417,15 +470,19 @@ export class Player {
   }
 
   #measure() {
-    const { last, walk } = this, l = walk.legLength, t = walk.timeUnit;
-    const rows = [
+    const rows = [...this.measured(this.last), ["strides", String(this.walk.strides)]];
+    this.measures.replaceChildren(...rows.flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, value)]));
+  }
+
+  /** Names and texts of a stride's measures. */
+  measured(last) {
+    const l = this.walk.legLength, t = this.walk.timeUnit;
+    return [
       ["step length", `${digits(last.step_length * l)} m`],
       ["step period", `${digits(last.step_period * t)} s`],
       ["speed", `${digits((last.speed * l) / t)} m/s`],
       ["cost of transport", digits(last.cost_of_transport)],
-      ["strides", String(walk.strides)],
     ];
-    this.measures.replaceChildren(...rows.flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, value)]));
   }
 
   /** Searches for the periodic gait when the settings have been left alone for a moment. */
@@ -433,8 +490,7 @@ export class Player {
     clearTimeout(this.timer);
     this.gait = undefined;
     this.timer = setTimeout(() => {
-      const { slope, torque, policy } = this.settings;
-      this.gait = this.walk.findGait({ slope, hip_torque: policy ? 0 : torque });
+      this.gait = this.findGait();
       this.#drawMultipliers();
     }, 350);
   }
@@ -467,7 +523,7 @@ export class Player {
     const { portrait: canvas, trail, colors } = this, context = canvas.getContext("2d");
     context.fillStyle = colors.background;
     context.fillRect(0, 0, canvas.width, canvas.height);
-    const angle = 0.65, rate = 2.2;
+    const [angle, rate] = this.window(now);
     const place = (x, v) => [canvas.width * (0.5 + x / (2 * angle)), canvas.height * (0.5 - v / (2 * rate))];
     context.strokeStyle = colors.mark;
     context.lineWidth = 1;
@@ -478,32 +534,40 @@ export class Player {
     context.moveTo(...place(0, -rate));
     context.lineTo(...place(0, rate));
     context.stroke();
-    for (const odd of [0, 1]) {
-      context.strokeStyle = odd ? colors.odd : colors.even;
+    this.curves(now).forEach((end, k) => {
+      context.strokeStyle = [colors.even, colors.odd, colors.body, colors.mark][k % 4];
       context.lineWidth = 1.5;
       context.beginPath();
       let before = null;
-      for (const { state, strides } of trail) {
-        // A leg is the stance leg in every other stride.
-        const stands = strides % 2 === odd;
-        const at = stands ? place(state[0], state[3]) : place(state[1], state[4]);
-        if (before === strides) context.lineTo(...at);
+      for (const frame of trail) {
+        const at = place(...this.curves(frame)[k]);
+        if (before === frame.strides) context.lineTo(...at);
         else context.moveTo(...at);
-        before = strides;
+        before = frame.strides;
       }
       context.stroke();
-      const at = now.strides % 2 === odd ? place(now.state[0], now.state[3]) : place(now.state[1], now.state[4]);
       context.fillStyle = context.strokeStyle;
       context.beginPath();
-      context.arc(...at, 5, 0, 2 * Math.PI);
+      context.arc(...place(...end), 5, 0, 2 * Math.PI);
       context.fill();
-    }
+    });
     context.fillStyle = colors.mark;
     context.font = "15px system-ui, sans-serif";
     context.textAlign = "right";
     context.fillText(`${angle} rad`, canvas.width - 6, canvas.height / 2 - 6);
     context.textAlign = "left";
     context.fillText(`${rate} √(g/l)`, canvas.width / 2 + 6, 18);
+  }
+
+  /** Largest angle and angular velocity in the phase portrait. */
+  window() {
+    return [0.65, 2.2];
+  }
+
+  /** A point of the phase portrait for each curve: a leg is the stance leg in every other stride. */
+  curves({ state, strides }) {
+    const legs = [[state[0], state[3]], [state[1], state[4]]];
+    return strides % 2 ? legs.reverse() : legs;
   }
 
   #drawMultipliers() {
@@ -570,6 +634,99 @@ export class Player {
   }
 }
 
+/** A player of a system of one's own; `play` makes it. */
+export class SystemPlayer extends Player {
+  get portraitOf() {
+    return `Phase portrait: the rate over each coordinate of ${this.data.name}`;
+  }
+
+  fields() {
+    const { data, settings } = this;
+    const ground = data.block.notes.uneven ? [labelled("Ground", this.groundChoice())] : [];
+    return [
+      ...ground,
+      this.slider("slope", "Slope, rad", -0.02, 0.12, 0.0005),
+      this.slider("speed", "Speed", 0.0625, 2, 0.0625),
+      ...data.controls.map((name) => this.slider(`control ${name}`, `${name}, held`, -0.1, 0.1)),
+    ];
+  }
+
+  parameters() {
+    return Object.keys(this.data.fields).map((name) => this.slider(`body ${name}`, name));
+  }
+
+  valueOf(name) {
+    const [kind, ...rest] = name.split(" "), field = rest.join(" ");
+    return kind === "body" ? this.walk.fields[field] : (this.settings.controls[field] ?? 0);
+  }
+
+  rangeOf(name) {
+    const own = this.data.fields[name.slice(5)];
+    return own ? [Math.min(0, 2 * own), Math.max(0, 2 * own)] : [-0.5, 0.5];
+  }
+
+  showChoices() {
+    if (this.grounds) this.grounds.value = this.settings.ground;
+  }
+
+  slide(name, value) {
+    const [kind, ...rest] = name.split(" "), field = rest.join(" ");
+    if (kind === "body") this.set({ changes: { ...this.settings.changes, [field]: value } });
+    else if (kind === "control") this.set({ controls: { ...this.settings.controls, [field]: value } });
+    else this.set({ [name]: value });
+  }
+
+  check() {}
+
+  change() {
+    this.walk.change({ slope: this.settings.slope, body: this.settings.changes });
+  }
+
+  async make(start) {
+    const { system, slope, changes, ground } = this.settings, seed = this.settings.seed++;
+    const options = { slope, body: changes, terrain: GROUNDS[ground].terrain, seed, state: start, read: this.read };
+    this.walk = await createSystem(system, options);
+    this.policy = null;
+    const gait = start ? null : this.findGait();
+    if (gait) this.walk.reset(gait.state, { seed });
+  }
+
+  findGait() {
+    return this.walk.findGait({ controls: this.#controls() });
+  }
+
+  push(impulse) {
+    if (this.data.block.notes.pushed) super.push(impulse);
+  }
+
+  step() {
+    return this.walk.step(0.1, this.#controls()) === "HEELSTRIKE" ? this.walk.stride : null;
+  }
+
+  #controls() {
+    return this.data.controls.map((name) => this.settings.controls[name] ?? 0);
+  }
+
+  measured({ step_length, step_period }) {
+    return [
+      ["step length", digits(step_length)],
+      ["step period", `${digits(step_period)} √(l/g)`],
+      ["speed", `${digits(step_length / step_period)} √(g l)`],
+    ];
+  }
+
+  window(now) {
+    const half = now.state.length / 2, states = [...this.trail, now].map(({ state }) => state);
+    const most = (first) => Math.max(0.1, ...states.map((state) => Math.max(...state.slice(first, first + half).map(Math.abs))));
+    return [0, half].map((first) => Number((1.1 * most(first)).toPrecision(2)));
+  }
+
+  curves({ state }) {
+    const half = state.length / 2;
+    return Array.from({ length: half }, (_, i) => [state[i], state[half + i]]);
+  }
+}
+
 /** Settings from a page's address. */
 export function settingsFrom(hash, data) {
   const given = Object.fromEntries(new URLSearchParams(hash.replace(/^#/, "")));
@@ -593,7 +750,7 @@ export function settingsFrom(hash, data) {
 /**
  * Shows a walker in an element, with all controls.
  *
- * @param options `walker`, `slope`, `torque`, `policy`, `ground`, `speed`, `changes` of the walker's
+ * @param options `system`, the name of a system of one's own, or `walker`; `slope`, `torque`, `policy`, `ground`, `speed`, `changes` of the walker's
  *   parameters, `start` on the Poincaré section; `share` writes settings to the page's address;
  *   `compact` hides the plots; `paused`; `read` reads the package's files; `onstate` is called after
  *   each control step and each change of the settings.
@@ -601,6 +758,14 @@ export function settingsFrom(hash, data) {
 export async function play(root, options = {}) {
   const { read = readFile, share = false, compact = false, paused, onstate, ...settings } = options;
   try {
+    if (settings.system) {
+      const first = await createSystem(settings.system, { read });
+      const own = { slope: first.slope, controls: {}, ...settings };
+      const player = new SystemPlayer(root, first, { settings: own, read, compact, paused, onstate });
+      await player.begin();
+      player.start();
+      return player;
+    }
     const data = await library(read);
     const own = share ? settingsFrom(location.hash, data) : {};
     const player = new Player(root, data, { settings: { ...settings, ...own }, read, share, compact, paused, onstate });
