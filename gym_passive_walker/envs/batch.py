@@ -22,6 +22,7 @@ from gym_passive_walker.envs.custom import RULES, Custom
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
 from gym_passive_walker.envs.interface import refuse
 from gym_passive_walker.envs.one_thread import Token
+from gym_passive_walker.envs.rules import proportion
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import DRAWS, Starts, as_recorded, checked_state
 from gym_passive_walker.envs.transitions import STOPPED
@@ -296,7 +297,7 @@ class Batch:
         found = np.zeros((len(walkers), len(names)), np.float32)
         for row, walker in zip(found, walkers if names else (), strict=False):
             row[:] = known[walker]
-        return np.clip(found, -task.LARGEST_PROPORTION, task.LARGEST_PROPORTION)
+        return proportion(found)
 
     def _write_proportions(self, observations: NDArray[np.float32]) -> None:
         """Write what is observed of walkers' bodies into the flat observations of all."""

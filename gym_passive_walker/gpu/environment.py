@@ -59,7 +59,7 @@ class PassiveWalkerGpuEnv:
         self.observation_space = interface.observation_space(
             self.batch.scene, self.batch.custom.observation_size
         )
-        self.action_space = interface.action_space(self.batch.scene.actions)
+        self.action_space = interface.action_space(self.batch.scene)
         self._play = self.batch.play._make(map(_tensor, self.batch.play))
         self._reported = _tensor(self.batch.walkers.reported.view(np.float64)).view(num_envs, -1)
 
