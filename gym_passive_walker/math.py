@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from gym_passive_walker.engine.expressions import Expression, choose, square_root
+from gym_passive_walker.engine.jit import selecting, shared
 from gym_passive_walker.physics.numbers import sine_cosine
 
 __all__ = ["cos", "exp", "maximum", "minimum", "sin", "sqrt", "tanh", "where"]
@@ -43,16 +44,19 @@ def cos(x: Any) -> Any:
     return sine_cosine(x)[1] if _library(x) is np else _library(x).cos(x)
 
 
+@shared
 def minimum(a: Any, b: Any) -> Any:
     """The smaller of two numbers."""
     return where(a < b, a, b)
 
 
+@shared
 def maximum(a: Any, b: Any) -> Any:
     """The larger of two numbers."""
     return where(a > b, a, b)
 
 
+@selecting
 def where(condition: Any, yes: Any, no: Any) -> Any:
     """`yes` where the condition holds, `no` elsewhere."""
     if isinstance(condition, Expression):

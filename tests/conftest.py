@@ -5,11 +5,12 @@ import re
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -101,3 +102,28 @@ def _no_figures_left() -> Iterator[None]:
     yield
     if pyplot := sys.modules.get("matplotlib.pyplot"):
         pyplot.close("all")
+
+
+@pytest.fixture
+def assert_same() -> Callable[[Any, Any], None]:
+    """Asserts that results, infos or states are alike to the last bit."""
+
+    def same(a: Any, b: Any, where: str = "") -> None:
+        if isinstance(a, dict):
+            assert set(a) == set(b), (where, set(a) ^ set(b))
+            for key in a:
+                same(a[key], b[key], f"{where}/{key}")
+        elif isinstance(a, (list, tuple)):
+            assert len(a) == len(b), where
+            for i, (x, y) in enumerate(zip(a, b, strict=True)):
+                same(x, y, f"{where}/{i}")
+        elif isinstance(a, np.ndarray):
+            assert isinstance(b, np.ndarray) and a.dtype == b.dtype and a.shape == b.shape, where
+            if a.dtype == object:
+                same(list(a), list(b), where)
+            else:
+                assert np.array_equal(a, b), (where, a, b)
+        else:
+            assert type(a) is type(b) and a == b, (where, a, b)
+
+    return same

@@ -14,7 +14,7 @@ from typing import Any
 
 from numba.core.dispatcher import Dispatcher
 
-from gym_passive_walker.engine.jit import Kernel
+from gym_passive_walker.engine.jit import LOWERED, Kernel
 
 _OURS = "gym_passive_walker"
 
@@ -26,7 +26,7 @@ def plain(value: Any) -> FunctionType | None:
     if isinstance(value, Dispatcher):
         return value.py_func
     ours = isinstance(value, FunctionType) and value.__module__.startswith(_OURS)
-    return value if ours else None
+    return value if ours and value not in LOWERED else None
 
 
 class DeviceLinker:

@@ -18,7 +18,13 @@ from numba.core import cgutils, config
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
-from numba.extending import intrinsic, typeof_impl
+from numba.extending import (
+    intrinsic,
+    lower_builtin,
+    register_jitable,
+    type_callable,
+    typeof_impl,
+)
 from numba.np.arrayobj import populate_array
 
 from gym_passive_walker.engine import cache
@@ -49,6 +55,34 @@ def inlined(function: Callable[..., Any]) -> Any:
 def merged(function: Callable[..., Any]) -> Any:
     """Compile a function as a part of its callers: a further level of calls takes seconds."""
     return numba.njit(inline="always", **_WITHIN)(function)
+
+
+def shared(function: Callable[..., Any]) -> Any:
+    """Let kernels inline a plain function, which Python code calls with arrays or tensors."""
+    return register_jitable(forceinline=True, **_WITHIN)(function)
+
+
+LOWERED: set[Any] = set()
+"""Plain functions for which compiled code has an instruction."""
+
+
+def selecting(function: Callable[..., Any]) -> Any:
+    """Let kernels compile calls `function(condition, yes, no)` to the instruction `select`."""
+
+    @type_callable(function)
+    def _(context: Any) -> Any:
+        def signature(condition: Any, yes: Any, no: Any) -> Any:
+            kind = context.unify_types(yes, no)
+            return kind(types.boolean, kind, kind)
+
+        return signature
+
+    @lower_builtin(function, types.boolean, types.Any, types.Any)
+    def _(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.select(*arguments)
+
+    LOWERED.add(function)
+    return function
 
 
 def named(function: Callable[..., Any], variant: str) -> Callable[..., Any]:

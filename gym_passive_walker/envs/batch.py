@@ -22,6 +22,7 @@ from gym_passive_walker.envs.custom import RULES, Custom
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
 from gym_passive_walker.envs.interface import refuse
 from gym_passive_walker.envs.one_thread import Token
+from gym_passive_walker.envs.rules import proportion
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import DRAWS, Starts, as_recorded, checked_state
 from gym_passive_walker.envs.transitions import STOPPED
@@ -65,6 +66,21 @@ def system_in(scene: Scene, *walkers: Walker) -> System:
 def _radii(walkers: Sequence[Walker]) -> NDArray[np.float64]:
     """Return the foot radii in leg lengths, (n,)."""
     return np.array([walker.foot_radius / walker.leg_length for walker in walkers])
+
+
+def default_size(scene: Scene) -> int:
+    """Return the number of entries of a scene's default observation."""
+    commanded, ahead = scene.command is not None, 2 * scene.terrain_lookahead
+    return task.SIZE + commanded + ahead + len(scene.observe_body)
+
+
+def observed_bodies(scene: Scene, walkers: Sequence[Walker]) -> NDArray[np.float32]:
+    """Return the proportions of walkers that a scene's agents observe, (walkers, names)."""
+    found = np.zeros((len(walkers), len(scene.observe_body)), np.float32)
+    if scene.observe_body:
+        known = {walker: proportions(walker, scene.observe_body) for walker in {*walkers}}
+        found[:] = [known[walker] for walker in walkers]
+    return proportion(found)
 
 
 class Saved(NamedTuple):
@@ -133,9 +149,7 @@ class Batch:
                 )
         self.scene, self.count, self.token = scene, count, Token()
         self._given = {"walkers": walkers, "slopes": slopes, "step_limit": step_limit}
-        self.observation_size = (
-            task.SIZE + (scene.command is not None) + 2 * scene.terrain_lookahead
-        ) + len(scene.observe_body)
+        self.observation_size = default_size(scene)
         has_rules = scene.own_system is not None or any(getattr(scene, name) for name in RULES)
         self.custom = Custom(scene, count) if has_rules else None
         # The environment's own observation, if the user's is another one.
@@ -156,7 +170,7 @@ class Batch:
             shared.setdefault((walker, slope), Starts(scene, walker, slope))
             for walker, slope in zip(self.walkers, slope_of, strict=True)
         ]
-        self._proportions = self._proportions_of(self.walkers)
+        self._proportions = observed_bodies(scene, self.walkers)
         own = self.custom is not None and (self.custom.observation_size or not self.custom.native)
         self._apart = bool(own or scene.observe_body)  # a step is more than one compiled call
         self._alike_starts = len(shared) == 1
@@ -276,7 +290,7 @@ class Batch:
         for i, walker in varied.items():
             self.walkers[i], self._constants[i : i + 1] = walker, bodies(walker)
             self._radii[i : i + 1] = _radii([walker])
-            self._proportions[i : i + 1] = self._proportions_of([walker])
+            self._proportions[i : i + 1] = observed_bodies(self.scene, [walker])
         plain = observations if self._plain is None else self._plain
         self.entry_point.kernels.begin(
             self.entry_point.address, where, False, slopes, gaits, draws, plain
@@ -288,15 +302,6 @@ class Batch:
         if self.custom:
             self.custom.begin(self, where)
             self._write_observations(observations, where)
-
-    def _proportions_of(self, walkers: Sequence[Walker]) -> NDArray[np.float32]:
-        """Return what is observed of walkers' bodies, (walkers, names)."""
-        names = self.scene.observe_body
-        known = {walker: proportions(walker, names) for walker in {*walkers}} if names else {}
-        found = np.zeros((len(walkers), len(names)), np.float32)
-        for row, walker in zip(found, walkers if names else (), strict=False):
-            row[:] = known[walker]
-        return np.clip(found, -task.LARGEST_PROPORTION, task.LARGEST_PROPORTION)
 
     def _write_proportions(self, observations: NDArray[np.float32]) -> None:
         """Write what is observed of walkers' bodies into the flat observations of all."""
@@ -684,7 +689,7 @@ class Batch:
         if not self._alike:
             self.walkers = state.walkers
             self._constants[:], self._radii[:] = bodies(*self.walkers), _radii(self.walkers)
-            self._proportions[:] = self._proportions_of(self.walkers)
+            self._proportions[:] = observed_bodies(self.scene, self.walkers)
         if self.disturbances and state.disturbances:
             self.disturbances.put_back(state.disturbances)
         if self.custom and state.transitions is not None:

@@ -21,6 +21,7 @@ from gym_passive_walker.engine.layout import NARROW, Layout, layout_of
 from gym_passive_walker.engine.native import Memory, Module, uses
 from gym_passive_walker.envs import task, transitions
 from gym_passive_walker.envs.checks import SceneError
+from gym_passive_walker.envs.rules import command_error
 from gym_passive_walker.envs.transitions import (
     BOOLEANS,
     OF_LEDGER,
@@ -50,7 +51,7 @@ TERMS: dict[str, Callable[[Transition], Any]] = {
     "energy": lambda step: step.energy,
     "alive": lambda step: where(step.fell, 0.0, 1.0),
     "fell": lambda step: where(step.fell, 1.0, 0.0),
-    "command": lambda step: abs(step.step_length - step.command * step.step_period),
+    "command": lambda step: command_error(step.step_length, step.step_period, step.command),
     "action": lambda step: sum(each**2 for each in step.action),
     "action_change": lambda step: sum(
         (now - last) ** 2 for now, last in zip(step.action, step.last_action, strict=True)

@@ -18,6 +18,7 @@ from gym_passive_walker.engine.jit import Kernel, address, call, jitted, merged
 from gym_passive_walker.engine.run import integrate
 from gym_passive_walker.envs import constraints, task
 from gym_passive_walker.envs.checks import CHECKS
+from gym_passive_walker.envs.rules import BOUNDS, LOWEST, SIZE, clip, command_penalty, foothold
 from gym_passive_walker.gaits.terrain import ground_at
 from gym_passive_walker.physics.bodies import StraightBody
 from gym_passive_walker.physics.hybrid import Outcome
@@ -52,7 +53,7 @@ SETTINGS = np.dtype(
         ("rate", "f8"),  # mean number of pushes per time; 0 without pushes
         ("push", "f8", (2,)),  # smallest and largest impulse
         ("noisy", "i8"),  # whether observations have noise
-        ("noise", "f8", (task.SIZE,)),
+        ("noise", "f8", (SIZE,)),
         ("action_noise", "f8"),
         ("commanded", "i8"),
         ("command", "f8", (2,)),
@@ -86,19 +87,19 @@ _WHEN, _HOW_HARD, _SENSOR, _MOTOR, _COMMAND = range(5)
 def add_observation_noise(disturbance, row, settings, table, spread, observations, first):
     """Add noise to a walker's observation; append its command and the footholds ahead."""
     if settings.noisy:
-        for k in range(task.SIZE):
+        for k in range(SIZE):
             if settings.noise[k] > 0.0:
-                draw = normal(disturbance.key, task.SIZE * row.steps + k, _SENSOR)
+                draw = normal(disturbance.key, SIZE * row.steps + k, _SENSOR)
                 error = settings.noise[k] * draw
-                noisy = task.clipped(observations[first + k] + error, task.BOUNDS[k])
-                observations[first + k] = max(noisy, task.LOWEST[k])
+                noisy = observations[first + k] + error
+                observations[first + k] = clip(noisy, LOWEST[k], BOUNDS[k])
     if settings.commanded:
-        observations[first + task.SIZE] = disturbance.command
-    first += task.SIZE + settings.commanded
+        observations[first + SIZE] = disturbance.command
+    first += SIZE + settings.commanded
     for ahead in range(settings.terrain_lookahead):
         _, rise, turn = ground_at(table, spread, disturbance.key, row.strides + ahead)
-        observations[first + 2 * ahead] = task.clipped(rise, task.HIGHEST)
-        observations[first + 2 * ahead + 1] = task.clipped(turn, task.STEEPEST)
+        seen = foothold(rise, turn)
+        observations[first + 2 * ahead], observations[first + 2 * ahead + 1] = seen
 
 
 @Kernel
@@ -195,7 +196,7 @@ def disturb_actions(disturbances, ledger, settings, pending, actions):
     for i in range(len(disturbances)):
         disturbance, step = disturbances[i], ledger[i].steps
         for j in range(count):
-            share = task.clipped(actions[i * count + j], 1.0)
+            share = clip(actions[i * count + j], -1.0, 1.0)
             if late > 0:
                 share, pending[i, step % late, j] = pending[i, step % late, j], share
             if settings.action_noise > 0.0:
@@ -294,16 +295,6 @@ def check_step(records, bodies, i, row, disturbance, settings, phases, hooks):
             row.origin -= record.place - record.passed
 
 
-@jitted
-def command_penalty(row, disturbance, settings):
-    """Return the penalty of a stride for its deviation from the commanded speed.
-
-    It is at most the length of the stride.
-    """
-    missed = abs(row.step_length - disturbance.command * row.step_period)
-    return min(settings.command_weight * missed, row.step_length)
-
-
 @merged
 def step(
     records, bodies, ledger, rules, phases, options, tiles, histories, disturbances, pending,
@@ -335,7 +326,10 @@ def step(
             )
             disturbance.episode_push_work += disturbance.push_work
             if settings[0].commanded and row.outcome == _HEELSTRIKE:
-                lost = command_penalty(row, disturbance, settings[0])
+                lost = command_penalty(
+                    row.step_length, row.step_period, disturbance.command,
+                    settings[0].command_weight,
+                )  # fmt: skip
                 row.reward -= lost
                 row.total -= lost
                 rewards[i] -= lost

@@ -50,9 +50,9 @@ def observation_space(scene: Scene, seen: int | None = None) -> Any:
     return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
 
-def action_space(actions: Sequence[str]) -> Any:
-    """What an agent does by each of its channels, as a share of the largest; the ground pushes."""
-    low = np.array([0.0 if name == "push_off" else -1.0 for name in actions], np.float32)
+def action_space(scene: Scene) -> Any:
+    """Return the action space of one walker: shares of the largest value of each actuator."""
+    low = np.array([scene.least(name) for name in scene.actions], np.float32)
     return spaces.Box(low, np.ones_like(low), dtype=np.float32)
 
 

@@ -129,7 +129,7 @@ class PassiveWalkerVecEnv(VecEnv):
         super().__init__(
             num_envs,
             self.envs.single_observation_space,
-            interface.action_space(self.scene.actions),
+            interface.action_space(self.scene),
         )
         metadata: dict[str, Any] = self.metadata
         metadata["render_fps"] = self.scene.frames_per_second

@@ -277,6 +277,10 @@ class Scene:
         usual = self.max_hip_torque * self.own_system.total_mass
         return float(self.own_system.limits.get(channel, usual))
 
+    def least(self, channel: str) -> float:
+        """Least action in a channel: -1, or 0 where the ground can only push."""
+        return 0.0 if self.own_system is None and channel == "push_off" else -1.0
+
     def _check_own(self) -> None:
         """Refuse what a user's system does not have."""
         names = ("constraints", "terrain_lookahead", "observe_body")

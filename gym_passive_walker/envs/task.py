@@ -18,6 +18,23 @@ from gym_passive_walker.engine.jit import Kernel, address, call, jitted, merged
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import NARROW, Layout
 from gym_passive_walker.engine.run import integrate
+from gym_passive_walker.envs.rules import BOUNDS as BOUNDS
+from gym_passive_walker.envs.rules import ENERGIES as ENERGIES
+from gym_passive_walker.envs.rules import HIGHEST as HIGHEST
+from gym_passive_walker.envs.rules import LARGEST_PROPORTION as LARGEST_PROPORTION
+from gym_passive_walker.envs.rules import LOWEST as LOWEST
+from gym_passive_walker.envs.rules import SIZE as SIZE
+from gym_passive_walker.envs.rules import STEEPEST as STEEPEST
+from gym_passive_walker.envs.rules import (
+    clip,
+    distance_of,
+    ends_episode,
+    motor_charge,
+    observation,
+    outcome_of,
+    reward,
+    step_end,
+)
 from gym_passive_walker.physics.hybrid import Outcome
 
 EVERY_STEP = ("distance", "energy", "episode_distance", "episode_energy", "strides")
@@ -102,59 +119,7 @@ def rules_for(layout: Layout) -> np.dtype:
 
 RULES = rules_for(NARROW)
 
-ENERGIES = ("absolute", "positive", "net")
-"""How the motor is charged for hip work."""
-
-SIZE = 8
-"""Numbers in an observation of what stands in a walker's record; scenes may add some."""
-
-RATE_BOUND = 10.0
-"""Rates are clipped to this; walking and falling stay well below."""
-
-BOUNDS = np.array([0.5 * math.pi, math.pi, math.pi, *[RATE_BOUND] * 3, 1.0, 0.5 * math.pi])
-"""Largest size of each number in an observation."""
-
-LARGEST_PROPORTION = 100.0
-"""Observed proportions of a body are clipped to this; those of walkers that walk are below 1."""
-
-HIGHEST, STEEPEST = 1.0, 0.5 * math.pi
-"""Footholds that agents see ahead are clipped to these: leg lengths, and rad."""
-
-LOWEST = -BOUNDS
-LOWEST[6] = 0.0
-
-_HEELSTRIKE, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
-_ABSOLUTE, _POSITIVE = map(ENERGIES.index, ("absolute", "positive"))
-
-
-def motor_charge(charged, torque, moved, turned):
-    """What the motor is charged: a torque held constant works by the angle that it turns.
-
-    Args:
-        charged: For what, an index into ENERGIES.
-        torque: A number, an array or a tensor, as the others.
-        moved: Angle by which the hip opened.
-        turned: Angle by which it turned, either way.
-    """
-    net, absolute = torque * moved, abs(torque) * turned
-    if charged == _ABSOLUTE:
-        return absolute
-    return 0.5 * (absolute + net) if charged == _POSITIVE else net
-
-
-def reward(distance, energy, energy_weight):
-    """What a step is worth, in leg lengths; of numbers, arrays or tensors."""
-    return distance - energy_weight * energy
-
-
-_motor_charge, _reward = jitted(motor_charge), jitted(reward)
-
-
-@jitted
-def clipped(value, bound):
-    """The value, no larger than a bound either way; not-a-number becomes the lower one."""
-    value = value if value > -bound else -bound
-    return value if value < bound else bound
+_HEELSTRIKE = int(Outcome.HEELSTRIKE)
 
 
 @jitted
@@ -166,10 +131,9 @@ def over(row):
 @jitted
 def write_observation(record, row, phases, observations, first):
     """Write a walker's observation."""
-    for i in range(SIZE - 2):  # a user's own system is seen by `custom.everything`
-        observations[first + i] = clipped(record.state[i], BOUNDS[i])
-    observations[first + 6] = 1.0 if phases[record.phase].links == 2 else 0.0
-    observations[first + 7] = clipped(row.slope, BOUNDS[7])
+    locked = 1.0 if phases[record.phase].links == 2 else 0.0
+    for i, value in enumerate(observation(record.state, locked, row.slope)):
+        observations[first + i] = value  # of a user's own system, `custom.everything` is observed
 
 
 @Kernel
@@ -274,14 +238,14 @@ def apply_action(records, ledger, rules, actions):
             continue
         for j in range(count):
             channel = rules.channels[j]
-            share = clipped(actions[i * count + j], 1.0)
+            largest = rules.largest[channel]
             if channel == len(record.control):
-                record.push_off = rules.largest[channel] * max(share, 0.0)
+                record.push_off = largest * clip(actions[i * count + j], 0.0, 1.0)
             else:
-                record.control[channel] = rules.largest[channel] * share
+                record.control[channel] = largest * clip(actions[i * count + j], -1.0, 1.0)
                 record.moved[channel] = 0.0
                 record.turned[channel] = 0.0
-        record.end = min(record.time + rules.tick, rules.max_stride_time)
+        record.end = step_end(record.time, rules.tick, rules.max_stride_time)
 
 
 @jitted
@@ -293,7 +257,7 @@ def charge(record, row, rules):
             continue
         torque = record.control[channel] * rules.works[channel]
         moved, turned = record.moved[channel], record.turned[channel]
-        energy = _motor_charge(rules.charged, torque, moved, turned)
+        energy = motor_charge(rules.charged, torque, moved, turned)
         row.energy += energy
         row.charge[channel] += energy
         row.net_work[channel] += torque * moved
@@ -335,16 +299,10 @@ def end_stride(record, row, rules):
 
 @jitted
 def progress(record, row):
-    """Enter how far the hip has come.
-
-    A stride without heelstrike does not count: what was paid for it in advance is taken back, or
-    agents learn to dive, which carries the hip a whole leg length at once.
-    """
+    """Add the distance of the hip in the step to the stride and the episode."""
     came = record.passed if record.outcome == _HEELSTRIKE else record.place
-    row.distance = came - row.place
+    row.distance = distance_of(row.ending != 0, came - row.place, row.progress)
     row.place = record.place
-    if row.ending != 0:
-        row.distance = 0.0 - row.progress
     row.progress += row.distance
     row.episode_distance += row.distance
 
@@ -369,18 +327,16 @@ def finish_step(
         call(phases[0].place, address(records[i]), address(body), 0, 0, 0.0, 0.0)
         if row.outcome != 0:
             forget_stride(row)
-        row.outcome = record.outcome
-        if record.outcome == 0 and record.time >= rules.max_stride_time:
-            row.outcome = _STALLED
+        row.outcome = outcome_of(record.outcome, record.time, rules.max_stride_time)
         if row.violated != 0:
             row.outcome = row.violated
         struck = row.outcome == _HEELSTRIKE
-        row.ending = 0 if struck else row.outcome
+        row.ending = row.outcome if ends_episode(row.outcome) else 0
         progress(record, row)
         row.energy = 0.0
         charge(record, row, rules)
         row.episode_energy += row.energy
-        row.reward = _reward(row.distance, row.energy, rules.energy_weight)
+        row.reward = reward(row.distance, row.energy, rules.energy_weight)
         row.total += row.reward
         row.steps += 1
         if struck:

@@ -13,8 +13,8 @@ import numpy as np
 from gym_passive_walker.engine.jit import Kernel, address, call, entry, inlined
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import NARROW, Layout
-from gym_passive_walker.envs import task
 from gym_passive_walker.envs.checks import CHECKS
+from gym_passive_walker.envs.rules import clip, work_of
 from gym_passive_walker.physics.hybrid import Outcome
 
 STOPPED = len(Outcome) + len(CHECKS)
@@ -216,12 +216,16 @@ def after(
             for j in range(count):
                 note.last_action[j] = note.action[j]
                 least = 0.0 if rules[0].channels[j] == len(record.control) else -1.0
-                note.action[j] = max(task.clipped(actions[i * count + j], 1.0), least)
+                note.action[j] = clip(actions[i * count + j], least, 1.0)
         if noted & _WORKS:
-            work, moved = record.control[0] * rules[0].works[0], record.moved[0]
-            note.hip_work, note.hip_work_absolute = work * moved, abs(work) * record.turned[0]
-            work, moved = record.control[1] * rules[0].works[1], record.moved[1]
-            note.ankle_work, note.ankle_work_absolute = work * moved, abs(work) * record.turned[1]
+            torque = record.control[0] * rules[0].works[0]
+            note.hip_work, note.hip_work_absolute = work_of(
+                torque, record.moved[0], record.turned[0]
+            )
+            torque = record.control[1] * rules[0].works[1]
+            note.ankle_work, note.ankle_work_absolute = work_of(
+                torque, record.moved[1], record.turned[1]
+            )
             pushes = struck and rules[0].largest[len(record.control)] != 0.0
             note.push_off_work = record.push_work if pushes else 0.0
         if noted & _TIMES:

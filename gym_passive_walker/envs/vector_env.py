@@ -94,7 +94,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         self.single_observation_space = interface.observation_space(
             self.scene, self.batch.own_observation_size
         )
-        self.single_action_space = interface.action_space(self.scene.actions)
+        self.single_action_space = interface.action_space(self.scene)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.token = self.batch.token

@@ -263,7 +263,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.observation_space = interface.observation_space(
             self.scene, self.batch.own_observation_size
         )
-        self.action_space = interface.action_space(self.scene.actions)
+        self.action_space = interface.action_space(self.scene)
         self.token = self.batch.token
         self.metadata = {**self.metadata, "render_fps": self.scene.frames_per_second}
         self._shape = (len(self.scene.actions),)

@@ -14,7 +14,7 @@ from gym_passive_walker.arguments import whole
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import options
 from gym_passive_walker.envs import disturbance_kernels, one_walker, task
-from gym_passive_walker.envs.batch import rules_of, system_in
+from gym_passive_walker.envs.batch import default_size, observed_bodies, rules_of, system_in
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import Custom, Rule
 from gym_passive_walker.envs.disturbances import Disturbances, disturbed
@@ -27,9 +27,10 @@ from gym_passive_walker.envs.scene import (
 from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.envs.transitions import NOTE
 from gym_passive_walker.gpu import device, episodes
-from gym_passive_walker.gpu.episodes import Play, Walkers, World
+from gym_passive_walker.gpu.episodes import SceneConstants, StepBuffers, Walkers
 from gym_passive_walker.gpu.lane import machinery
 from gym_passive_walker.physics.systems import bodies
+from gym_passive_walker.walkers import Walker
 
 DRAWN = 4096
 """Walkers that the episodes of a scene with random ones draw from."""
@@ -72,8 +73,9 @@ class DeviceBatch:
         **changes: As for `PassiveWalkerEnv`.
 
     Attributes:
-        play: Actions, observations, rewards and endings, on the device; see `episodes.Play`.
-        walkers: What is kept of each walker, on the device.
+        buffers: Actions, observations, rewards and terminations, on the GPU; see
+            `episodes.StepBuffers`.
+        walkers: State of each walker, on the GPU; see `episodes.Walkers`.
 
     Raises:
         NoDevice: if there is no GPU.
@@ -91,10 +93,10 @@ class DeviceBatch:
     ) -> None:
         device.need_device()
         self.scene = with_parameters(make_scene(scene, **changes), "a batch on a device")
-        if self.scene.observe_body or self.scene.randomization_pool:
+        if self.scene.randomization_pool:
             raise SceneError(
-                "walkers on a GPU are not supported with observe_body or randomization_pool: "
-                "choose make_scene(scene, observe_body=(), randomization_pool=None)"
+                "walkers on a GPU are not supported with randomization_pool: choose "
+                "make_scene(scene, randomization_pool=None)"
             )
         self.count = whole(count, "count")
         self.custom = Custom(self.scene, 0)
@@ -104,9 +106,7 @@ class DeviceBatch:
                     f"{name} cannot be compiled, which walkers on a GPU need: use gpw.math, and "
                     "its where() instead of if"
                 )
-        self._shown = (
-            task.SIZE + (self.scene.command is not None) + 2 * self.scene.terrain_lookahead
-        )
+        self._shown = default_size(self.scene)
         self.observation_size = self.custom.observation_size or self._shown
         system, has_disturbances = system_in(self.scene, self.scene.walker), disturbed(self.scene)
         self._system, pushed, watched = (
@@ -118,17 +118,17 @@ class DeviceBatch:
         self._reset, self._step = _kernels(system.name, pushed, watched, has_disturbances, rules)
         here = machinery(system.name, pushed=pushed, watched=watched, rules=rules)
         drawn = self._drawn()
-        self.walkers = self._walkers(drawn, seed, own=has_disturbances or len(drawn) > 1)
+        constants = bodies(*drawn)[:, 0]
+        self.walkers = self._walkers(constants, seed, own=has_disturbances or len(drawn) > 1)
         self._limit = step_limit
-        self._world = self._scene_constants(here, drawn)
-        self.play = self._play()
+        self._constants = self._scene_constants(here, constants, observed_bodies(self.scene, drawn))
+        self.buffers = self._buffers()
 
-    def _drawn(self) -> NDArray[np.float64]:
-        """Constants of the walkers that episodes draw from."""
+    def _drawn(self) -> list[Walker]:
+        """Return the walkers that episodes draw from."""
         starts, random = Starts(self.scene), np.random.default_rng(0)
-        if not self.scene.domain_randomization:
-            return bodies(self.scene.walker)[:, 0]
-        return bodies(*(starts.varied(random) for _ in range(DRAWN)))[:, 0]
+        count = DRAWN if self.scene.domain_randomization else 1
+        return [starts.varied(random) for _ in range(count)]
 
     def _walkers(self, drawn: NDArray, seed: int, *, own: bool) -> Walkers:
         count, has_disturbances = self.count, disturbed(self.scene)
@@ -141,6 +141,7 @@ class DeviceBatch:
             reported=device.put(np.zeros(count, task.LEDGER)),
             keys=device.put(self._keys(seed)),
             episodes=device.put(np.zeros(count, np.int64)),
+            drawn=device.put(np.zeros(count, np.int64)),
             disturbances=device.room(
                 count if has_disturbances else 0, disturbance_kernels.DISTURBANCE
             ),
@@ -164,31 +165,33 @@ class DeviceBatch:
         """
         scene = self.scene if energy is None else make_scene(self.scene, energy=energy)
         rules = device.put(rules_of(scene, self._system, self._limit))
-        self._world = self._world._replace(rules=rules)
+        self._constants = self._constants._replace(rules=rules)
 
-    def _scene_constants(self, here: Any, drawn: NDArray) -> World:
+    def _scene_constants(
+        self, here: Any, drawn: NDArray, proportions: NDArray[np.float32]
+    ) -> SceneConstants:
         starts, scene = Starts(self.scene), self.scene
         nodes, states = starts.nodes
         if len(nodes) == 1:  # as it is, wherever it begins
             nodes, states = np.array([nodes[0], np.inf]), np.repeat(states, 2, axis=0)
         disturbances = Disturbances(scene, self._system.name, 0)
-        arrays = World(
+        arrays = SceneConstants(
             here.phases, options(scene.tolerance, scuff=bool(scene.end_on_toe_stub)),
             rules_of(scene, self._system, self._limit),
             np.zeros(1, RECORD), np.zeros(1, task.LEDGER),
             np.zeros(1, disturbance_kernels.DISTURBANCE),
             np.array([starts.low, starts.high]), nodes, states, np.array([scene.reset_noise_scale]),
-            drawn, disturbances.settings, here.hooks, *disturbances.terrain,
+            drawn, proportions, disturbances.settings, here.hooks, *disturbances.terrain,
             np.array([
                 self.custom.noted,
                 *(here.rules.get(name, 0) for name in ("reward", "terminated", "observation")),
             ]),
         )  # fmt: skip
-        return World(*map(device.put, arrays))
+        return SceneConstants(*map(device.put, arrays))
 
-    def _play(self) -> Play:
+    def _buffers(self) -> StepBuffers:
         count = self.count
-        return Play(
+        return StepBuffers(
             actions=device.put(np.zeros(count * len(self.scene.actions))),
             observations=device.room(count * self.observation_size, np.float32),
             rewards=device.room(count, float),
@@ -203,11 +206,15 @@ class DeviceBatch:
 
     def reset(self, *, stream: Any = 0) -> None:
         """Begin an episode of every walker."""
-        device.launch(self._reset, self.count, self.walkers, self._world, self.play, stream=stream)
+        device.launch(
+            self._reset, self.count, self.walkers, self._constants, self.buffers, stream=stream
+        )
 
     def step(self, *, stream: Any = 0) -> None:
-        """A step of every walker, by `play.actions`: nothing is moved to or from the device.
+        """A step of every walker, by `buffers.actions`: nothing is moved to or from the device.
 
         A walker without a finite action stays as it is, and its reward is not a number.
         """
-        device.launch(self._step, self.count, self.walkers, self._world, self.play, stream=stream)
+        device.launch(
+            self._step, self.count, self.walkers, self._constants, self.buffers, stream=stream
+        )

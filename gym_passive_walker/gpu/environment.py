@@ -59,8 +59,8 @@ class PassiveWalkerGpuEnv:
         self.observation_space = interface.observation_space(
             self.batch.scene, self.batch.custom.observation_size
         )
-        self.action_space = interface.action_space(self.batch.scene.actions)
-        self._play = self.batch.play._make(map(_tensor, self.batch.play))
+        self.action_space = interface.action_space(self.batch.scene)
+        self._buffers = self.batch.buffers._make(map(_tensor, self.batch.buffers))
         self._reported = _tensor(self.batch.walkers.reported.view(np.float64)).view(num_envs, -1)
 
     @one_thread
@@ -76,7 +76,7 @@ class PassiveWalkerGpuEnv:
         if seed is not None:
             self.batch.seed(seed)
         self.batch.reset(stream=_stream())
-        return self._rows(self._play.observations), {}
+        return self._rows(self._buffers.observations), {}
 
     @one_thread
     def step(self, actions: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, dict[str, Any]]:
@@ -91,8 +91,8 @@ class PassiveWalkerGpuEnv:
             infos, as in `PassiveWalkerTorchEnv`: also "final_obs", the observations
             before other episodes began.
         """
-        play = self._play
-        play.actions.copy_(actions.detach().reshape(-1))
+        buffers = self._buffers
+        buffers.actions.copy_(actions.detach().reshape(-1))
         self.batch.step(stream=_stream())
         reported = self._reported.clone()
         infos = {
@@ -100,9 +100,9 @@ class PassiveWalkerGpuEnv:
         }
         whole = reported.view(torch.int64)
         infos |= {name: whole[:, _column(name)] for name in ("strides", "outcome")}
-        infos["final_obs"] = self._rows(play.last)
-        endings = play.terminated.clone(), play.truncated.clone()
-        return self._rows(play.observations), play.rewards.clone(), *endings, infos
+        infos["final_obs"] = self._rows(buffers.last)
+        endings = buffers.terminated.clone(), buffers.truncated.clone()
+        return self._rows(buffers.observations), buffers.rewards.clone(), *endings, infos
 
     @one_thread
     def set_energy_cost(self, energy: str | None) -> None:

@@ -1,8 +1,8 @@
-"""Episodes on a device: a step of one walker, its end, and how the next one begins.
+"""Episodes on a GPU: control steps of one walker, and starts of episodes.
 
-The rest is what environments run on a CPU, `task` and `disturbance_kernels`, for batches of one.
-Disturbances of a walker are a function of its key and of how many episodes it has begun. The same
-key therefore gives the same walk in any batch.
+The functions of `task`, `disturbance_kernels` and `transitions` run for batches of one. Random
+numbers of a walker are a function of its key and of the number of its episodes. Equal keys
+therefore give equal trajectories in any batch.
 """
 
 from __future__ import annotations
@@ -22,18 +22,19 @@ _START, _WHICH = 200, 201  # streams of random numbers of a walker's key
 
 
 class Walkers(NamedTuple):
-    """What a device keeps of each walker, in arrays of n.
+    """State of n walkers, on the GPU.
 
     Attributes:
-        records: Of `layout.RECORD`, (n, 1).
-        bodies: Their constants, (n, 1, constants); (1, 1, constants) where all stay alike.
-        ledger: Of `task.LEDGER`.
-        reported: The ledger as the last step left it, before another episode began.
-        keys: 64 bits for each.
-        episodes: That each has begun.
-        disturbances: Of `disturbance_kernels.DISTURBANCE`; of none without disturbances.
-        pending: Actions that come late, (n, steps, actions); of none without delay.
-        notes: Of `transitions.NOTE`; of none without users' own functions.
+        records: States of the integration, (n, 1) of `layout.RECORD`.
+        bodies: Constants, (n, 1, constants); (1, 1, constants) if they are equal and do not change.
+        ledger: Accounts of stride and episode, (n,) of `task.LEDGER`.
+        reported: The ledger after the last step, before another episode began, (n,).
+        keys: Keys of the random numbers, 64 bits each, (n,).
+        episodes: Number of episodes that have begun, (n,).
+        drawn: Index in `SceneConstants.drawn` of the episode's constants, (n,).
+        disturbances: Of `disturbance_kernels.DISTURBANCE`, (n,); (0,) without disturbances.
+        pending: Delayed actions, (n, steps, actions); (0, steps, actions) without disturbances.
+        notes: Transitions of `transitions.NOTE`, (n,); (0,) without users' functions.
     """
 
     records: Any
@@ -42,32 +43,34 @@ class Walkers(NamedTuple):
     reported: Any
     keys: Any
     episodes: Any
+    drawn: Any
     disturbances: Any
     pending: Any
     notes: Any
 
 
-class World(NamedTuple):
-    """What is alike for all walkers.
+class SceneConstants(NamedTuple):
+    """Constants that all walkers of a scene share.
 
     Attributes:
-        phases: Of the system.
+        phases: Phases of the system.
         options: Options of the engine.
-        rules: Of `task.RULES`.
-        blank: A record as it begins, (1,).
-        row: A row of the ledger as it begins, (1,).
-        disturbance: Disturbances as they begin, (1,).
-        slopes: Least and greatest slope that episodes begin on.
-        nodes: Slopes at which states to start from are known.
-        states: These, (nodes, 6).
-        reset_noise_scale: How far from them a start may be, (1,).
-        drawn: Constants of the walkers that episodes draw from, (walkers, constants).
-        settings: Of `disturbance_kernels.SETTINGS`.
-        hooks: Of `constraints.HOOK`.
-        table: Of the terrain's footholds.
+        rules: Of `task.RULES`, (1,).
+        blank: A record as an episode begins, (1,).
+        row: A row of the ledger as an episode begins, (1,).
+        disturbance: Disturbance state as an episode begins, (1,).
+        slopes: Smallest and largest slope of initial states in rad, (2,).
+        nodes: Slopes at which initial states are known, in rad, (nodes,).
+        states: Initial states there, (nodes, 6).
+        reset_noise_scale: Relative range of initial states, (1,).
+        drawn: Constants of walkers that episodes draw from, (walkers, constants).
+        proportions: Observed proportions of these walkers, (walkers, numbers).
+        settings: Of `disturbance_kernels.SETTINGS`, (1,).
+        hooks: Of `constraints.HOOK`, (phases,).
+        table: Footholds of the terrain.
         spread: Standard deviations of random footholds.
-        own: Fields that users' functions read, and the numbers by which their reward, termination
-            and observation are called; see `transitions.after`.
+        own: Groups of fields that users' functions read, and the numbers by which reward,
+            termination and observation are called; see `transitions.after`.
     """
 
     phases: Any
@@ -81,6 +84,7 @@ class World(NamedTuple):
     states: Any
     reset_noise_scale: Any
     drawn: Any
+    proportions: Any
     settings: Any
     hooks: Any
     table: Any
@@ -88,17 +92,17 @@ class World(NamedTuple):
     own: Any
 
 
-class Play(NamedTuple):
-    """What goes between agents and walkers in a step, flat: see `task.step`.
+class StepBuffers(NamedTuple):
+    """Actions and results of a step of n walkers, flat; see `task.step`.
 
     Attributes:
-        actions: Of each walker.
-        observations: Filled.
-        rewards: Filled.
-        terminated: Filled.
-        truncated: Filled.
-        last: Filled with observations before another episode began.
-        plain: The environment's observations, where a user's function makes others.
+        actions: Actions, (n * actions,).
+        observations: Filled, (n * observation size,).
+        rewards: Filled, (n,).
+        terminated: Filled, (n,).
+        truncated: Filled, (n,).
+        last: Filled with the observations before another episode began.
+        plain: The default observations, if a user's function returns others; else (0,).
         numbers: Results of that function, (n, size).
     """
 
@@ -120,47 +124,47 @@ SCRATCH = kind(
             ("slopes", "f8", (1,)),
             ("draws", "f8", (1, DRAWS)),
             ("gaits", "f8", (1, 6)),
-            ("actions", "f8", (len(task.CHANNELS),)),
+            ("actions", "f8", (len(task.CHANNELS),)),  # disturbed in place
         ]
     )
 )
 """Working memory of a thread: arrays of a batch of one walker."""
 
 
-def calm_begin(walkers, world, i, scratch, observations):
-    """Begin without disturbances."""
+def calm_begin(walkers, constants, i, scratch, observations):
+    """Draw no disturbances."""
 
 
-def disturbed_begin(walkers, world, i, scratch, observations):
-    """Draw a walker's disturbances, and show what its sensors measure."""
-    own, settings = slice_of(i), world.settings
-    walkers.disturbances[i] = world.disturbance[0]
+def disturbed_begin(walkers, constants, i, scratch, observations):
+    """Draw a walker's disturbances, and add them to its observation."""
+    own, settings = slice_of(i), constants.settings
+    walkers.disturbances[i] = constants.disturbance[0]
     disturbance_kernels.begin(
         walkers.disturbances[own], settings, scratch.lanes, scratch.keys, walkers.pending[own],
-        walkers.records[own], walkers.ledger[own], world.table, world.spread,
+        walkers.records[own], walkers.ledger[own], constants.table, constants.spread,
     )  # fmt: skip
     disturbance_kernels.add_observation_noise(
         walkers.disturbances[i],
         walkers.ledger[i],
         settings[0],
-        world.table,
-        world.spread,
+        constants.table,
+        constants.spread,
         observations,
         0,
     )
 
 
 def slice_of(i):
-    """A walker, as a batch of one."""
+    """Return the slice of one walker: a batch of one."""
     return slice(i, i + 1)
 
 
 def own_body(walkers, i):
-    """Its constants, as those of a batch of one."""
+    """Return the slice of its constants."""
     return slice_of(i if len(walkers.bodies) == len(walkers.records) else 0)
 
 
-def begin(walkers, world, i, scratch, observations):
+def begin(walkers, constants, i, scratch, observations):
     """Begin a walker's next episode."""
     key = word(walkers.keys[i], np.uint64(walkers.episodes[i]))
     walkers.episodes[i] += 1
@@ -168,154 +172,171 @@ def begin(walkers, world, i, scratch, observations):
     for k in range(DRAWS):
         scratch.draws[0, k] = uniform(key, k, _START)
     if len(walkers.bodies) == len(walkers.records):
-        which = int(uniform(key, 0, _WHICH) * len(world.drawn))
-        for k in range(world.drawn.shape[1]):
-            walkers.bodies[i, 0, k] = world.drawn[which, k]
-    low, high = world.slopes[0], world.slopes[1]
+        walkers.drawn[i] = int(uniform(key, 0, _WHICH) * len(constants.drawn))
+        for k in range(constants.drawn.shape[1]):
+            walkers.bodies[i, 0, k] = constants.drawn[walkers.drawn[i], k]
+    low, high = constants.slopes[0], constants.slopes[1]
     scratch.slopes[0] = low if low == high else low + (high - low) * scratch.draws[0, 0]
-    between(world.nodes, world.states, scratch.slopes, scratch.gaits)
+    between(constants.nodes, constants.states, scratch.slopes, scratch.gaits)
     own, bodies = slice_of(i), walkers.bodies[own_body(walkers, i)]
     radii = bodies[0, 0, disturbance_kernels.RADIUS : disturbance_kernels.RADIUS + 1]
     task.begin(
-        walkers.records[own], bodies, radii, walkers.ledger[own], world.blank, world.row,
-        world.phases, scratch.lanes, scratch.slopes, scratch.gaits, scratch.draws,
-        world.reset_noise_scale[0],
+        walkers.records[own], bodies, radii, walkers.ledger[own], constants.blank, constants.row,
+        constants.phases, scratch.lanes, scratch.slopes, scratch.gaits, scratch.draws,
+        constants.reset_noise_scale[0],
         observations,
     )  # fmt: skip
-    begin_disturbances(walkers, world, i, scratch, observations)
+    begin_disturbances(walkers, constants, i, scratch, observations)
+    observe_body(walkers, constants, i, observations)
+
+
+def observe_body(walkers, constants, i, observations):
+    """Write what is observed of a walker's body at the end of its observation."""
+    proportions = constants.proportions
+    first = len(observations) - proportions.shape[1]
+    for k in range(proportions.shape[1]):
+        observations[first + k] = proportions[walkers.drawn[i], k]
 
 
 begin_disturbances = calm_begin
-"""What begins besides; bound to `disturbed_begin` where there are disturbances."""
+"""Draws disturbances; replaced by `disturbed_begin` in scenes with disturbances."""
 
 
-def plain_before(walkers, world, i):
-    """Nothing is recorded before a step without users' own functions."""
+def plain_before(walkers, constants, i):
+    """Record nothing before a step."""
 
 
-def plain_after(walkers, world, i, actions, rewards, terminated):
-    """Nothing is evaluated after it."""
+def plain_after(walkers, constants, buffers, i, rewards, terminated):
+    """Evaluate nothing after a step."""
 
 
-def plain_sight(walkers, world, play, i, observations, begins):
-    """Nothing else is seen."""
+def plain_sight(walkers, constants, buffers, i, observations, begins):
+    """Leave the default observation."""
 
 
-def own_before(walkers, world, i):
+def own_before(walkers, constants, i):
     """Record the state before a step."""
     own = slice_of(i)
-    transitions.before(walkers.records[own], walkers.notes[own], world.own[0])
+    transitions.before(walkers.records[own], walkers.notes[own], constants.own[0])
 
 
-def own_after(walkers, world, i, actions, rewards, terminated):
+def own_after(walkers, constants, buffers, i, rewards, terminated):
     """Evaluate a user's reward and termination."""
-    own = slice_of(i)
+    own, count = slice_of(i), len(buffers.actions) // len(walkers.records)
+    actions = buffers.actions[i * count : (i + 1) * count]
     if len(walkers.disturbances) > 0:
         walkers.notes[i].push = walkers.disturbances[i].impulse
     transitions.after(
-        walkers.records[own], walkers.ledger[own], world.rules, world.phases, actions,
-        walkers.notes[own], world.own[0], world.own[1], world.own[2], True, rewards, terminated,
+        walkers.records[own], walkers.ledger[own], constants.rules, constants.phases, actions,
+        walkers.notes[own], constants.own[0], constants.own[1], constants.own[2], True, rewards,
+        terminated,
     )  # fmt: skip
 
 
-def own_sight(walkers, world, play, i, observations, begins):
+def own_sight(walkers, constants, buffers, i, observations, begins):
     """Clear the transition if an episode begins; observe by a user's function if there is one."""
     own = slice_of(i)
     notes = walkers.notes[own]
     if begins:
         lanes = cuda.local.array(1, np.int64)
         lanes[0] = 0
-        transitions.begin(walkers.records[own], walkers.ledger[own], world.phases, lanes, notes)
+        transitions.begin(walkers.records[own], walkers.ledger[own], constants.phases, lanes, notes)
         if len(walkers.disturbances) > 0:
             notes[0].command = walkers.disturbances[i].command
-    if world.own[3] != 0:
-        transitions.look(notes, world.own[3], play.numbers[own])
+    if constants.own[3] != 0:
+        transitions.look(notes, constants.own[3], buffers.numbers[own])
         for k in range(len(observations)):
-            observations[k] = play.numbers[i, k]
+            observations[k] = buffers.numbers[i, k]
 
 
 before, after, sight = plain_before, plain_after, plain_sight
-"""Users' own functions; bound to `own_before`, `own_after`, `own_sight` where there are some."""
+"""Users' functions; replaced by `own_before`, `own_after` and `own_sight` in scenes with some."""
 
 
 def calm_step(
-    walkers, world, i, tiles, histories, actions, observations, rewards, terminated, truncated
+    walkers, constants, i, tiles, histories, actions, observations, rewards, terminated, truncated
 ):
-    """A step of a walker without disturbances."""
+    """Step a walker without disturbances."""
     own, body = slice_of(i), own_body(walkers, i)
     task.step(
-        walkers.records[own], walkers.bodies[body], walkers.ledger[own], world.rules, world.phases,
-        world.options, tiles, histories, actions, observations, rewards, terminated,
-        truncated,
-    )  # fmt: skip
-
-
-def disturbed_step(
-    walkers, world, i, tiles, histories, actions, observations, rewards, terminated, truncated
-):
-    """A step of another."""
-    own, body = slice_of(i), own_body(walkers, i)
-    disturbance_kernels.step(
-        walkers.records[own], walkers.bodies[body], walkers.ledger[own], world.rules, world.phases,
-        world.options, tiles, histories, walkers.disturbances[own], walkers.pending[own],
-        world.settings, world.hooks, world.table, world.spread, actions, observations, rewards,
+        walkers.records[own], walkers.bodies[body], walkers.ledger[own], constants.rules,
+        constants.phases, constants.options, tiles, histories, actions, observations, rewards,
         terminated, truncated,
     )  # fmt: skip
 
 
+def disturbed_step(
+    walkers, constants, i, tiles, histories, actions, observations, rewards, terminated, truncated
+):
+    """Step a walker with disturbances."""
+    own, body = slice_of(i), own_body(walkers, i)
+    disturbance_kernels.step(
+        walkers.records[own], walkers.bodies[body], walkers.ledger[own], constants.rules,
+        constants.phases, constants.options, tiles, histories, walkers.disturbances[own],
+        walkers.pending[own],
+        constants.settings, constants.hooks, constants.table, constants.spread, actions,
+        observations, rewards, terminated, truncated,
+    )  # fmt: skip
+
+
 one_step = calm_step
-"""A walker's step; bound to `disturbed_step` where there are disturbances."""
+"""Steps a walker; replaced by `disturbed_step` in scenes with disturbances."""
 
 
-def own_rows(walkers, play, i):
-    """A walker's observation, and the environment's: the same without users' own functions."""
+def own_rows(walkers, buffers, i):
+    """Return the views of a walker's observation and of its default observation."""
     count = len(walkers.records)
-    seen, shown = len(play.observations) // count, len(play.plain) // count
-    observations = play.observations[i * seen : (i + 1) * seen]
+    seen, shown = len(buffers.observations) // count, len(buffers.plain) // count
+    observations = buffers.observations[i * seen : (i + 1) * seen]
     if shown == 0:
         return observations, observations
-    return observations, play.plain[i * shown : (i + 1) * shown]
+    return observations, buffers.plain[i * shown : (i + 1) * shown]
 
 
-def play_on(walkers, world, play, i, tiles, histories, scratch):
-    """A step of a walker, and the beginning of its next episode if this one has ended."""
-    own, (observations, plain) = slice_of(i), own_rows(walkers, play, i)
-    rewards, terminated, truncated = play.rewards[own], play.terminated[own], play.truncated[own]
-    actions, finite = scratch.actions[: len(play.actions) // len(walkers.records)], True
+def step_and_restart(walkers, constants, buffers, i, tiles, histories, scratch):
+    """Step a walker, and begin its next episode if this one has ended."""
+    own, (observations, plain) = slice_of(i), own_rows(walkers, buffers, i)
+    rewards, terminated, truncated = (
+        buffers.rewards[own],
+        buffers.terminated[own],
+        buffers.truncated[own],
+    )
+    actions, finite = scratch.actions[: len(buffers.actions) // len(walkers.records)], True
     for j in range(len(actions)):
-        actions[j] = play.actions[i * len(actions) + j]
+        actions[j] = buffers.actions[i * len(actions) + j]
         finite = finite and math.isfinite(actions[j])
     if not finite:
         rewards[0], terminated[0], truncated[0] = math.nan, False, False
         return
-    before(walkers, world, i)
+    before(walkers, constants, i)
     one_step(
-        walkers, world, i, tiles, histories, actions, plain, rewards, terminated, truncated
+        walkers, constants, i, tiles, histories, actions, plain, rewards, terminated, truncated
     )  # fmt: skip
-    after(walkers, world, i, actions, rewards, terminated)
-    sight(walkers, world, play, i, observations, False)
+    observe_body(walkers, constants, i, plain)
+    after(walkers, constants, buffers, i, rewards, terminated)
+    sight(walkers, constants, buffers, i, observations, False)
     walkers.reported[i] = walkers.ledger[i]
     for k in range(len(observations)):
-        play.last[i * len(observations) + k] = observations[k]
+        buffers.last[i * len(observations) + k] = observations[k]
     if terminated[0] or truncated[0]:
-        begin(walkers, world, i, scratch, plain)
-        sight(walkers, world, play, i, observations, True)
+        begin(walkers, constants, i, scratch, plain)
+        sight(walkers, constants, buffers, i, observations, True)
 
 
-def reset_kernel(walkers, world, play):
+def reset_kernel(walkers, constants, buffers):
     """Begin an episode of every walker."""
     i = cuda.grid(1)
     if i < len(walkers.records):
         scratch = cuda.local.array(1, SCRATCH)
-        observations, plain = own_rows(walkers, play, i)
-        begin(walkers, world, i, scratch[0], plain)
-        sight(walkers, world, play, i, observations, True)
+        observations, plain = own_rows(walkers, buffers, i)
+        begin(walkers, constants, i, scratch[0], plain)
+        sight(walkers, constants, buffers, i, observations, True)
 
 
-def step_kernel(walkers, world, play):
-    """A step of every walker."""
+def step_kernel(walkers, constants, buffers):
+    """Step every walker."""
     i = cuda.grid(1)
     if i < len(walkers.records):
         tiles, histories = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
         scratch = cuda.local.array(1, SCRATCH)
-        play_on(walkers, world, play, i, tiles, histories, scratch[0])
+        step_and_restart(walkers, constants, buffers, i, tiles, histories, scratch[0])

@@ -97,7 +97,8 @@ def select(typing_context, condition, yes, no):
     def code(context, builder, signature, arguments):
         return builder.select(*arguments)
 
-    return yes(types.boolean, yes, yes), code
+    kind = typing_context.unify_types(yes, no)
+    return kind(types.boolean, kind, kind), code
 
 
 @intrinsic

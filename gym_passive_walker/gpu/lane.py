@@ -19,6 +19,7 @@ from gym_passive_walker.gpu import primitives
 from gym_passive_walker.gpu.bookkeeping import DeviceLinker
 from gym_passive_walker.gpu.device import kind
 from gym_passive_walker.gpu.source import Source
+from gym_passive_walker.math import where
 from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.physics.systems import SYSTEMS
 
@@ -78,7 +79,7 @@ class Machinery:
         self.phases, self.hooks = equipped(of, phases, pushes, looks)
         call = _compiled(source, f"<the equations {system}>")
         own = {getattr(jit, name): primitives.BY_NAME[name] for name in ("address", "fma")}
-        own[jit.call] = call
+        own |= {jit.call: call, where: primitives.BY_NAME["select"]}
         self.bound = DeviceLinker(own).instead(
             {lanes.integrate_phase: integrate_phase, jit.entry: entry}
         )

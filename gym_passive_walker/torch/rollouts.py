@@ -7,7 +7,7 @@ are dimensionless.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from gym_passive_walker.arguments import whole
-from gym_passive_walker.envs import task
+from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.custom import RULES, rule_of
 from gym_passive_walker.envs.scene import Scene, make_scene, undisturbed
@@ -36,7 +36,7 @@ from gym_passive_walker.torch.operation import (
 from gym_passive_walker.units import proportions
 from gym_passive_walker.walkers.walker import varied
 
-_RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
+_RUNNING, _STRUCK = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE))
 
 
 class RolloutState(NamedTuple):
@@ -260,25 +260,25 @@ def observed(scene: Scene, here: RolloutState) -> Tensor:
     """Return the observations of the environment in float64, (n, k)."""
     if scene.observation is not None:
         seen = scene.observation(here.last)
-        columns = seen if isinstance(seen, tuple | list) else [seen]
-        return torch.stack([torch.zeros_like(here.times) + column for column in columns], 1)
-    bounds = torch.from_numpy(task.BOUNDS)
+        return _stacked(seen if isinstance(seen, tuple | list) else [seen], here)
     slopes = here.slopes + _ground(scene, here)[:, 0]
-    parts = [torch.cat([here.states, slopes[:, None]], 1)]
+    seen: list[Any] = [*here.states.T, slopes]
     if scene.own_system is None:
         locked = _locked(scene, here.phases).double()
-        seen = torch.cat([here.states, locked[:, None], slopes[:, None]], 1)
-        parts = [torch.maximum(torch.minimum(seen, bounds), -bounds)]
+        seen = [*rules.observation(here.states.T, locked, slopes)]
     if scene.command is not None:
-        parts.append(here.commands[:, None])
-    most = torch.tensor([task.HIGHEST, task.STEEPEST], dtype=torch.float64)
+        seen.append(here.commands)
     for ahead in range(scene.terrain_lookahead):
-        parts.append(torch.clamp(_ground(scene, here, ahead)[:, 1:], -most, most))
+        seen += rules.foothold(*_ground(scene, here, ahead).T[1:])
     if scene.observe_body:
         body = proportions(varied(scene.walker, here.parameters), scene.observe_body)
-        seen = torch.stack([torch.zeros_like(here.times) + each for each in body], 1)
-        parts.append(seen.clamp(-task.LARGEST_PROPORTION, task.LARGEST_PROPORTION))
-    return torch.cat(parts, 1)
+        seen += map(rules.proportion, body)
+    return _stacked(seen, here)
+
+
+def _stacked(columns: Sequence[Any], here: RolloutState) -> Tensor:
+    """Return columns (n,) or numbers as one tensor (n, columns)."""
+    return torch.stack([torch.zeros_like(here.times) + column for column in columns], 1)
 
 
 def _tick(
@@ -297,10 +297,13 @@ def _tick(
             f"a policy gives one action for each of {wanted[0]} walkers and each of its motors "
             f"({', '.join(scene.actions)}): shape {wanted}, not {tuple(actions.shape)}"
         )
+    shares = tuple(
+        rules.clip(action, scene.least(name), 1.0)
+        for name, action in zip(scene.actions, actions.reshape(wanted).T, strict=True)
+    )
     held: dict[str, Tensor] = {name: torch.zeros_like(here.times) for name in scene.channels}
-    for name, share in zip(scene.actions, actions.reshape(wanted).T, strict=True):
-        least = 0.0 if scene.own_system is None and name == "push_off" else -1.0
-        held[name] = scene.largest(name) * share.clamp(least, 1.0)
+    for name, share in zip(scene.actions, shares, strict=True):
+        held[name] = scene.largest(name) * share
     spans = torch.full_like(here.times, scene.tick if scene.control == "tick" else math.inf)
     left, (tilts, rises, turns) = scene.max_stride_time - here.times, _ground(scene, here).T
     columns = [
@@ -322,27 +325,28 @@ def _tick(
     inputs = torch.cat([here.states, torch.stack(columns, 1)], 1)
     moved = carry_on(inputs, here.phases, going, options)
     struck = moved.outcomes == _STRUCK
-    stalled = (moved.outcomes == _RUNNING) & (left <= spans)
-    outcomes = torch.where(stalled & going, _STALLED, moved.outcomes)
-    walks = outcomes <= _STRUCK
-    # A fall subtracts the distance that was rewarded earlier in the unfinished stride.
-    distances = torch.where(walks, moved.distance, 0.0 - here.progress)
+    end = rules.step_end(here.times, spans, scene.max_stride_time)
+    outcomes = rules.outcome_of(moved.outcomes, end, scene.max_stride_time).long()
+    outcomes = torch.where(going, outcomes, moved.outcomes)
+    falls = rules.ends_episode(outcomes)
+    distances = rules.distance_of(falls, moved.distance, here.progress)
     energies = torch.zeros_like(distances)
-    charged, works = task.ENERGIES.index(scene.energy), _works(scene)
+    charged, works = rules.ENERGIES.index(scene.energy), _works(scene)
     for j, (name, work) in enumerate(zip(scene.channels, works, strict=False)):
         if name in scene.actions and work:
-            torques = torch.where(walks, held[name], held[name].detach()) * work
+            torques = torch.where(falls, held[name].detach(), held[name]) * work
             angles = moved.result("moved", j), moved.result("turned", j)
-            energies = energies + task.motor_charge(charged, torques, *angles)
+            energies = energies + rules.motor_charge(charged, torques, *angles)
     if scene.own_system is None and "push_off" in scene.actions:
         energies = energies + torch.where(struck, moved.result("push_work"), 0.0)
     distances, energies = (torch.where(going, x, 0.0) for x in (distances, energies))
-    rewards = task.reward(distances, energies, scene.energy_weight)
+    rewards = rules.reward(distances, energies, scene.energy_weight)
     durations = here.times + moved.result("time")
     if scene.command is not None:
-        length = moved.result("step_length")
-        missed = scene.command_weight * (length - here.commands * durations).abs()
-        rewards = rewards - torch.where(struck, torch.minimum(missed, length), 0.0)
+        lost = rules.command_penalty(
+            moved.result("step_length"), durations, here.commands, scene.command_weight
+        )
+        rewards = rewards - torch.where(struck, lost, 0.0)
     ends = here._replace(
         states=moved.states,
         phases=moved.phases,
@@ -353,18 +357,19 @@ def _tick(
     )
     if ruled:
         zero = torch.zeros_like(left)
-        step = _step(scene, here, ends, moved, held, zero if pushes is None else pushes)._replace(
-            distance=distances, energy=energies, fell=~walks, reward=rewards,
+        step = _step(scene, here, ends, moved, held)._replace(
+            distance=distances, energy=energies, fell=falls, reward=rewards,
             step_period=torch.where(struck, durations, 0.0), slope=here.slopes + tilts,
+            push=zero if pushes is None else pushes, action=shares,
         )  # fmt: skip
         ends = ends._replace(last=step)
         if scene.reward is not None:
             rewards = torch.where(going, zero + rule_of(scene.reward)(step), 0.0)
         if scene.terminated is not None:
             stops = torch.as_tensor(scene.terminated(step)).bool()
-            outcomes = torch.where(going & walks & stops, STOPPED, outcomes)
+            outcomes = torch.where(going & ~falls & stops, STOPPED, outcomes)
     results = (rewards, distances, energies, seen, outcomes, going, moved.margins)
-    over = going & (outcomes > _STRUCK)
+    over = going & rules.ends_episode(outcomes)
     return results, ends._replace(outcome=torch.where(over, outcomes, here.outcome))
 
 
@@ -374,23 +379,20 @@ def _step(
     ends: RolloutState,
     moved: FlowResult,
     held: dict[str, Tensor],
-    push: Tensor,
 ) -> Transition:
     """Build the `Transition` for custom rewards and terminations.
 
-    Not filled in here: distance, energy, fell, reward, step_period and slope.
+    Not filled in here: distance, energy, fell, reward, step_period, slope, push and action.
     """
     hip, ankle = [[torch.zeros_like(here.times)] * 2 for _ in range(2)]
     for j, (of, name, work) in enumerate(
         zip((hip, ankle), scene.channels, _works(scene), strict=False)
     ):
         angles = moved.result("moved", j), moved.result("turned", j)
-        for i, kind in enumerate(("net", "absolute")):
-            of[i] = task.motor_charge(task.ENERGIES.index(kind), held[name] * work, *angles)
+        of[:] = rules.work_of(held[name] * work, *angles)
     State = system_of(scene.walker).State
     struck, last = moved.outcomes == _STRUCK, here.last
     _, rises, turns = _ground(scene, ends).T
-    largest = {name: scene.largest(name) or 1.0 for name in scene.actions}
     return last._replace(
         before=State(*here.states.T),
         state=State(*moved.states.T),
@@ -409,8 +411,6 @@ def _step(
         steps=last.steps + 1.0,
         height_change=rises,
         slope_change=turns,
-        push=push,
-        action=tuple(held[name] / largest[name] for name in scene.actions),
         last_action=last.action,
     )
 

@@ -38,28 +38,3 @@ def play() -> Callable[..., list[Any]]:
         return walk
 
     return episode
-
-
-@pytest.fixture
-def assert_same() -> Callable[[Any, Any], None]:
-    """Asserts that results, infos or states are alike to the last bit."""
-
-    def same(a: Any, b: Any, where: str = "") -> None:
-        if isinstance(a, dict):
-            assert set(a) == set(b), (where, set(a) ^ set(b))
-            for key in a:
-                same(a[key], b[key], f"{where}/{key}")
-        elif isinstance(a, (list, tuple)):
-            assert len(a) == len(b), where
-            for i, (x, y) in enumerate(zip(a, b, strict=True)):
-                same(x, y, f"{where}/{i}")
-        elif isinstance(a, np.ndarray):
-            assert isinstance(b, np.ndarray) and a.dtype == b.dtype and a.shape == b.shape, where
-            if a.dtype == object:
-                same(list(a), list(b), where)
-            else:
-                assert np.array_equal(a, b), (where, a, b)
-        else:
-            assert type(a) is type(b) and a == b, (where, a, b)
-
-    return same

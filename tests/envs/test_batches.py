@@ -2,14 +2,11 @@
 
 import copy
 
-import gymnasium
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
-from gymnasium.vector import SyncVectorEnv
 
-from gym_passive_walker import WALKERS, interpolate, rough
-from gym_passive_walker.envs.registration import ID
+from gym_passive_walker import WALKERS, interpolate
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
 START = (0.3, -0.3, -0.3, -0.42, -0.25, -0.4)
@@ -39,48 +36,6 @@ def mixed(count, **arguments):
 def some(count, size=1.0, seed=0):
     """Actions of a step, (count, 1)."""
     return np.random.default_rng(seed).uniform(-size, size, (count, 1))
-
-
-@pytest.mark.parametrize(
-    ("count", "threads", "disturbances"),
-    [(60, 1, {}), (2304, 1, {}), (4608, 2, {}), (4608, 2, {"terrain": rough(0.002)})],
-)
-def test_walkers_that_all_differ_walk_in_a_batch_as_each_does_alone(
-    count, threads, disturbances, assert_same
-):
-    many = mixed(
-        count, threads=threads, max_episode_steps=35, reset_noise_scale=0.3, **disturbances
-    )
-    places = [*range(0, count, count // 6 + 1), count // 2, count - 1]
-
-    def single(place):
-        return lambda: gymnasium.make(
-            ID, walker=shape(place), slope=ground(place), start=START,
-            max_episode_steps=35, reset_noise_scale=0.3, **disturbances,
-        )  # fmt: skip
-
-    alone = SyncVectorEnv([single(place) for place in places])
-    seen, _ = many.reset(seed=5)
-    assert_same(seen[places], alone.reset(seed=[5 + place for place in places])[0])
-    ended = 0
-    for k in range(80):
-        act = some(count, seed=k)
-        *mine, infos = many.step(act)
-        *theirs, their_infos = alone.step(act[places])
-        assert_same([x[places] for x in mine], theirs)
-        for name, reported in their_infos.items():
-            if name.startswith("_"):
-                assert_same(infos[name][places], reported)
-            else:
-                present = their_infos["_" + name]
-                assert list(infos[name][places][present]) == list(reported[present])
-        ended += int((theirs[2] | theirs[3]).sum())
-        for place, env in zip(places, alone.envs, strict=True):
-            walker = env.unwrapped
-            np.testing.assert_array_equal(many.states[place], walker.state)
-            assert many.slopes[place] == walker.slope
-            assert many.batch.contact(place).x == walker.contact
-    assert ended > len(places)
 
 
 def test_a_batch_reports_every_fall_wherever_it_happens():

@@ -1,6 +1,5 @@
 """The adapter for stable-baselines3 acts as its own vectorized environments."""
 
-import gymnasium
 import numpy as np
 import pytest
 
@@ -19,7 +18,6 @@ from stable_baselines3.common.vec_env import (
 from gym_passive_walker import WALKERS
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
-from gym_passive_walker.envs.scene import SCENES
 
 
 def actions(count, steps, seed=0):
@@ -29,44 +27,6 @@ def actions(count, steps, seed=0):
 
 def zeros(count):
     return np.zeros((count, 1), np.float32)
-
-
-@pytest.mark.parametrize("scene", SCENES)
-def test_it_is_a_dummy_vec_env_of_monitored_walkers(scene):
-    count, limit = 5, 40
-    native = PassiveWalkerVecEnv(count, scene, max_episode_steps=limit)
-    dummy = DummyVecEnv(
-        [lambda: Monitor(gymnasium.make(ID, scene=scene, max_episode_steps=limit))] * count
-    )
-    assert native.seed(11) == dummy.seed(11)
-    np.testing.assert_array_equal(native.reset(), dummy.reset())
-    limits = falls = 0
-    for act in actions(count, 200):
-        (seen, paid, done, infos), (seen_d, paid_d, done_d, infos_d) = (
-            native.step(act),
-            dummy.step(act),
-        )
-        np.testing.assert_array_equal(seen, seen_d)
-        np.testing.assert_array_equal(paid, paid_d)
-        np.testing.assert_array_equal(done, done_d)
-        assert (seen.dtype, paid.dtype, done.dtype) == (seen_d.dtype, paid_d.dtype, done_d.dtype)
-        for i in range(count):
-            if not done[i]:
-                assert infos[i] == {}
-                continue
-            mine, theirs = infos[i], infos_d[i]
-            assert mine["TimeLimit.truncated"] is theirs["TimeLimit.truncated"]
-            np.testing.assert_array_equal(
-                mine["terminal_observation"], theirs["terminal_observation"]
-            )
-            assert mine["episode"]["r"] == theirs["episode"]["r"]
-            assert mine["episode"]["l"] == theirs["episode"]["l"]
-            assert mine["strides"] == theirs["strides"]
-            assert mine["episode_distance"] == theirs["episode_distance"]
-            assert mine["outcome"] == theirs.get("outcome", "time_limit")
-            limits += mine["TimeLimit.truncated"]
-            falls += not mine["TimeLimit.truncated"]
-    assert falls > 0 and limits + falls > count
 
 
 def test_a_time_limit_and_a_heelstrike_may_coincide():

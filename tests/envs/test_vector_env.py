@@ -8,10 +8,9 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import vector as wrappers
 
-from gym_passive_walker import WALKERS, interpolate
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import SCENES, SceneError
 
@@ -46,70 +45,6 @@ def zeros(count):
     return np.zeros((count, 1), np.float32)
 
 
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-@pytest.mark.parametrize("arguments", EVERY_SCENE, ids=str)
-def test_a_batch_is_as_many_single_walkers(make_vec, assert_same, arguments, mode):
-    count, limit = 5, 40
-    native = make_vec(count, max_episode_steps=limit, autoreset_mode=mode, **arguments)
-    single = [lambda: gymnasium.make(ID, max_episode_steps=limit, **arguments)] * count
-    sync = SyncVectorEnv(single, autoreset_mode=mode)
-    assert_same(native.reset(seed=3), sync.reset(seed=3))
-    ended = 0
-    for _, act in zip(range(150), actions(count), strict=False):
-        mine, theirs = native.step(act), sync.step(act)
-        assert_same(mine, theirs)
-        ended += int((mine[2] | mine[3]).sum())
-    assert ended > count
-    assert_same(native.reset(seed=[5, None, 7, 8, None]), sync.reset(seed=[5, None, 7, 8, None]))
-
-
-def test_without_autoreset_a_mask_resets(make_vec, assert_same):
-    count = 5
-    native = make_vec(count, autoreset_mode="Disabled", max_episode_steps=40)
-    single = [lambda: gymnasium.make(ID, max_episode_steps=40)] * count
-    sync = SyncVectorEnv(single, autoreset_mode="Disabled")
-    assert_same(native.reset(seed=3), sync.reset(seed=3))
-    for _, act in zip(range(100), actions(count), strict=False):
-        mine, theirs = native.step(act), sync.step(act)
-        assert_same(mine, theirs)
-        ended = mine[2] | mine[3]
-        if ended.any():
-            with pytest.raises(ResetNeeded):
-                native.step(act)
-            options = {"reset_mask": ended}
-            assert_same(native.reset(options=options), sync.reset(options={"reset_mask": ended}))
-            assert set(options) == {"reset_mask"}
-
-
-@pytest.mark.parametrize("name", ["C", "A", "D"])
-@pytest.mark.parametrize("control", ["tick", "stride"])
-def test_a_walker_walks_alike_alone_and_at_any_place_in_any_batch(make_vec, name, control):
-    scene = {"walker": name, "slope": 0.02, "control": control, "max_episode_steps": 30}
-    alone = make_vec(1, **scene)
-    groups = [make_vec(23, **scene), make_vec(1300, **scene, threads=2)]
-    seeds = [1000 + i for i in range(1300)]
-    alone.reset(seed=[seeds[7]])
-    places = (7, 1299)
-    seeds[1299] = seeds[7]
-    for many in groups:
-        many.reset(seed=seeds[: many.num_envs])
-    for act, _ in zip(actions(1), range(80), strict=False):
-        expected = alone.step(act)
-        for many in groups:
-            results = many.step(np.repeat(act, many.num_envs, axis=0))
-            for place in places:
-                if place < many.num_envs:
-                    for a, b in zip(expected[:4], results[:4], strict=True):
-                        np.testing.assert_array_equal(a[0], b[place])
-
-
-def test_threads_change_no_result(make_vec, assert_same):
-    one, two = (make_vec(2500, scene="rolling", threads=threads) for threads in (1, 2))
-    assert_same(one.reset(seed=0), two.reset(seed=0))
-    for act, _ in zip(actions(2500), range(30), strict=False):
-        assert_same(one.step(act), two.step(act))
-
-
 def test_modes_are_in_the_metadata_of_each(make_vec):
     for mode in AutoresetMode:
         assert make_vec(2, autoreset_mode=mode).metadata["autoreset_mode"] is mode
@@ -140,22 +75,6 @@ def test_each_may_walk_its_own_slope(make_vec):
     for i, slope in enumerate(slopes):
         single = gymnasium.make(ID, slope=slope, reset_noise_scale=0.0)
         np.testing.assert_array_equal(single.reset(seed=i)[0], observations[i])
-
-
-def test_each_may_be_its_own_walker(make_vec, assert_same):
-    walkers = [WALKERS["C"], WALKERS["lab"], interpolate(WALKERS["C"], WALKERS["lab"], 0.5)]
-    env = make_vec(3, walkers=walkers, slope=0.036)
-    observations, _ = env.reset(seed=0)
-    assert env.walkers == walkers
-    singles = [gymnasium.make(ID, walker=walker, slope=0.036) for walker in walkers]
-    for i, single in enumerate(singles):
-        np.testing.assert_array_equal(single.reset(seed=i)[0], observations[i])
-    for _ in range(20):
-        observations, rewards, *_ = env.step(zeros(3))
-        for i, single in enumerate(singles):
-            observation, reward, *_ = single.step(np.zeros(1))
-            assert_same(observation, observations[i])
-            assert reward == rewards[i]
 
 
 def test_walkers_of_different_kinds_do_not_mix(make_vec):

@@ -6,43 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gym_passive_walker.envs import task
-from gym_passive_walker.gpu.batch import DeviceBatch
-
 torch = pytest.importorskip("torch")
 
 from gym_passive_walker.gpu.environment import PassiveWalkerGpuEnv  # noqa: E402
 
 SCENE = {"slope": 0.03, "tick": 0.6, "command": (0.1, 0.2)}
-
-
-def test_the_environments_tensors_are_those_of_the_batch():
-    there, many = (
-        PassiveWalkerGpuEnv(4, SCENE, max_episode_steps=6),
-        DeviceBatch(4, SCENE, step_limit=6),
-    )
-    seen, results = there.reset()
-    many.reset()
-    assert results == {}
-    np.testing.assert_array_equal(seen.flatten().numpy(), many.play.observations)
-    random, endings = np.random.default_rng(0), 0
-    for _ in range(8):
-        actions = random.uniform(-1.0, 1.0, (4, 1)).astype(np.float32)
-        seen, rewards, terminated, truncated, infos = there.step(torch.from_numpy(actions))
-        many.play.actions[:] = actions.ravel()
-        many.step()
-        for tensor, array in (
-            (seen, many.play.observations),
-            (rewards, many.play.rewards),
-            (terminated, many.play.terminated),
-            (truncated, many.play.truncated),
-            (infos["final_obs"], many.play.last),
-        ):
-            np.testing.assert_array_equal(tensor.flatten().numpy(), array)
-        for name in (*task.EVERY_STEP, *task.EVERY_STRIDE, "outcome"):
-            np.testing.assert_array_equal(infos[name].numpy(), many.walkers.reported[name])
-        endings += int((terminated | truncated).sum())
-    assert endings >= 4
 
 
 def test_the_code_on_the_page_runs():

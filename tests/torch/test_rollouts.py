@@ -42,47 +42,6 @@ class Steady(torch.nn.Module):
         return self.share + self.rest(observations)[:, 0]
 
 
-@pytest.mark.parametrize(
-    "scene",
-    ["level", "steep", "rolling", "lab", {"walker": "A", "slope": 0.03},
-     {"walker": "D", "slope": 0.009}, {"energy": "positive"}, {"max_stride_time": 1.0},
-     {"domain_randomization": {"foot_radius": 0.1}, "energy": "net"},
-     {"actions": ("hip", "push_off"), "slope": 0.02, "energy": "positive"},
-     {"walker": "E", "slope": 0.009, "actions": ("hip", "ankle", "push_off")},
-     "rough", {"scene": "rough", "terrain": {"rough": {"height_std": 0.01, "slope_std": 0.02}}},
-     {"walker": "lab-straight", "slope": 0.03, "terrain": {"stairs": {"rise": 0.003}},
-      "terrain_lookahead": 1},
-     {"command": (0.1, 0.2), "command_weight": 2.0},
-     {"domain_randomization": {"shank_length": 0.1}, "observe_body": ("thigh_com", "shank_mass")}],
-)  # fmt: skip
-def test_rewards_observations_and_endings_are_the_environment_s(scene):
-    if "scene" in scene and not isinstance(scene, str):
-        scene = make_scene(scene["scene"], terrain=scene["terrain"])
-    scene = make_scene(scene)
-    size = 8 + (scene.command is not None) + 2 * scene.terrain_lookahead + len(scene.observe_body)
-    policy = network(sees=size, actions=len(scene.actions))
-    walked = rollout(policy, scene, 60, count=COUNT, seed=3)
-    env = PassiveWalkerVectorEnv(COUNT, scene, autoreset_mode="Disabled")
-    seen, _ = env.reset(seed=3)
-    going = np.ones(COUNT, bool)
-    for k in range(60):
-        np.testing.assert_array_equal(walked.going[k], going)
-        np.testing.assert_allclose(walked.observations[k].detach()[going], seen[going], atol=1e-6)
-        actions = policy(walked.observations[k].detach()).detach().numpy()
-        seen, rewards, ended, _, reported = env.step(actions)
-        np.testing.assert_allclose(walked.rewards[k].detach(), rewards, rtol=0.0, atol=1e-7)
-        np.testing.assert_allclose(
-            walked.distances[k].detach()[going], reported["distance"][going], atol=1e-7
-        )
-        np.testing.assert_allclose(
-            walked.energies[k].detach()[going], reported["energy"][going], atol=1e-7
-        )
-        going &= ~ended
-        if ended.any():  # the environment wants resets; nothing more is compared
-            break
-    np.testing.assert_array_equal(walked.going[k + 1] if k < 59 else walked.end.going, going)
-
-
 def test_gradients_go_through_hundreds_of_ticks_and_strikes():
     policy = Steady()
     scene = make_scene("level", start=tuple(policy.start), reset_noise_scale=0.01, tolerance=1e-12)

@@ -1,0 +1,160 @@
+"""Rules of the task: how actions are limited, what is observed and paid, and what ends an episode.
+
+Each rule is one plain function. Kernels on CPU and GPU call it with numbers, `torch.rollout` with
+tensors and `Batch` with arrays. All quantities are dimensionless (see `physics.hybrid`).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gym_passive_walker.engine.jit import shared
+from gym_passive_walker.math import minimum, where
+from gym_passive_walker.physics.hybrid import Outcome
+
+ENERGIES = ("absolute", "positive", "net")
+"""Kinds of work that the energy term counts."""
+
+SIZE = 8
+"""Numbers in the default observation; scenes may add some."""
+
+RATE_BOUND = 10.0
+"""Bound of observed angular velocities, in sqrt(g/l); those of walkers stay well below."""
+
+BOUNDS = np.array([0.5 * math.pi, math.pi, math.pi, *[RATE_BOUND] * 3, 1.0, 0.5 * math.pi])
+"""Largest value of each number of the default observation, (SIZE,)."""
+
+LOWEST = -BOUNDS
+"""Smallest value of each number of the default observation, (SIZE,)."""
+LOWEST[6] = 0.0
+
+LARGEST_PROPORTION = 100.0
+"""Bound of observed proportions of a body; those of walkers that walk are below 1."""
+
+HIGHEST, STEEPEST = 1.0, 0.5 * math.pi
+"""Bounds of the footholds ahead in observations: leg lengths, and rad."""
+
+_RUNNING, _HEELSTRIKE, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
+_ABSOLUTE, _POSITIVE = map(ENERGIES.index, ("absolute", "positive"))
+_SWING, _LEG = 0.5 * math.pi, math.pi
+
+
+@shared
+def clip(value, low, high):
+    """Return the value within bounds; `low` if it is not a number."""
+    value = where(value >= low, value, low)
+    return where(value <= high, value, high)
+
+
+@shared
+def step_end(time, tick, max_stride_time):
+    """Return the time in a stride at which a control step that begins at `time` ends."""
+    return minimum(time + tick, max_stride_time)
+
+
+@shared
+def outcome_of(outcome, time, max_stride_time):
+    """Return the outcome of a control step that ends at `time`: a stride may take too long."""
+    return where((outcome == _RUNNING) & (time >= max_stride_time), _STALLED, outcome)
+
+
+@shared
+def ends_episode(outcome):
+    """Whether an outcome terminates the episode."""
+    return outcome > _HEELSTRIKE
+
+
+@shared
+def observation(state, knee_locked, slope):
+    """Return the default observation, SIZE numbers.
+
+    Args:
+        state: Angles of stance leg, thigh and shank in rad, then their angular velocities.
+        knee_locked: 1 if the swing leg is straight, else 0.
+        slope: Slope of the ground in rad.
+    """
+    return (
+        clip(state[0], -_SWING, _SWING),
+        clip(state[1], -_LEG, _LEG),
+        clip(state[2], -_LEG, _LEG),
+        clip(state[3], -RATE_BOUND, RATE_BOUND),
+        clip(state[4], -RATE_BOUND, RATE_BOUND),
+        clip(state[5], -RATE_BOUND, RATE_BOUND),
+        knee_locked,
+        clip(slope, -_SWING, _SWING),
+    )
+
+
+@shared
+def foothold(height_change, slope_change):
+    """Return the observation of a foothold ahead: changes of height and slope."""
+    return clip(height_change, -HIGHEST, HIGHEST), clip(slope_change, -STEEPEST, STEEPEST)
+
+
+@shared
+def proportion(value):
+    """Return the observation of a proportion of the body."""
+    return clip(value, -LARGEST_PROPORTION, LARGEST_PROPORTION)
+
+
+@shared
+def distance_of(ends, moved, progress):
+    """Return the distance that a step is paid for.
+
+    A stride without heelstrike does not count: its distance is taken back. Otherwise agents learn
+    to dive, which moves the hip by a leg length at once.
+
+    Args:
+        ends: Whether the step ends the episode.
+        moved: Distance of the hip in the step.
+        progress: Distance that was paid in this stride before the step.
+    """
+    return where(ends, 0.0 - progress, moved)
+
+
+@shared
+def work_of(torque, moved, turned):
+    """Return the net work of a constant torque, and the integral of its absolute power.
+
+    Args:
+        torque: Torque.
+        moved: Change of the angle on which it acts.
+        turned: Length of the way of that angle, in both directions.
+    """
+    return torque * moved, abs(torque) * turned
+
+
+@shared
+def motor_charge(charged, torque, moved, turned):
+    """Return the energy that an actuator is charged for.
+
+    Args:
+        charged: Index of the kind in ENERGIES.
+        torque: See `work_of`.
+        moved: See `work_of`.
+        turned: See `work_of`.
+    """
+    net, absolute = work_of(torque, moved, turned)
+    if charged == _ABSOLUTE:
+        return absolute
+    return 0.5 * (absolute + net) if charged == _POSITIVE else net
+
+
+@shared
+def reward(distance, energy, energy_weight):
+    """Return the default reward of a step, in leg lengths, before `command_penalty`."""
+    return distance - energy_weight * energy
+
+
+@shared
+def command_error(step_length, step_period, command):
+    """Return the distance between a stride's length and the commanded one in its period."""
+    return abs(step_length - command * step_period)
+
+
+@shared
+def command_penalty(step_length, step_period, command, weight):
+    """Return the penalty of a stride for its `command_error`: at most its length."""
+    return minimum(weight * command_error(step_length, step_period, command), step_length)

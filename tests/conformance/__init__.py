@@ -1,0 +1,1 @@
+"""Every environment, for every scene, is as many single environments."""

@@ -1,0 +1,3 @@
+"""Simulate a GPU, as in `tests.gpu`."""
+
+from tests.gpu.conftest import quick_turns  # noqa: F401  (a fixture)

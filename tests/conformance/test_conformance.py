@@ -1,0 +1,280 @@
+"""Observations, rewards, endings and infos of every environment are those of single environments.
+
+Single environments run in Gymnasium's `SyncVectorEnv`. Each walker has a seed, and in some scenes a
+shape and a slope of its own: results do not depend on its place in the batch.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import SyncVectorEnv
+
+from gym_passive_walker.envs.interface import OUTCOMES
+from gym_passive_walker.envs.registration import ID
+from gym_passive_walker.envs.scene import SCENES as NAMED
+from gym_passive_walker.envs.scene import SceneError, make_scene
+from gym_passive_walker.envs.task import EVERY_STEP, EVERY_STRIDE
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from tests.conformance.scenes import COUNT, SCENES, SEEDS
+from tests.gpu.reference import Reference
+
+LIMIT, STEPS = 25, 60
+LATER = [5, None, 7, 8, None]
+MODES = ("NextStep", "SameStep", "Disabled")
+
+
+def scene_of(name):
+    """The arguments of a scene, without those that are one for each walker."""
+    return {key: value for key, value in SCENES[name].items() if key not in ("walkers", "slopes")}
+
+
+def vars_of(name):
+    """Names of the arguments that differ from the default scene's."""
+    own = scene_of(name)
+    return {*own, *NAMED.get(own.get("scene"), {}), *SCENES[name]}
+
+
+@lru_cache
+def actions(name):
+    """Actions of all steps, some of them beyond the bounds."""
+    size = len(make_scene(**{"scene": "level", **scene_of(name)}).actions)
+    draws = np.random.default_rng(0).uniform(-1.2, 1.2, (STEPS, COUNT, size))
+    return draws.astype(np.float32)
+
+
+def played(env, name, reset):
+    """Observations of the first reset, and the results of all steps; see `reset`."""
+    results = [env.reset(seed=list(SEEDS))[0]]
+    for act in actions(name):
+        results.append(env.step(act))
+        ended = results[-1][2] | results[-1][3]
+        if reset and ended.any():
+            options = {"reset_mask": ended}
+            results.append(env.reset(options=options)[0])
+            assert options or isinstance(env, SyncVectorEnv)  # which empties them
+    return results
+
+
+@lru_cache
+def expected(name, mode):
+    """The results of single environments, their state then, and a reset with seeds for some."""
+    own = [
+        {arg[:-1]: SCENES[name][arg][i] for arg in ("walkers", "slopes") if arg in SCENES[name]}
+        for i in range(COUNT)
+    ]
+    singles = SyncVectorEnv(
+        [
+            lambda each=each: gymnasium.make(ID, max_episode_steps=LIMIT, **scene_of(name), **each)
+            for each in own
+        ],
+        autoreset_mode=mode,
+    )
+    results = played(singles, name, mode == "Disabled")
+    each = [env.unwrapped for env in singles.envs]
+    last = [[env.state, env.slope, env.contact, env.walker] for env in each]
+    return results, last, singles.reset(seed=LATER)
+
+
+def ends(name):
+    """Number of episodes that end."""
+    return sum(int((step[2] | step[3]).sum()) for step in expected(name, "SameStep")[0][1:])
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("name", SCENES)
+def test_vector_environment(name, mode, assert_same):
+    envs = PassiveWalkerVectorEnv(
+        COUNT, max_episode_steps=LIMIT, autoreset_mode=mode, **SCENES[name]
+    )
+    results, last, again = expected(name, mode)
+    assert_same(played(envs, name, mode == "Disabled"), results)
+    for i, (state, slope, contact, walker) in enumerate(last):
+        np.testing.assert_array_equal(envs.states[i], state)
+        assert (envs.slopes[i], envs.batch.contact(i).x) == (slope, contact)
+        assert envs.walkers[i] == walker
+    assert_same(envs.reset(seed=LATER), again)
+    assert ends(name) > COUNT
+
+
+@pytest.mark.parametrize(("copies", "threads"), [(12, 1), (461, 1), (922, 2)])
+@pytest.mark.parametrize(
+    "name", ["level", "all actuators", "disturbed", "own functions, disturbed",
+             "walkers and slopes", "walkers and slopes, rough"],
+)  # fmt: skip
+def test_large_batch_on_any_number_of_threads(name, copies, threads):
+    given = {
+        arg: [*SCENES[name][arg]] * copies for arg in ("walkers", "slopes") if arg in SCENES[name]
+    }
+    envs = PassiveWalkerVectorEnv(
+        COUNT * copies, max_episode_steps=LIMIT, threads=threads, **SCENES[name] | given
+    )
+    results, last, _ = expected(name, "NextStep")
+    seen, _ = envs.reset(seed=[*SEEDS] * copies)
+    np.testing.assert_array_equal(seen, np.tile(results[0], (copies, 1)))
+    for act, (*parts, infos) in zip(actions(name), results[1:], strict=True):
+        *found, reported = envs.step(np.tile(act, (copies, 1)))
+        for a, b in zip(
+            [*found, *map(reported.get, infos)], [*parts, *infos.values()], strict=True
+        ):
+            each = a.reshape(copies, COUNT, -1)
+            assert (each == b.reshape(COUNT, -1)).all()
+    states = envs.states.reshape(copies, COUNT, -1)
+    np.testing.assert_array_equal(states, np.broadcast_to([x[0] for x in last], states.shape))
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("name", SCENES)
+def test_tensors(name, mode):
+    torch = pytest.importorskip("torch")
+    from gym_passive_walker.torch import PassiveWalkerTorchEnv
+
+    envs = PassiveWalkerTorchEnv(
+        COUNT, max_episode_steps=LIMIT, autoreset_mode=mode, **SCENES[name]
+    )
+    results = iter(expected(name, mode)[0])
+    seen, infos = envs.reset(seed=list(SEEDS))
+    np.testing.assert_array_equal(seen, next(results))
+    for act in actions(name):
+        *found, reported = envs.step(torch.from_numpy(act))
+        *parts, infos = next(results)
+        for a, b in zip(found, parts, strict=True):
+            np.testing.assert_array_equal(a, b)
+        over = parts[2] | parts[3]
+        if mode == "SameStep":
+            assert ("final_obs" in reported) == over.any()
+        if "final_obs" in infos:
+            shown = infos["final_obs"][over]
+            np.testing.assert_array_equal(reported.pop("final_obs")[over], np.stack(shown))
+        names = check_infos(reported, infos, infos.get("final_info", {}))
+        assert names == reported.keys()
+        if mode == "Disabled" and over.any():
+            again, _ = envs.reset(options={"reset_mask": torch.from_numpy(over)})
+            np.testing.assert_array_equal(again, next(results))
+
+
+def check_infos(reported, *parts):
+    """Compare infos without masks with infos of Gymnasium; return their names."""
+    names = {n for part in parts for n in part if not n.startswith("_")} - {
+        "final_obs",
+        "final_info",
+    }
+    for name in names:
+        wanted = np.zeros(COUNT)
+        for part in parts:
+            if name in part:
+                mask, values = part["_" + name], part[name]
+                if name == "outcome":
+                    values = np.array([OUTCOMES.index(value) for value in values])
+                wanted[mask] = values[mask]
+        np.testing.assert_array_equal(reported[name], wanted, err_msg=name)
+    return names
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_stable_baselines3(name):
+    pytest.importorskip("stable_baselines3")
+    from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+
+    envs = PassiveWalkerVecEnv(COUNT, max_episode_steps=LIMIT, **SCENES[name])
+    envs._seeds = list(SEEDS)
+    results = expected(name, "SameStep")[0]
+    np.testing.assert_array_equal(envs.reset(), results[0])
+    returns, lengths = np.zeros(COUNT), np.zeros(COUNT, int)
+    for act, (seen, rewards, fell, late, infos) in zip(actions(name), results[1:], strict=True):
+        found, paid, done, reported = envs.step(act)
+        np.testing.assert_array_equal(found, seen)
+        np.testing.assert_array_equal(paid, rewards.astype(np.float32))
+        np.testing.assert_array_equal(done, fell | late)
+        assert (found.dtype, paid.dtype, done.dtype) == (np.float32, np.float32, bool)
+        returns, lengths = returns + rewards, lengths + 1
+        for i in range(COUNT):
+            if not done[i]:
+                assert reported[i] == {}
+                continue
+            last, info = infos["final_info"], reported[i]
+            np.testing.assert_array_equal(info["terminal_observation"], infos["final_obs"][i])
+            assert info["TimeLimit.truncated"] is bool(late[i] and not fell[i])
+            assert info["outcome"] == (last["outcome"][i] if fell[i] else "time_limit")
+            assert info["episode"]["r"] == pytest.approx(returns[i], abs=1e-6)
+            assert info["episode"]["l"] == lengths[i]
+            for entry in info.keys() & last.keys() - {"outcome"}:
+                assert info[entry] == last[entry][i], entry
+            assert {*EVERY_STEP} < info.keys()
+        returns[done], lengths[done] = 0.0, 0
+
+
+def differentiable(name):
+    """Whether a scene's episodes have gradients."""
+    from gym_passive_walker.torch import initial_state
+
+    try:
+        initial_state(make_scene(**{"scene": "level", **scene_of(name)}), 1, seed=0)
+    except SceneError as error:
+        assert "walks with gradients go without" in str(error)
+        return False
+    return "walkers" not in SCENES[name]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_rollout_with_gradients(name):
+    torch = pytest.importorskip("torch")
+    from gym_passive_walker.torch import rollout
+
+    if not differentiable(name):
+        pytest.skip("a scene without gradients, or with walkers of its own")
+    scene = make_scene(**{"scene": "level", **scene_of(name)})
+    envs = PassiveWalkerVectorEnv(COUNT, scene, autoreset_mode="Disabled", max_episode_steps=None)
+    plan = actions(name).astype(float)
+    given = iter(torch.from_numpy(plan))
+    walked = rollout(lambda seen: next(given), scene, STEPS, count=COUNT, seed=SEEDS[0])
+    seen, _ = envs.reset(seed=SEEDS[0])
+    going = np.ones(COUNT, bool)
+    for k, act in enumerate(plan):
+        np.testing.assert_array_equal(walked.going[k], going)
+        np.testing.assert_allclose(walked.observations[k][going], seen[going], atol=1e-6)
+        seen, rewards, ended, _, infos = envs.step(act)
+        np.testing.assert_allclose(walked.rewards[k][going], rewards[going], rtol=0.0, atol=1e-7)
+        for ours, theirs in ((walked.distances, "distance"), (walked.energies, "energy")):
+            np.testing.assert_allclose(ours[k][going], infos[theirs][going], atol=1e-7)
+        names = infos.get("outcome", [None] * COUNT)
+        outcomes = np.array([OUTCOMES.index(each) for each in names])
+        np.testing.assert_array_equal(walked.outcomes[k][going], outcomes[going])
+        assert not walked.rewards[k][~going].any()
+        going &= ~ended
+        if ended.any():  # the environment must be reset where an episode has ended
+            envs.reset(options={"reset_mask": ended})
+    np.testing.assert_array_equal(walked.end.going, going)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_gpu(name):
+    """In numba's simulator; the reference draws the random numbers of the GPU."""
+    torch = pytest.importorskip("torch")
+    from gym_passive_walker.gpu.environment import PassiveWalkerGpuEnv
+
+    if {"system", "walkers", "domain_randomization"} & vars_of(name):
+        pytest.skip("a GPU draws other walkers, and has no systems")
+    scene = make_scene(**{"scene": "level", "tick": 0.5, **scene_of(name)})
+    envs = PassiveWalkerGpuEnv(COUNT, scene, seed=7, max_episode_steps=12)
+    reference = Reference(scene, COUNT, 7, 12)
+    seen, infos = envs.reset()
+    np.testing.assert_array_equal(seen, reference.observations)
+    assert infos == {}
+    endings = 0
+    for act in actions(name)[:20]:
+        *found, infos = envs.step(torch.from_numpy(act))
+        *parts, last, ledger = reference.step(act.reshape(-1))
+        for a, b in zip(found, (reference.observations, *parts), strict=True):
+            np.testing.assert_array_equal(a, b)
+        np.testing.assert_array_equal(infos.pop("final_obs"), last)
+        assert infos.keys() == {*EVERY_STEP, *EVERY_STRIDE, "outcome"}
+        for entry, values in infos.items():
+            np.testing.assert_array_equal(values, ledger[entry], err_msg=entry)
+        assert envs.batch.walkers.reported.tobytes() == ledger.tobytes()
+        endings += int((parts[1] | parts[2]).sum())
+    assert endings >= COUNT
+    assert envs.batch.walkers.episodes.sum() == COUNT + endings
