@@ -131,17 +131,17 @@ class Attractors:
         self.owner: list[int] = []
         finely = stride_map.with_tolerance(_ALONG)
         for index, gait in enumerate(gaits):
-            point = finely.points_at(gait.state)
+            point = finely.points(gait.state)
             for _ in range(gait.period):
-                self.points.append(finely.chart(point)[0])
+                self.points.append(point.chart[0])
                 self.owner.append(index)
-                point = finely.apply(point, gait.slope).ends
+                point = finely.at(finely.apply(point.values, gait.slope).ends)
 
     def of(self, points: NDArray) -> NDArray[np.int8]:
         """Return the index (n,) of the gait near each point (n, m); UNSETTLED if there is none."""
         index = np.full(len(points), UNSETTLED, np.int8)
         with np.errstate(invalid="ignore"):  # on a step the stance angle may be negative
-            u = self._stride_map.chart(points)
+            u = self._stride_map.at(points).chart
         for point, owner in zip(self.points, self.owner, strict=True):
             index[np.abs(u - point).max(axis=1) < self.atol] = owner
         return index
@@ -236,7 +236,7 @@ def _slice(
     assert gait is not None
     exact = stride_map.with_tolerance(_EXACT)
     duration = float(gait.stride.duration) / stride_map.units.time
-    before = exact.before_strike(exact.points_at(gait.state)[0], gait.slope, duration)
+    before = exact.before_strike(gait.point.values[0], gait.slope, duration)
     if stride_map.own:
         system: Any = stride_map.walker
         m = system.coordinates

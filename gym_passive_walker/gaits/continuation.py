@@ -135,7 +135,7 @@ class Curve:
         """
         ys = np.array([point.y for point in points])
         stride_map, slopes, values = self._setting(ys)
-        return stride_map, stride_map.from_chart(ys[:, :-1]), slopes, values
+        return stride_map, stride_map.from_chart(ys[:, :-1]).values, slopes, values
 
     def _setting(self, ys: NDArray) -> tuple[StrideMap, NDArray, NDArray]:
         """The stride map, slopes, and the varied quantity at coordinates (n, m + 1)."""

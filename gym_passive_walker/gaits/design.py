@@ -18,7 +18,7 @@ from gym_passive_walker.gaits.design_nlp import CIRCLE, Candidates, DesignProble
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
 from gym_passive_walker.gaits.objectives import QUANTITIES, SPECTRAL_RADIUS, spectral_radius
-from gym_passive_walker.gaits.search import glance, seek
+from gym_passive_walker.gaits.search import seek
 from gym_passive_walker.gaits.sensitivity import SLOPE, place_near
 from gym_passive_walker.gaits.stride_map import MapLike, map_of
 from gym_passive_walker.progress import said
@@ -146,7 +146,7 @@ def optimize_walker(
     return Design(
         objective=objective,
         before=before,
-        after=measure(place.stride_map, place.u, place.slope, 1),
+        after=measure(place.point, place.slope, 1),
         values={name: (_value(problem.first, name), _value(last, name)) for name in sorted(names)},
         tried=candidates.tried,
         converged=bool(found.success),
@@ -286,7 +286,7 @@ def _start(tuned: Walker, slope: float, radius: float) -> Gait | None:
     ]
     walkers.sort(key=lambda walker: float(np.linalg.norm(_parts(walker) - _parts(tuned))))
     for walker in walkers:
-        gait = glance(walker, slope, "long")
+        gait = seek(walker, slope, quick=True).gait
         if gait is not None and np.abs(gait.multipliers[0]) <= radius:
             return gait
     return None
@@ -329,6 +329,6 @@ def _nearest(start: Gait, tuned: Walker, radius: float) -> Gait | None:
     if judged is None or circle(found.x)[0].min() < -_MET:
         return None
     place = judged.gait.place
-    tuned_map = place.stride_map.with_walker(tune(place.walker))
+    tuned_map = place.point.section.with_walker(tune(place.walker))
     exact = place_near(tuned_map, place.slope, place.u)  # tuned to the last digit
-    return exact and measure(exact.stride_map, exact.u, exact.slope, 1)
+    return exact and measure(exact.point, exact.slope, 1)

@@ -95,10 +95,7 @@ class Candidates:
         self._start, self._parameters, self._names = start, tuple(parameters), tuple(names)
         self._low, self._width, self._multipliers = box[:, 0], box[:, 1] - box[:, 0], multipliers
         self._sizes = [size_of(name, start.walker, start.slope) for name in parameters]
-        stride_map = start.stride_map
-        place = Place(
-            stride_map, start.slope, stride_map.chart(stride_map.points_at(start.state))[0]
-        )
+        place = Place(start.point, start.slope)
         self._here = sensitivity(place, self._parameters)
         self._last: tuple[bytes, Judged | None] = b"", None
         self.tried = 0

@@ -24,7 +24,7 @@ from gym_passive_walker.gaits.continuation import (
 )
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
-from gym_passive_walker.gaits.search import glance, seek
+from gym_passive_walker.gaits.search import seek
 from gym_passive_walker.gaits.sensitivity import size_of
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.shown import Table
@@ -147,8 +147,7 @@ def _family(
     """The family of a gait at a value of what is varied, both ways from it."""
     period, walker = gait.period, stride_map.walker
     curve = Curve(stride_map.with_tolerance(_TOLERANCE), axis, period)
-    u = gait.stride_map.chart(gait.stride_map.points_at(gait.state))[0]
-    start = curve.correct(np.append(u, axis.coordinate(value)))
+    start = curve.correct(np.append(gait.point.chart[0], axis.coordinate(value)))
     if start is None:
         raise GaitNotFound(f"the gait of {describe(walker)} at {value} could not be followed")
     up = follow(curve, start, resolution)
@@ -205,7 +204,7 @@ def _halts(
 
 def _some_gait(stride_map: StrideMap, slopes: NDArray, kind: GaitKind) -> Gait:
     """The gait at the lowest of some slopes that has one; searched thoroughly only if need be."""
-    quick = (glance(stride_map, slope, kind) for slope in slopes.tolist())
+    quick = (seek(stride_map, slope, kind, quick=True).gait for slope in slopes.tolist())
     thorough = (seek(stride_map, slope, kind).gait for slope in slopes[::4].tolist())
     for gait in chain(quick, thorough):
         if gait is not None:

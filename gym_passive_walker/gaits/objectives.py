@@ -51,7 +51,7 @@ def _quotient(gait: Sensitivity, above: str, below: str) -> Graded:
 
 
 def _stance_angle(gait: Sensitivity) -> Graded:
-    angle = float(np.exp(gait.place.u[0]))
+    angle = float(gait.place.point.values[0, 0])
     return angle, angle * gait.coordinates[0]
 
 
@@ -67,10 +67,9 @@ def _total_mass(gait: Sensitivity) -> Graded:
 
 
 def _clearance(gait: Sensitivity) -> Graded:
-    stride_map, slope, u = gait.place
-    walker, units = stride_map.walker, stride_map.units
-    state = stride_map.states_at(stride_map.from_chart(u[None]))[0]
-    lowest = reality_check(stride_map, slope, state).clearance
+    point, slope = gait.place
+    walker, units = gait.place.walker, point.section.units
+    lowest = reality_check(point.section, slope, point.states[0]).clearance
     time = lowest.time / units.time
     knee = float(gait.passage.knee_times[0])
     # At its lowest the height does not change with time, so the gradient is that of the height at
@@ -78,7 +77,7 @@ def _clearance(gait: Sensitivity) -> Graded:
     corner = abs(time - knee) < 1e-9
 
     def look(walkers: StrideMap, beside: NDArray, slopes: NDArray) -> NDArray:
-        points = walkers.from_chart(beside)
+        points = walkers.from_chart(beside).values
         times = walkers.apply(points, slopes).knee_times if corner else np.full(len(points), time)
         states = walkers.sample(points, slopes, times[:, None]).states[:, 0]
         body = walkers.system.Body(*walkers.walkers.constants[:, 0].T)

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from gym_passive_walker.gaits.gait import gait_equations
 from gym_passive_walker.gaits.newton import newton
 from gym_passive_walker.gaits.passage import Change, Passage
+from gym_passive_walker.gaits.section import Points
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.units import units_of
+from gym_passive_walker.units import unit_of
 from gym_passive_walker.walkers import Mechanism, Walker
 
 SLOPE = "slope"
@@ -30,22 +31,25 @@ _WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
 
 
 class Place(NamedTuple):
-    """Where a gait is.
+    """A gait of one stride: its point of the Poincaré section and its slope.
 
     Attributes:
-        stride_map: The stride map.
+        point: The point, of a stride map as section.
         slope: Slope in rad.
-        u: Logarithmic coordinates of the gait, (m,).
     """
 
-    stride_map: StrideMap
+    point: Points
     slope: float
-    u: NDArray[np.float64]
 
     @property
     def walker(self) -> Walker:
         """The walker."""
-        return self.stride_map.walker
+        return self.point.section.walker
+
+    @property
+    def u(self) -> NDArray[np.float64]:
+        """Coordinates of the point in the chart, (m,)."""
+        return self.point.chart[0]
 
 
 class Sensitivity(NamedTuple):
@@ -80,7 +84,9 @@ def place_near(stride_map: StrideMap, slope: float, guess: NDArray) -> Place | N
         lambda u: gait_equations(stride_map, u, slope)[:2],
         guess[None], accuracy=_ACCURACY, damped=False,
     )  # fmt: skip
-    return Place(stride_map, slope, found.points[0]) if found.sizes[0] < stride_map.closes else None
+    if not found.sizes[0] < stride_map.closes:
+        return None
+    return Place(stride_map.from_chart(found.points), slope)
 
 
 def sensitivity(place: Place, by: Sequence[str]) -> Sensitivity:
@@ -94,9 +100,9 @@ def sensitivity(place: Place, by: Sequence[str]) -> Sensitivity:
     Raises:
         numpy.linalg.LinAlgError: at a fold, where the gait has none.
     """
-    stride_map, slope, u = place
-    m = len(u)
-    gait = gait_equations(stride_map, u[None], slope, by=by)
+    point, slope = place
+    m = point.section.dimension
+    gait = gait_equations(point.section, point.chart, slope, by=by)
     coordinates = -np.linalg.solve(gait.derivatives[0, :, :m], gait.derivatives[0, :, m:])
     along = {
         name: value[..., :m] @ coordinates + value[..., m:]
@@ -106,19 +112,10 @@ def sensitivity(place: Place, by: Sequence[str]) -> Sensitivity:
 
 
 def size_of(name: str, walker: Walker, slope: float) -> float:
-    """What counts as a large change of a parameter or the slope."""
+    """Return what counts as a large change of a parameter or of the slope, in their own units."""
     if isinstance(walker, Mechanism):
         return abs(getattr(walker.body, name, slope)) or 1.0
-    units = units_of(walker)
-    sizes = {
-        SLOPE: abs(slope),
-        "gravity": walker.gravity,
-        "foot_angle": 1.0,
-        "hip_stiffness": units.torque,
-        "knee_stiffness": units.torque,
-        "hip_friction": units.torque * units.time,
-    }
-    return sizes.get(name, walker.total_mass if name.endswith("mass") else walker.leg_length)
+    return abs(slope) if name == SLOPE else unit_of(walker, name)
 
 
 Look = Callable[[StrideMap, NDArray, NDArray], NDArray]
@@ -136,7 +133,7 @@ def change_along(gait: Sensitivity, sizes: Sequence[float], look: Look) -> NDArr
     Returns:
         Derivatives by what is varied in the last axis, (..., k).
     """
-    stride_map, slope, u = gait.place
+    stride_map, slope, u = gait.place.point.section, gait.place.slope, gait.place.u
     columns = []
     for name, direction, size in zip(gait.by, gait.coordinates.T, sizes, strict=True):
         step = _STEP / max(1.0 / size, np.abs(direction).max())

@@ -15,11 +15,10 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import one_slope
+from gym_passive_walker.arguments import one_slope, whole
 from gym_passive_walker.gaits.actuation import (
     PASSIVE,
     Actuation,
-    actuation_units,
     for_each,
     to_dimensionless,
     to_own,
@@ -31,7 +30,7 @@ from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.physics.hybrid import Ground, Outcome, System
 from gym_passive_walker.progress import progress
-from gym_passive_walker.units import units_of
+from gym_passive_walker.units import unit_of, units_of
 from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerLike, as_any
 
 LONGEST = 20.0
@@ -174,8 +173,7 @@ class StrideMap(Section):
 
     def unit(self, parameter: str) -> float:
         """Return a parameter's unit in this map, in the walker's units; 1 for a walker's own."""
-        units = actuation_units(units_of(self.walker))._asdict()
-        return float(units.get(parameter, 1.0))
+        return float(unit_of(self.walker, parameter)) if parameter in Actuation._fields else 1.0
 
     @cached_property
     def ground(self) -> NDArray[np.float64]:
@@ -245,13 +243,6 @@ class StrideMap(Section):
         """Return one slope in rad; the map's own when None."""
         return one_slope(self.slope if slope is None else slope)
 
-    def _slopes(self, slopes: ArrayLike | None, count: int) -> NDArray[np.float64]:
-        """Return the slopes in rad of n points, (n,)."""
-        slopes = self.slope if slopes is None else slopes
-        if slopes is None:
-            raise ValueError(_NO_SLOPE)
-        return for_each(slopes, count)
-
     def _actuations(self, lanes: NDArray) -> NDArray[np.float64]:
         """Return dimensionless hip torque, ankle torque and push-off of n points, (n, 3)."""
         actuation = self.actuation
@@ -262,15 +253,19 @@ class StrideMap(Section):
             column[:] = part[lanes] if np.ndim(part) else part
         return actuations
 
-    def _points(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Check points of the section, (n, m)."""
-        points = np.asarray(points, dtype=float)
+    def _checked(
+        self, points: ArrayLike, slopes: ArrayLike | None, strides: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+        """Check points of the section, slopes, of which there is one for each, and strides."""
+        points, slopes = np.asarray(points, dtype=float), self.slope if slopes is None else slopes
         if points.ndim != 2 or points.shape[1] != self.dimension:
             raise ValueError(
                 f"points of the section must have the shape (n, {self.dimension}), got "
                 f"{points.shape}; map.points_at(states) gives them"
             )
-        return points
+        if slopes is None:
+            raise ValueError(_NO_SLOPE)
+        return points, for_each(slopes, len(points)), whole(strides, "strides")
 
     def apply(
         self, points: NDArray, slopes: ArrayLike | None = None, *, strides: int = 1
@@ -280,10 +275,9 @@ class StrideMap(Section):
         Args:
             points: Points of the section, (n, m).
             slopes: Slope in rad, one for all or (n,); the map's own when None.
-            strides: How many times to apply the map.
+            strides: How many times to apply the map, at least once.
         """
-        points = self._points(points)
-        slopes = self._slopes(slopes, len(points))
+        points, slopes, strides = self._checked(points, slopes, strides)
         results, outcomes = self._follow(points, slopes, np.arange(len(points)), strides)
         return Passage(**_named(results[0]), outcomes=outcomes)
 
@@ -301,7 +295,7 @@ class StrideMap(Section):
         Args:
             points: Points of the section, (n, m).
             slopes: Slope in rad, one for all or (n,); the map's own when None.
-            strides: How many times to apply the map.
+            strides: How many times to apply the map, at least once.
             by: Columns of the derivatives, in order: "state" (one for each coordinate), "slope",
                 a part of `Actuation`, or a parameter of the walker. All other dimensionless
                 quantities are held constant.
@@ -310,8 +304,7 @@ class StrideMap(Section):
         Returns:
             The `Passage`, and a `Change` with the derivatives of its fields.
         """
-        points = self._points(points)
-        slopes = self._slopes(slopes, len(points))
+        points, slopes, strides = self._checked(points, slopes, strides)
         walking, outcomes = np.arange(len(points)), np.empty(len(points), np.int8)
         if len(points) > _FEW:
             # Integrate without derivatives first: a failed stride costs as much as many others.
