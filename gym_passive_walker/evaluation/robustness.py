@@ -21,6 +21,7 @@ from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.evaluation.steps import steps
+from gym_passive_walker.gaits.basin import narrowed
 from gym_passive_walker.gaits.first_passage import SETTLING as FORGETTING
 from gym_passive_walker.gaits.first_passage import FirstPassage, survivors
 from gym_passive_walker.gaits.first_passage_mesh import MeshPassage, mesh_passage
@@ -399,7 +400,7 @@ class _Tries:
             made = self.walk(starts, AFTER, height_changes=way * sizes.ravel()).made
             return (made == AFTER).reshape(sizes.shape)
 
-        return float(_largest(survived, np.ones(1), 0.5)[0])
+        return float(_largest(survived, 1, 0.5)[0])
 
     def largest_pushes(self, way: float, period: float) -> NDArray[np.float64]:
         """The largest pushes forward (way 1) or backward (-1) that are survived, by phase."""
@@ -410,7 +411,7 @@ class _Tries:
             made = self.walk(starts, AFTER, impulses=way * sizes.ravel(), times=times).made
             return (made == AFTER).reshape(sizes.shape)
 
-        return _largest(survived, np.ones(len(PHASES)), 1.0)
+        return _largest(survived, len(PHASES), 1.0)
 
     def recovered(self, initial_error: float, count: int, seed: int) -> tuple[float, float]:
         """The share of starts off the gait from which the walker walks on, and its error."""
@@ -448,22 +449,15 @@ class _Tries:
         return math.inf if last == _ANSWERS - 1 else float(last + 2)
 
 
-def _largest(survived: Any, ones: NDArray, most: float) -> NDArray[np.float64]:
-    """The largest sizes, each with all smaller ones tried, that are survived, to a hundredth.
+def _largest(survived: Any, count: int, most: float) -> NDArray[np.float64]:
+    """Return the largest sizes, each with all smaller ones tried, that are survived, to a hundredth.
 
     Args:
-        survived: Function of sizes (k, tries), whether each is.
-        ones: As many ones as there are results, (k,).
-        most: The largest that is tried.
+        survived: Function of sizes (count, tries) that returns whether walkers survive each.
+        count: Number of sizes wanted.
+        most: Largest size tried.
     """
-    low, high = 0.0 * ones, most * ones
-    share = np.geomspace(1e-4, 1.0, _TRIES)
-    for shares in (share, np.linspace(0.0, 1.0, _TRIES), np.linspace(0.0, 1.0, _TRIES)):
-        sizes = low[:, None] + (high - low)[:, None] * shares
-        kept = np.logical_and.accumulate(survived(sizes), axis=1)
-        last = np.count_nonzero(kept, axis=1)  # sizes up to the first that is not survived
-        rows = np.arange(len(ones))
-        below = np.where(last > 0, sizes[rows, np.maximum(last - 1, 0)], low)
-        above = np.where(last < _TRIES, sizes[rows, np.minimum(last, _TRIES - 1)], high)
-        low, high = below, above
+    low, high, even = np.zeros(count), np.full(count, most), np.linspace(0.0, 1.0, _TRIES)
+    for shares in (np.geomspace(1e-4, 1.0, _TRIES), even, even):
+        low, high, _ = narrowed(survived, low, high, shares)
     return low

@@ -11,6 +11,7 @@ References:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -349,6 +350,28 @@ def _axis(given: ArrayLike | None, otherwise: NDArray, name: str) -> NDArray[np.
     return values
 
 
+def narrowed(
+    survived: Callable[[NDArray], NDArray], low: NDArray, high: NDArray, shares: NDArray
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Narrow down the largest disturbances that walkers survive, each with all smaller ones tried.
+
+    Args:
+        survived: Function of sizes (k, tries) that returns whether walkers survive each of them.
+        low: Sizes that are survived, (k,).
+        high: Sizes that are not, or the largest to be tried, (k,).
+        shares: Where to try, as increasing shares of the way from low to high, (tries,).
+
+    Returns:
+        The new bounds, (k,) each, and the number of tries below the first failure, (k,).
+    """
+    sizes = low[:, None] + (high - low)[:, None] * shares
+    kept = np.logical_and.accumulate(survived(sizes), axis=1)
+    count, rows, last = np.count_nonzero(kept, axis=1), np.arange(len(low)), len(shares) - 1
+    below = np.where(count > 0, sizes[rows, np.maximum(count - 1, 0)], low)
+    above = np.where(count <= last, sizes[rows, np.minimum(count, last)], high)
+    return below, above, count
+
+
 def largest_push(
     walker: MapLike,
     slope: float | None = None,
@@ -389,30 +412,28 @@ def largest_push(
     start = stride_map.points_at(gait.state)
     size = abs(float(start[0, 1]))
 
-    def survived(changes: NDArray) -> NDArray[np.bool_]:
-        points = np.repeat(start, len(changes), axis=0)
-        points[:, 1] += changes
-        return walk_until_settled(stride_map, points, slope, attractors, strides)[0] != FELL
+    share = np.arange(1, _PUSHES + 1) / _PUSHES
 
     def limit(direction: float) -> float:
-        share = np.arange(1, _PUSHES + 1) / _PUSHES
-        high, first = 3.0 * size, 0
-        while first < _PUSHES - 1:  # a basin's edge may be ragged: try smaller ones
-            tried = high * share
-            lost = np.flatnonzero(~survived(direction * tried))
-            if len(lost) == 0:
+        def survived(changes: NDArray) -> NDArray[np.bool_]:
+            points = np.repeat(start, changes.size, axis=0)
+            points[:, 1] += direction * changes[0]
+            settled = walk_until_settled(stride_map, points, slope, attractors, strides)[0]
+            return (settled != FELL)[None]
+
+        high, count = np.array([3.0 * size]), 0
+        while count < _PUSHES - 1:  # a basin's edge may be ragged: try smaller ones
+            low, high, count = narrowed(survived, np.zeros(1), high, share)
+            if count == _PUSHES:
                 return np.inf
-            first, high = lost[0], tried[lost[0]]
             if high < accuracy * size:
                 return 0.0
-        low = tried[-2]
         while high - low > accuracy * size:
-            tried = low + (high - low) * share
-            lost = np.flatnonzero(~survived(direction * tried))
-            if len(lost) == 0:  # the limit is within rounding of the last one
+            between, high, count = narrowed(survived, low, high, share)
+            if count == _PUSHES:  # the limit is within rounding of the last one
                 break
-            low, high = (tried[lost[0] - 1] if lost[0] else low), tried[lost[0]]
-        return low
+            low = between
+        return float(low[0])
 
     # The stance leg's angular velocity is negative when it falls forward.
     time = stride_map.units.time
