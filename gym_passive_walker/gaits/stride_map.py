@@ -38,6 +38,7 @@ LONGEST = 20.0
 
 _VERGE = 1e-8  # fraction of the time until an impact; its square is below rounding
 _FEW = 16
+_ROUGHLY = 1e-6  # tolerance at which failed strides are found
 _NO_SLOPE = "this map has no slope of its own: give one"
 _FIELDS = [field.name for field in fields(Change)]
 _STRUCK, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
@@ -307,9 +308,8 @@ class StrideMap(Section):
         points, slopes, strides = self._checked(points, slopes, strides)
         walking, outcomes = np.arange(len(points)), np.empty(len(points), np.int8)
         if len(points) > _FEW:
-            # Integrate without derivatives first: a failed stride costs as much as many others.
-            plain, outcomes = self._follow(points, slopes, walking, strides)
-            walking = np.flatnonzero(np.isfinite(plain[0, 0]))
+            # Leave failed strides out, as each costs as much as many others.
+            walking, outcomes = self._walking(points, slopes, strides)
         results, ended = self._follow(
             points[walking], slopes[walking], walking, strides,
             ["point" if name == "state" else name for name in by],
@@ -323,6 +323,20 @@ class StrideMap(Section):
         derivatives[:, walking] = results[1:].transpose(1, 2, 0)
         derivatives[np.isnan(values)] = np.nan
         return Passage(**_named(values), outcomes=outcomes), Change(**_named(derivatives))
+
+    @cached_property
+    def _roughly(self) -> Self:
+        """This map at a tolerance that finds nearly all strides that fail."""
+        return self if self.tolerance >= _ROUGHLY else self.with_tolerance(_ROUGHLY)
+
+    def _walking(self, points: NDArray, slopes: NDArray, strides: int) -> tuple[NDArray, NDArray]:
+        """Return which points' strides end with a heelstrike, and the outcomes of the others."""
+        rough, outcomes = self._roughly._follow(points, slopes, np.arange(len(points)), strides)
+        lost = np.flatnonzero(np.isnan(rough[0, 0]))
+        if len(lost) and self._roughly is not self:
+            finer, outcomes[lost] = self._follow(points[lost], slopes[lost], lost, strides)
+            rough[0, 0, lost] = finer[0, 0]
+        return np.flatnonzero(np.isfinite(rough[0, 0])), outcomes
 
     def _follow(
         self,
