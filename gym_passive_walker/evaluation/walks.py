@@ -89,11 +89,6 @@ class Walks:
         """What motors were charged for, over weight and distance."""
         return _ratio(self.motor_work, self.length)
 
-    @property
-    def net_motor_cost(self) -> NDArray:
-        """The motors' net work over weight and distance."""
-        return _ratio(self.net_work, self.length)
-
     def rows(self, agent: str, digits: int | None = 6) -> list[dict[str, Any]]:
         """Return a row for each episode, for a table.
 
