@@ -25,7 +25,7 @@ from gym_passive_walker.walkers import Walker
 Method = Literal["lqr", "deadbeat"]
 
 _REFERENCE_SLOPE = 0.005
-"""Where the passive gait is taken from that a motor then carries to other slopes."""
+"""Slope in rad of the passive gait that is followed to other slopes with a torque."""
 
 _TORQUES = (0.01, 0.02, 0.03, 0.05)  # constant ones tried where there is no way to a gait
 _HALVINGS = 10  # of the way from one slope to another, before it is given up
@@ -34,11 +34,11 @@ _SURVIVES = 1e-9  # singular values below this, relative to the largest, are dir
 
 
 class PoweredGait(NamedTuple):
-    """A gait under a torque that is the same all along.
+    """A gait under a constant torque.
 
     Attributes:
         state: Section state (6,), in the walker's own units.
-        hip_torque: The torque, in the walker's own units.
+        hip_torque: Hip torque, in the walker's own units.
     """
 
     state: NDArray[np.float64]
@@ -46,7 +46,7 @@ class PoweredGait(NamedTuple):
 
 
 def powered_gait(walker: Walker, slope: float) -> PoweredGait:
-    """A gait at any slope: passive where there is one, else with a constant torque.
+    """Find a gait at any slope: passive if there is one, else with a constant torque.
 
     A passive gait of a reference slope is followed to the slope wanted, while a torque takes over
     the work that gravity no longer does. Where that way is lost, steeper uphill, a gait is sought
@@ -99,7 +99,7 @@ def _sought(walker: Walker, slope: float, lost: float) -> PoweredGait:
 
 
 def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> NDArray:
-    """The fixed point near a state.
+    """Return the fixed point near a state, (6,), in the walker's own units.
 
     Raises:
         GaitNotFound: if Newton's method does not settle.
@@ -119,7 +119,7 @@ def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> N
 def gains(
     by_point: NDArray, by_torque: NDArray, method: Method = "lqr", *, torque_weight: float = 100.0
 ) -> NDArray[np.float64]:
-    """Matrix K of the feedback u = -K x, in the coordinates of the section.
+    """Return the matrix K of the feedback u = -K x, in the coordinates of the section.
 
     A stride forgets some directions of its start altogether, so the gains are found on those that
     survive and say nothing about the others.
@@ -154,7 +154,7 @@ def gains(
 
 
 def deadbeat(a: NDArray, b: NDArray) -> NDArray[np.float64]:
-    """Gains that bring x' = A x + B u to rest in as few steps as can be, with the least torques.
+    """Return gains that bring x' = A x + B u to rest in the fewest steps, by least torques.
 
     What no torque moves at once has to come to rest by way of what torques do move: a deadbeat
     feedback of the smaller system says where that should go, and the torques bring it there.

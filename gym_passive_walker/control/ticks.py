@@ -44,7 +44,7 @@ def inputs_of(walker: Walker) -> tuple[str, ...]:
 
 
 class Choice(NamedTuple):
-    """What n walkers' motors are given for a control step, and how that changes.
+    """Controls of n walkers in a control step, and their derivatives.
 
     Attributes:
         held: Torques and push-offs, (n, motors).
@@ -81,7 +81,7 @@ class Steps(NamedTuple):
 
     @property
     def outcomes(self) -> NDArray[np.int64]:
-        """How each ended, an `Outcome`; RUNNING where its time was up."""
+        """`Outcome` of each; RUNNING where its time was up."""
         return self.after["outcome"][:, 0]
 
     @property
@@ -272,7 +272,7 @@ def _beside(parts: Sequence[Steps]) -> Steps:
 
 
 def hold(records: NDArray, motors: Sequence[int], given: NDArray) -> None:
-    """Have some inputs of walkers (n, 1), by their numbers, hold what is given, (n, motors)."""
+    """Set some inputs of walkers (n, 1), by their numbers, to values (n, motors)."""
     for motor, held in zip(motors, given.T, strict=True):
         if motor < records["control"].shape[2]:
             records["control"][:, 0, motor] = held

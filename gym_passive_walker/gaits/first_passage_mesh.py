@@ -53,7 +53,7 @@ _CHUNK = 8192  # interpolations at once
 
 
 class MeshPassage(NamedTuple):
-    """How many strides a walker lasts, computed by a mesh of states.
+    """Strides to a fall, computed by a mesh of states.
 
     Attributes:
         mean: Strides to a fall on average; infinite if no state of the mesh is near a fall.

@@ -219,7 +219,7 @@ class Walkers:
 
     @cached_property
     def section(self) -> Section:
-        """Where their strides begin."""
+        """Poincaré section of the walkers."""
         return Section(walker=self.walker)
 
     @cached_property
@@ -231,7 +231,7 @@ class Walkers:
 
     @cached_property
     def _changes(self) -> dict[str, NDArray[np.float64]]:
-        """How constants change with parameters, as far as they have been asked for."""
+        """Derivatives of the constants by the parameters used so far."""
         return {}
 
     def bodies(
@@ -258,7 +258,7 @@ class Walkers:
 
 @dataclass(eq=False)
 class Flow:
-    """What has become of n walkers; dimensionless.
+    """Result of a flow of n walkers; dimensionless.
 
     ``walked["time"]`` is any field of `engine.layout.RECORD`: values, and k tangents behind each,
     (n, 1 + k, ...).
@@ -296,12 +296,12 @@ class Flow:
 
     @property
     def here(self) -> NDArray:
-        """Where walkers are, to go on from: records, (n, 1)."""
+        """Records to continue from, (n, 1)."""
         return self.records[:, :1]
 
     @property
     def outcomes(self) -> NDArray[np.int64]:
-        """How it ended, an `Outcome` for each, (n,); RUNNING where the time was up."""
+        """`Outcome` of each walker, (n,); RUNNING where the time was up."""
         return self.records["outcome"][:, 0]
 
     @property
@@ -317,7 +317,7 @@ class Flow:
 
     @property
     def states(self) -> NDArray[np.float64]:
-        """Where walkers are, (n, 6); (n, k, 6) at k instants."""
+        """States at the end, (n, 6); (n, k, 6) at k instants."""
         return self._shaped(states_in(self.records[:, 0], self.system.coordinates))
 
     @property
@@ -352,7 +352,7 @@ class Flow:
 
     @cached_property
     def margins(self) -> NDArray[np.float64]:
-        """How far the strikes that happened are from grazing, (n,).
+        """Distances of the strikes from grazing, (n,).
 
         The rate with which what ends a phase falls through zero: of the angle between the links
         that a kneestrike brings together, or of the legs' sum at a heelstrike, in rad over
@@ -374,7 +374,7 @@ class Flow:
     def _rate_of_fall(
         self, lanes: NDArray, times: NDArray, outcome: Outcome
     ) -> NDArray[np.float64]:
-        """How fast a strike's guard changes on the verge of it, for some walkers, (lanes,)."""
+        """Return the rate of a strike's guard just before it, for some walkers, (lanes,)."""
         before = self.before[lanes]
         began = before["time"][:, 0]
         verge = self.again(lanes, times - _VERGE * (times - began))
@@ -592,15 +592,15 @@ def accelerations(
     controls: NDArray,
     ground: Ground,
 ) -> NDArray[np.float64]:
-    """Of each coordinate, of walkers in a phase, (n, m).
+    """Return the acceleration of each coordinate, of walkers in a phase, (n, m).
 
     Args:
-        system: Which equations they obey.
+        system: Equations of the walkers.
         phase: The phase.
-        bodies: Their constants, (1 or n, constants).
-        states: Where they are, (n, 2 m).
-        controls: What is held, (n, controls) or more.
-        ground: What they stand on.
+        bodies: Constants of the walkers, (1 or n, constants).
+        states: States, (n, 2 m).
+        controls: Controls, (n, controls) or more.
+        ground: The ground.
     """
     held = system.Control(*controls.T[: len(system.Control._fields)])  # type: ignore[attr-defined]
     links = phase.accelerations(system.Body(*bodies.T), system.State(*states.T), held, ground)

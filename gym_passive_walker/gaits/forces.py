@@ -1,4 +1,4 @@
-"""What the ground and the knees must carry: contact force and knee torques.
+"""Contact force of the ground, and torques on the stops of the knees.
 
 The equations of motion never name these forces; they follow from the accelerations by Newton's and
 Euler's laws, for the whole walker and for what hangs on either side of a knee. A collision obeys

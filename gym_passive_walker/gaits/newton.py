@@ -17,7 +17,7 @@ _FLOOR = 1e-12
 
 
 class Solution(NamedTuple):
-    """Where Newton's method has come to from n guesses.
+    """Points that Newton's method has reached from n guesses.
 
     Attributes:
         points: (n, k).

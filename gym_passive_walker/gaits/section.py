@@ -49,7 +49,7 @@ class Section:
 
     @property
     def size(self) -> int:
-        """How many numbers a state has."""
+        """Number of entries of a state."""
         return self.dimension if self.own else 6
 
     @property
