@@ -7,13 +7,14 @@ of the torques held through the pieces of the stride. Both matrices are exact de
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from gym_passive_walker.gaits.actuation import Actuation
+from gym_passive_walker.gaits.actuation import Actuation, to_own
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.newton import newton
@@ -85,17 +86,36 @@ def _sought(walker: Walker, slope: float, lost: float) -> PoweredGait:
     Raises:
         GaitNotFound: if there is none.
     """
-    for torque in _TORQUES:
-        own = torque * units_of(walker).torque
-        held = StrideMap.of(walker, controller=Actuation(hip_torque=own))
-        gait = seek(held, slope).gait
-        if gait is not None:
-            return PoweredGait(gait.state, own)
+    found = first_driven(walker, slope, "hip_torque", _TORQUES)
+    if found is not None:
+        return PoweredGait(found[0], found[1].hip_torque)
     raise GaitNotFound(
         f"no gait with a constant torque was found at slope {slope} rad: the gait of slope "
         f"{_REFERENCE_SLOPE} rad was lost at {lost:.4g} rad, and a search found none with up to "
         f"{_TORQUES[-1]:g} m g l"
     )
+
+
+def first_driven(
+    walker: Walker, slope: float, part: str, amounts: Iterable[float]
+) -> tuple[NDArray[np.float64], Actuation] | None:
+    """Search for a gait under one part of an `Actuation`; the first found is taken.
+
+    Args:
+        walker: The walker.
+        slope: Slope in rad.
+        part: Name of the part.
+        amounts: Amounts to try, in turn, dimensionless.
+
+    Returns:
+        State (6,) and actuation of the gait, in the walker's own units; None if there is none.
+    """
+    for amount in amounts:
+        held = to_own(units_of(walker), Actuation(**{part: amount}))
+        gait = seek(StrideMap.of(walker, controller=held), slope).gait
+        if gait is not None:
+            return gait.state, held
+    return None
 
 
 def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> NDArray:

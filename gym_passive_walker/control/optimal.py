@@ -16,16 +16,15 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from gym_passive_walker.arguments import instance, number, shown
-from gym_passive_walker.control.feedback import powered_gait
+from gym_passive_walker.control.feedback import first_driven, powered_gait
 from gym_passive_walker.control.optimum import OptimalGait, Problem, slope_of
 from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.files import replacing
-from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, to_dimensionless, to_own
+from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, to_dimensionless
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.search import seek
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.progress import progress
 from gym_passive_walker.units import units_of
 
@@ -190,14 +189,10 @@ def _driven(scene: Scene) -> tuple[NDArray, Actuation]:
         except GaitNotFound as error:
             refused = error
     for channel, name in (("push_off", "push_off"), ("ankle", "ankle_torque")):
-        if channel not in scene.actions:
-            continue
-        for share in _SHARES:
-            held = Actuation(**{name: share * scene.largest(channel)})
-            own = to_own(units_of(walker), held)
-            gait = seek(StrideMap.of(walker, controller=own), slope).gait
-            if gait is not None:
-                return gait.state, own
+        if channel in scene.actions:
+            amounts = (share * scene.largest(channel) for share in _SHARES)
+            if found := first_driven(walker, slope, name, amounts):
+                return found
     raise refused or GaitNotFound(
         f"no passive gait at slope {slope:g}, and none with a constant "
         f"{' or '.join(scene.actions)} of {_SHARES[0]:g} to {_SHARES[-1]:g} of the largest; "

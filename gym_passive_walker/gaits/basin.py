@@ -391,7 +391,8 @@ def largest_push(
         walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, which may
             have a controller.
         slope: Slope in rad; the map's own when None.
-        gait: The gait that is perturbed; the long-step gait if None.
+        gait: The gait that is perturbed; if None, `walker` if it is a `Gait`, else the long-step
+            gait.
         strides: A gait withstands a perturbation if the walker makes so many strides after it, or
             returns to the gait before that.
         accuracy: Accuracy relative to the gait's stance angular velocity, at least 1e-15, which is
@@ -405,7 +406,7 @@ def largest_push(
     slope, strides = stride_map.chosen(slope), whole(strides, "strides")
     accuracy = number(accuracy, "accuracy", least=_FINEST_PUSH, most=1.0)
     if gait is None:
-        gait = find_gait(stride_map, slope)
+        gait = walker if isinstance(walker, Gait) else find_gait(stride_map, slope)
     instance(gait, Gait, "gait", "gpw.find_gait returns")
     atol = 1e-5 if stride_map.exact else 1e-3
     attractors = Attractors(stride_map, [gait] if gait.stable else [], atol)

@@ -30,24 +30,6 @@ from gym_passive_walker.physics.hybrid import Ground, Outcome, Phase, State, Sys
 from gym_passive_walker.physics.systems import UNEVEN, bodies, bodies_by, system_of, varied_bodies
 from gym_passive_walker.walkers import Mechanism, Walker
 
-__all__ = [
-    "LONGEST_STRIDE",
-    "MEASURES",
-    "MIRRORED",
-    "Flow",
-    "Report",
-    "Walkers",
-    "accelerations",
-    "advance",
-    "flow",
-    "go_on",
-    "new_records",
-    "put_states",
-    "report_of",
-    "rows_of",
-    "states_in",
-]
-
 _SIZE = len(State._fields)
 _STRUCK = int(Outcome.HEELSTRIKE)  # greater outcomes are falls: no strike but this ends a flow
 MIRRORED = np.array([1.0, -1.0, -1.0])

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, TypeAlias, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,6 +32,9 @@ from gym_passive_walker.physics.hybrid import Ground, Outcome, System
 from gym_passive_walker.progress import progress
 from gym_passive_walker.units import unit_of, units_of
 from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerLike, as_any
+
+if TYPE_CHECKING:  # which imports this module
+    from gym_passive_walker.gaits.gait import Gait
 
 LONGEST = 20.0
 """Time limit in sqrt(l/g) of a stride without heelstrike; a usual stride takes 3."""
@@ -88,26 +91,18 @@ class StrideMap(Section):
     """Whether a controller observes the walker and sets its torques."""
 
     @classmethod
-    def of(
-        cls,
-        walker: WalkerLike,
-        *,
-        tolerance: float = 1e-13,
-        max_stride_time: float = LONGEST,
-        end_on_toe_stub: bool = False,
-        controller: Actuation = PASSIVE,
-        slope: float | None = None,
-        terrain: Terrain | None = None,
-    ) -> Self:
-        """Return the stride map of a walker (see `as_walker`); `controller` is in its units."""
+    def of(cls, walker: WalkerLike, *, controller: Actuation = PASSIVE, **fields: Any) -> Self:
+        """Return the stride map of a walker in a form that `as_walker` takes.
+
+        Args:
+            walker: The walker.
+            controller: Actuation in the walker's own units.
+            **fields: Other fields of the map, such as `slope` and `tolerance`.
+        """
         walker = as_any(walker)
-        passive = controller is PASSIVE
-        return cls(
-            walker=walker, tolerance=tolerance, max_stride_time=max_stride_time,
-            end_on_toe_stub=end_on_toe_stub,
-            actuation=PASSIVE if passive else to_dimensionless(units_of(walker), controller),
-            slope=slope, terrain=terrain,
-        )  # fmt: skip
+        if controller is not PASSIVE:
+            fields["actuation"] = to_dimensionless(units_of(walker), controller)
+        return cls(walker=walker, **fields)
 
     def with_tolerance(self, tolerance: float) -> Self:
         """Return this map with another integration tolerance."""
@@ -566,24 +561,25 @@ class StrideMap(Section):
         return np.concatenate([angles + (rates + 0.5 * change) * left, rates + change])
 
 
-MapLike = WalkerLike | Section
-"""Type of the first argument of analyses: a map of `gpw.stride_map`, or a walker in a form that
-`as_walker` takes. Such a walker is passive."""
+MapLike: TypeAlias = Union[WalkerLike, Section, "Gait"]
+"""Type of the first argument of analyses: a map of `gpw.stride_map`, a gait of one, or a walker in
+a form that `as_walker` takes. Such a walker is passive."""
 
 
 def map_of(walker: MapLike, *, tolerance: float) -> StrideMap:
-    """Return a given stride map, or the passive map of a given walker.
+    """Return a given stride map, that of a given gait, or the passive map of a given walker.
 
     Args:
-        walker: A map of `gpw.stride_map`, or a walker in a form that `as_walker` takes.
+        walker: A map of `gpw.stride_map`, a `Gait`, or a walker in a form that `as_walker` takes.
         tolerance: Tolerance of the integration.
 
     Raises:
-        WalkerError: if `walker` is neither.
+        WalkerError: if `walker` is none of them.
     """
-    if isinstance(walker, Section):
-        return walker.with_tolerance(tolerance)  # type: ignore[attr-defined]
-    return StrideMap.of(walker, tolerance=tolerance)
+    given: Any = getattr(walker, "stride_map", walker)
+    if isinstance(given, Section):
+        return given.with_tolerance(tolerance)  # type: ignore[attr-defined]
+    return StrideMap.of(given, tolerance=tolerance)
 
 
 def _named(results: NDArray) -> dict[str, NDArray]:

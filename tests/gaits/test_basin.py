@@ -190,3 +190,12 @@ def test_a_million_cells_take_a_minute_or_so():
     basin = basin_of_attraction("lab", 0.036, resolution=1000)
     assert basin.settled.size == 10**6
     assert 0.1 < basin.walks.mean() < 0.2
+
+
+def test_a_gait_stands_for_its_map_in_analyses():
+    gait = find_gait("E", 0.01, "short")
+    assert largest_push(gait) == largest_push("E", 0.01, gait=gait)
+    found = find_gait(gait, guess=gait.state)
+    np.testing.assert_array_equal(found.state, find_gait("E", 0.01, guess=gait.state).state)
+    given, named = (basin_of_attraction(x, 0.01, resolution=5, strides=20) for x in (gait, "E"))
+    np.testing.assert_array_equal(given.settled, named.settled)
