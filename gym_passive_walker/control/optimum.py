@@ -61,10 +61,10 @@ class OptimalGait:
         hip_cost: The charge of the hip's motor.
         step_period: Time of a stride.
         step_length: Length of a step.
-        point: Where it starts on the section.
+        point: Dimensionless point on the section at which it starts, (m,).
         torques: Torque of each tick, in units of m g l; the last is held until heelstrike.
         multipliers: Moduli of the eigenvalues of the stride map with these torques, open loop.
-        kneestrike_time: When the knee locks; 0 without knees.
+        kneestrike_time: Time of kneestrike over sqrt(l/g); 0 without knees.
         on_edge: Whether that is where a tick ends and has to be: there the cost has a corner, and
             its gradient may have any size along that of the kneestrike's time.
         violation: Largest distance between the end of the stride and its start.
@@ -72,9 +72,9 @@ class OptimalGait:
             largest entry of the cost's own.
         stubs: Whether the toe would stub on it.
         ankle_torques: Torques of the ankle; empty if there is none.
-        ankle_cost: Its charge.
+        ankle_cost: The charge of the ankle's motor.
         push_off: Impulse just before heelstrike, in units of m sqrt(g l).
-        push_off_cost: Its work.
+        push_off_cost: Work of the push-off.
     """
 
     slope: float
@@ -116,7 +116,7 @@ class _Seen:
 
     Attributes:
         best: That point.
-        said: What there is to say of it.
+        said: Message about the end of the optimization.
     """
 
     def __init__(self, start: NDArray, patience: int) -> None:

@@ -79,8 +79,8 @@ class Robustness(Table):
         controller: The controller.
         walker: The walker.
         slope: On which slope, in rad.
-        step_length: Of the gait.
-        period: Of the gait.
+        step_length: Step length of the gait.
+        period: Period of the gait.
         roughness: Standard deviation of the heights of footholds, on rough ground.
         first_passage: Strides to a fall there, sampled or computed by a mesh of states.
         survivors: Share of walkers that are left there after each stride, (strides,). By a mesh:
@@ -91,11 +91,11 @@ class Robustness(Table):
         step_up: Highest step of the ground that the walker walks on over, as it does over any lower
             one that was tried.
         step_down: Deepest step down, in leg lengths.
-        phases: When pushes came, as shares of the period, (k,).
+        phases: Times of pushes, as shares of the period, (k,).
         forward: Largest impulse downhill then, on the hip or on the centre of mass of a `System`,
             in m sqrt(g l), (k,).
         backward: Largest uphill, (k,).
-        initial_error: By which share of the gait's angle and rates starts were off, at most.
+        initial_error: Largest share of the gait's angle and rates by which starts were off.
         recovered: Share of starts within it from which the walker walks on.
         recovered_error: Standard error of this share.
         recovery: Strides after which a small error is a tenth of what it was; infinite if never.
@@ -169,7 +169,7 @@ def robustness(
     Args:
         controller: A passive walker, in a form that `as_walker` takes, or a `System`; a map of
             `stride_map`, or a `Gait` of one; or a controller, in a form that `gauntlet` takes.
-        scene: Where it walks: a `Scene`, its name or a mapping of its arguments. A learned policy's
+        scene: The scene: a `Scene`, its name or a mapping of its arguments. A learned policy's
             own when None. A passive walker needs none, but its slope; without one it may scuff.
         slope: Slope in rad instead of the scene's; the middle of a range when None.
         roughness: Standard deviation of the heights of footholds on rough ground, in leg lengths.
@@ -178,11 +178,11 @@ def robustness(
             is computed from transitions between states, and reaches means that cannot be sampled.
             It needs footholds of random heights alone, and a controller without memory that
             observes at most two of them.
-        walkers: How many walk over rough ground; 4096 passive ones or 512 others when None.
-        strides: How many strides each of them makes there.
-        initial_error: By which share of the gait's angle and rates starts are off, at most.
-        starts: How many are tried.
-        seed: Of ground and starts.
+        walkers: Number of walkers on rough ground; 4096 passive ones or 512 others when None.
+        strides: Number of strides of each of them there.
+        initial_error: Largest share of the gait's angle and rates by which starts are off.
+        starts: Number of starts.
+        seed: Seed of ground and starts.
 
     Returns:
         All measures; print it, `plot` it, or write it with `to_csv`.
@@ -286,7 +286,7 @@ class _Tries:
 
     Args:
         policy: The policy.
-        scene: Its scene.
+        scene: The scene.
     """
 
     def __init__(self, policy: Policy, scene: Scene) -> None:

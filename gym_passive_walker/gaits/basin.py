@@ -359,7 +359,7 @@ def narrowed(
         survived: Function of sizes (k, tries) that returns whether walkers survive each of them.
         low: Sizes that are survived, (k,).
         high: Sizes that are not, or the largest to be tried, (k,).
-        shares: Where to try, as increasing shares of the way from low to high, (tries,).
+        shares: Sizes to try, as increasing shares of the way from low to high, (tries,).
 
     Returns:
         The new bounds, (k,) each, and the number of tries below the first failure, (k,).

@@ -92,7 +92,7 @@ def period_of(values: ArrayLike, longest: int, tolerance: float = 1e-6) -> NDArr
     Args:
         values: Sequences, shape (..., count), longer than `longest`.
         longest: Longest period looked for.
-        tolerance: How nearly they repeat, relative to their size.
+        tolerance: Largest difference of repeated values, relative to their size.
     """
     values = np.asarray(values, dtype=float)
     if not 1 <= longest < values.shape[-1]:

@@ -60,10 +60,10 @@ class Axis(NamedTuple):
 
     Attributes:
         parameter: "slope", a part of `Actuation`, or a parameter of the walker.
-        low: Where the range starts.
-        high: Where it ends.
+        low: Start of the range.
+        high: End of the range.
         slope: Slope in rad, where something else is varied.
-        unit: In which the stride map takes the parameter.
+        unit: Unit in which the stride map takes the parameter.
     """
 
     parameter: str = "slope"
@@ -99,7 +99,7 @@ class Point(NamedTuple):
 
     Attributes:
         y: Coordinates: u of the section, and the varied quantity's.
-        tangent: Of the curve, of length 1.
+        tangent: Tangent of the curve, of length 1.
         map: The stride map's derivative by u over the period.
     """
 
@@ -114,7 +114,7 @@ class Curve:
 
     Attributes:
         stride_map: The stride map of the gaits.
-        axis: What is varied.
+        axis: The varied quantity.
         period: Strides of each gait.
     """
 

@@ -57,7 +57,7 @@ def states_at(
             its final state.
         hip_torque: Torque, as for `stride`.
         ankle_torque: Torque, as for `stride`.
-        tolerance: As for `stride`.
+        tolerance: Tolerance of the integration, as for `stride`.
 
     Returns:
         States (n, 6) and stages (n,).
@@ -106,8 +106,8 @@ def fit(
         samples: Takes times (n,) inside the phase to quantities (n, k).
         start: Time at which the phase starts.
         end: Time at which it ends.
-        units: Of the quantities, (k,): they carry rounding errors of numbers of this size.
-        accuracy: Of the samples, relative to the largest of each quantity.
+        units: Units of the quantities, (k,): their rounding errors are of numbers of this size.
+        accuracy: Accuracy of the samples, relative to the largest of each quantity.
     """
     count, before = _FEWEST, np.full(len(units), np.inf)
     while True:
@@ -177,8 +177,8 @@ class Impulse(NamedTuple):
     """Impulse of the ground on the stance foot in a collision.
 
     Attributes:
-        normal: Away from the ground.
-        tangential: Along the slope, positive downhill.
+        normal: Component away from the ground.
+        tangential: Component along the slope, positive downhill.
         time: Time of the collision.
     """
 
@@ -241,8 +241,8 @@ def phases_of(
     Args:
         stride_map: The stride map.
         slope: Slope in rad.
-        start: Where the stride starts, shape (6,).
-        end: How it ends: with a heelstrike.
+        start: Initial state, shape (6,).
+        end: The stride, which ends with a heelstrike.
         offset: Time at its start.
 
     Raises:

@@ -109,17 +109,17 @@ def rows_of(records: NDArray, entries: tuple[Entry, ...]) -> NDArray[np.float64]
 
 
 class Tangents(NamedTuple):
-    """Along what k tangents lead: their names, and how inputs change along each.
+    """Variables of k tangents: their names, and the changes of inputs along each.
 
     Attributes:
-        names: What each is by, (k,).
+        names: Variable of each, (k,).
         states: Changes of the state, (k, 6) or (n, k, 6).
-        slopes: Of the slope, (k,).
-        controls: Of the controls, (k, controls).
-        push_offs: Of the push-off, (k,).
-        footholds: Of the next foothold's height and turn, (k, 2).
-        starts: Of the coordinates with which the stride began, (k, 3).
-        ends: Of the time to stop, (k,).
+        slopes: Changes of the slope, (k,).
+        controls: Changes of the controls, (k, controls).
+        push_offs: Changes of the push-off, (k,).
+        footholds: Changes of the next foothold's height and slope, (k, 2).
+        starts: Changes of the coordinates with which the stride began, (k, 3).
+        ends: Changes of the time to stop, (k,).
     """
 
     names: tuple[str, ...]
@@ -181,7 +181,7 @@ class Walkers:
     Attributes:
         walker: The walker.
         parameters: Values of parameters in which walkers differ from it, a number or (n,).
-        using: What they have besides legs and the hip's motor: "ankle_torque", "push_off".
+        using: Actuators besides the hip's: "ankle_torque", "push_off".
         tolerance: Error of the integration, relative to the largest angle or rate.
         end_on_toe_stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
     """
@@ -247,10 +247,10 @@ class Flow:
 
     Attributes:
         walkers: The walkers.
-        system: Which equations they obeyed.
-        tangents: Along what tangents lead.
+        system: Equations of the walkers.
+        tangents: Variables of the tangents.
         bodies: The walkers' constants with their tangents, as in `Walkers.bodies`.
-        records: Where they are, tangents behind the values, (n, 1 + k).
+        records: Records at the end, tangents behind the values, (n, 1 + k).
         began: Gives the records from which they came; None for strides after the first.
         on_section: Whether a stride began there.
         instants: Of each of n walkers there are so many in a row, followed to a time each; None
@@ -379,7 +379,7 @@ class Flow:
         Tangents go on from this one: they are of all strides since the first.
 
         Args:
-            on: Which walkers.
+            on: Whether to continue each walker, (n,).
             ground: Slopes of their footholds, and rise and turn of the next; as before when None.
         """
         records, bodies = self.records, self.bodies
@@ -429,22 +429,22 @@ def flow(
 
     Args:
         walkers: The walkers.
-        states: Where they start, (n, 6).
+        states: Initial states, (n, 6).
         slopes: Slope in rad, one for all or (n,).
         controls: Torques that are held: of the hip, one for all or (n,); or of hip and ankle,
             (n, 2).
         push_offs: Impulses just before heelstrike, one for all or (n,).
         rises: Heights of the next footholds, one for all or (n,); None on smooth ground.
-        turns: By how much these slope more steeply, one for all or (n,).
-        until: When to stop at the latest, one for all or (n,).
+        turns: Slope changes to these in rad, one for all or (n,).
+        until: Latest time to stop, one for all or (n,).
         save_at: Times (n, k) instead, in any order, each as exact as any other: every walker is
             followed to k times, side by side. Later ones than its stride's end give the state that
             it ends with; one that is not finite gives nothing.
-        by: Along what tangents lead, in order; see `go_on`.
+        by: Variables of the tangents, in order; see `go_on`.
         along: Directions for "point" instead of the coordinates, (n, m, k); of states, (n, 6, k).
-        lanes: Which walkers these are, where parameters are given for more.
-        threads: How many threads to use; all of numba's when None. It changes no result.
-        backend: What carries records on: `engine.run.advance`, or `gpu.advance` on a device.
+        lanes: Indices of these walkers, if parameters are given for more.
+        threads: Number of threads; all of numba's when None. It changes no result.
+        backend: Function that integrates: `engine.run.advance`, or `gpu.advance` on a GPU.
     """
     instants = None
     if save_at is not None:

@@ -238,7 +238,7 @@ class Violation(NamedTuple):
             asked for, (n, m, columns).
         map: Derivative of the strides' end by their start, (n, m, m). Its eigenvalues are the
             Floquet multipliers.
-        passage: Where the strides lead.
+        passage: Measures of the strides.
         change: Derivatives of `passage`, by the columns of `derivatives`.
     """
 

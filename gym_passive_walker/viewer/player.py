@@ -68,11 +68,11 @@ class Player:
 
     Attributes:
         walk: The walk.
-        sliders: What can be changed.
+        sliders: Sliders of the quantities that can be changed.
         selected: Number of the slider that keys move.
         paused: Whether time stands still.
         pace: The walk's time over that of the window.
-        drag: How far the mouse has dragged the scene, right and up in pixels; None without a drag.
+        drag: Drag of the scene by the mouse, right and up in pixels, (2,); None without one.
         film: The video that is being recorded, if there is one.
         message: A line for the user.
         running: Whether the window stays open.

@@ -110,7 +110,7 @@ class LiveWalk:
     Attributes:
         setup: The setup now.
         map: The stride map of the setup.
-        outcome: How the walk has ended; RUNNING while it continues.
+        outcome: `Outcome` of the walk; RUNNING while it continues.
         strides: Heelstrikes since it began.
         last: The last stride; None if something changed during it.
         trail: The latest samples.
