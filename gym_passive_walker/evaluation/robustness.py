@@ -392,13 +392,16 @@ class _Tries:
             return np.full(_ANSWERS, np.inf)
         return (found.periods[0] - found.periods[1]) / (2.0 * _SMALL)
 
+    def _survived(self, sizes: NDArray, **way: Any) -> NDArray[np.bool_]:
+        """Return whether the walker survives disturbances of some sizes, in their shape."""
+        starts = np.repeat(self.gait[None], sizes.size, axis=0)
+        return (self.walk(starts, AFTER, **way).made == AFTER).reshape(sizes.shape)
+
     def largest_step(self, way: float) -> float:
         """Return the largest step up (way 1) or down (-1) that is survived, with all below it."""
 
         def survived(sizes: NDArray) -> NDArray[np.bool_]:
-            starts = np.repeat(self.gait[None], sizes.size, axis=0)
-            made = self.walk(starts, AFTER, height_changes=way * sizes.ravel()).made
-            return (made == AFTER).reshape(sizes.shape)
+            return self._survived(sizes, height_changes=way * sizes.ravel())
 
         return float(_largest(survived, 1, 0.5)[0])
 
@@ -407,9 +410,7 @@ class _Tries:
 
         def survived(sizes: NDArray) -> NDArray[np.bool_]:
             times = np.broadcast_to(PHASES[:, None] * period, sizes.shape).ravel()
-            starts = np.repeat(self.gait[None], sizes.size, axis=0)
-            made = self.walk(starts, AFTER, impulses=way * sizes.ravel(), times=times).made
-            return (made == AFTER).reshape(sizes.shape)
+            return self._survived(sizes, impulses=way * sizes.ravel(), times=times)
 
         return _largest(survived, len(PHASES), 1.0)
 
