@@ -109,39 +109,34 @@ def rows_of(records: NDArray, entries: tuple[Entry, ...]) -> NDArray[np.float64]
 
 
 class Tangents(NamedTuple):
-    """Variables of k tangents: their names, and the changes of inputs along each.
+    """Variables of k tangents, and the changes of inputs along each.
 
     Attributes:
         names: Variable of each, (k,).
         states: Changes of the state, (k, 6) or (n, k, 6).
         slopes: Changes of the slope, (k,).
-        controls: Changes of the controls, (k, controls).
-        push_offs: Changes of the push-off, (k,).
-        footholds: Changes of the next foothold's height and slope, (k, 2).
-        starts: Changes of the coordinates with which the stride began, (k, 3).
-        ends: Changes of the time to stop, (k,).
+        inputs: Other changes: the field of a record, an index into it, and values (k, ...).
     """
 
     names: tuple[str, ...]
     states: NDArray[np.float64]
     slopes: NDArray[np.float64]
-    controls: NDArray[np.float64]
-    push_offs: NDArray[np.float64]
-    footholds: NDArray[np.float64]
-    starts: NDArray[np.float64]
-    ends: NDArray[np.float64]
+    inputs: tuple[tuple[str, Any, NDArray[np.float64]], ...] = ()
+
+
+_NONE = Tangents((), np.empty((0, _SIZE)), np.empty(0))
 
 
 @lru_cache
 def _tangents(walker: Walker, by: tuple[str, ...], directions: int | None = None) -> Tangents:
     """Tangents by name; of "point" as many as directions are given, else one a coordinate."""
     section = Section(walker=walker)
+    size = section.size
     of_point = (
         section.state(np.eye(section.dimension))
         if directions is None
-        else np.zeros((directions, section.size))
+        else np.zeros((directions, size))
     )
-    size = section.size
     starts = np.eye(size // 2) if section.own else MIRRORED[None]
     of_start = np.zeros((len(starts), size))
     of_state = {"state": np.eye(size), "point": of_point, "start": of_start}
@@ -154,14 +149,17 @@ def _tangents(walker: Walker, by: tuple[str, ...], directions: int | None = None
     controls = controls_of(walker)
     began = np.zeros((len(names), size // 2))
     began[[i for i, name in enumerate(names) if name == "start"]] = starts[: names.count("start")]
-    return Tangents(
-        names,
-        np.concatenate([np.zeros((0, size)), *states]),
-        controls=by_each(*controls).reshape(len(names), len(controls)),
-        footholds=by_each(*UNEVEN).reshape(-1, 2),
-        starts=began,
-        **{f"{name}s": by_each(name).ravel() for name in ("slope", "push_off", "end")},
+    inputs = (
+        ("control", (..., slice(len(controls))), by_each(*controls)),
+        ("push_off", ..., by_each("push_off").ravel()),
+        ("ground", (..., slice(2, None)), by_each(*UNEVEN)),
+        ("start", (..., slice(size // 2)), began),
+        ("end", ..., by_each("end").ravel()),
     )
+    return Tangents(
+        names, np.concatenate([np.zeros((0, size)), *states]), by_each("slope").ravel(),
+        tuple(entry for entry in inputs if entry[2].any()),
+    )  # fmt: skip
 
 
 def controls_of(walker: Walker) -> tuple[str, ...]:
@@ -169,9 +167,6 @@ def controls_of(walker: Walker) -> tuple[str, ...]:
     if isinstance(walker, Mechanism):
         return tuple(f"control {name}" for name in walker.controls)
     return "hip_torque", "ankle_torque"
-
-
-_NONE = Tangents((), np.empty((0, _SIZE)), *(np.empty(0) for _ in Tangents._fields[2:]))
 
 
 @dataclass(kw_only=True, eq=False)  # not frozen: one walker's stride waits for each of these
@@ -470,7 +465,7 @@ def flow(
 
     records = began(len(tangents.names))
     if by:
-        _seed(records, tangents, by)
+        _seed(records, tangents)
     return _followed(
         walkers, system, tangents, walkers.bodies(tangents.names, lanes), records, began, True,
         instants, backend, threads,
@@ -506,7 +501,7 @@ def go_on(
     walked[:, :1] = records
     walked["outcome"] = 0
     if by:
-        _seed(walked, tangents, by)
+        _seed(walked, tangents)
     return _followed(
         walkers, walkers.system((*by, *UNEVEN) if uneven else by), tangents,
         walkers.bodies(tangents.names, lanes), walked, lambda: records, on_section,
@@ -526,24 +521,16 @@ def _tangents_by(walkers: Walkers, by: Sequence[str], along: NDArray | None = No
     return tangents._replace(states=states)
 
 
-def _seed(records: NDArray, tangents: Tangents, by: Collection[str]) -> None:
-    """Let the planes behind records, (n, 1 + k), change along tangents."""
+def _seed(records: NDArray, tangents: Tangents) -> None:
+    """Write the changes along tangents into the planes behind records, (n, 1 + k)."""
     changes = records[:, 1:]  # zero but for what is written here, which takes as long as walking
-    if "state" in by or "point" in by:
+    if "state" in tangents.names or "point" in tangents.names:
         put_states(changes, tangents.states)
-    if tangents.controls.any():
-        changes["control"][..., : tangents.controls.shape[1]] = tangents.controls
-    if "push_off" in by:
-        changes["push_off"] = tangents.push_offs
-    if "height_change" in by or "slope_change" in by:
-        changes["ground"][..., 2:] = tangents.footholds
-    if "slope" in by:
+    if "slope" in tangents.names:
         slope_change = records["ground"][:, :1, 1::-1] * [1.0, -1.0]
         changes["ground"][..., :2] = tangents.slopes[:, None] * slope_change
-    if "start" in by:
-        changes["start"][..., : tangents.starts.shape[1]] = tangents.starts
-    if "end" in by:
-        changes["end"] = tangents.ends
+    for name, index, values in tangents.inputs:
+        changes[name][index] = values
 
 
 def _followed(
