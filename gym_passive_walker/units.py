@@ -7,14 +7,14 @@ in rad in both.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.walkers import Mechanism, Walker
+from gym_passive_walker.walkers import PARAMETERS, Mechanism, Walker
 
 
 class Units(NamedTuple):
@@ -99,40 +99,56 @@ def _of(walker: Any) -> Units:
 _of_walker = lru_cache(maxsize=4096)(_of)
 
 
-_KINDS = {
+UNITS: dict[str, tuple[str, Callable[[Any, Units], Any]]] = {
+    "angle": ("rad", lambda walker, units: 1.0),
+    "length": ("l", lambda walker, units: units.length),
+    "mass": ("m", lambda walker, units: units.energy / (units.length * walker.gravity)),
+    "gravity": ("g", lambda walker, units: walker.gravity),
+    "time": ("√(l/g)", lambda walker, units: units.time),
+    "speed": ("√(g l)", lambda walker, units: units.speed),
+    "torque": ("(m g l)", lambda walker, units: units.torque),
+    "energy": ("(m g l)", lambda walker, units: units.energy),
+    "friction": ("(m l √(g l))", lambda walker, units: units.torque * units.time),
+    "impulse": ("(m √(g l))", lambda walker, units: units.impulse),
+}
+"""Symbol of each kind of unit, and the unit: a function of a walker and its `Units`."""
+
+_NAMES = {
     "length": ("thigh_length", "thigh_offset", "thigh_gyration", "thigh_com", "shank_length",
                "shank_offset", "shank_gyration", "shank_com", "foot_radius"),
     "mass": ("thigh_mass", "shank_mass", "hip_mass"),
     "angle": ("foot_angle",),
-    "stiffness": ("hip_stiffness", "knee_stiffness"),
+    "torque": ("hip_stiffness", "knee_stiffness", "hip_torque"),
     "friction": ("hip_friction",),
+    "gravity": ("gravity",),
+    "energy": ("ankle_torque",),
+    "impulse": ("push_off",),
 }  # fmt: skip
-"""Parameters of a walker by the unit that makes them dimensionless; gravity is always 1 then."""
+KINDS = {name: kind for kind, names in _NAMES.items() for name in names}
+"""Kind of the unit of each parameter of a walker and of its actuation."""
 
-PROPORTIONS = tuple(name for names in _KINDS.values() for name in names)
+PROPORTIONS = tuple(name for name in KINDS if name in PARAMETERS and name != "gravity")
 """Parameters of a walker that have a dimensionless value."""
 
 
-def proportions(walker: Any, names: Sequence[str]) -> list[Any]:
-    """Dimensionless values of some parameters of a walker, in the order of their names.
+def unit_of(walker: Any, name: str) -> Any:
+    """Return the unit of a parameter, in the walker's own units.
 
-    Lengths are over l, masses over m, stiffnesses over m g l, and friction is over
-    m g l sqrt(l/g).
+    Args:
+        walker: A walker, or anything with its attributes: numbers, arrays or tensors.
+        name: A parameter of the walker or of its actuation.
+    """
+    return UNITS[KINDS[name]][1](walker, units_of(walker))
+
+
+def proportions(walker: Any, names: Sequence[str]) -> list[Any]:
+    """Return dimensionless values of some parameters of a walker, in the order of their names.
 
     Args:
         walker: A walker, or anything with its attributes: numbers, arrays or tensors.
         names: Some of PROPORTIONS.
     """
-    units = units_of(walker)
-    scales = {
-        "length": units.length,
-        "mass": units.energy / (units.length * walker.gravity),
-        "angle": 1.0,
-        "stiffness": units.torque,
-        "friction": units.torque * units.time,
-    }
-    kinds = {name: kind for kind, those in _KINDS.items() for name in those}
-    return [getattr(walker, name) / scales[kinds[name]] for name in names]
+    return [getattr(walker, name) / unit_of(walker, name) for name in names]
 
 
 def growth(walker: Walker, parameter: str) -> Units:

@@ -79,7 +79,7 @@ class StrideFeedback:
     angles of stance leg and swing thigh.
 
     Args:
-        name: What the policy is called.
+        name: Name of the policy.
         walker: The walker.
         point: The gait on the section, dimensionless, (m,).
         actions: Of the gait in each control step, as shares of the largest, (N, actions), or (N,)
@@ -128,9 +128,9 @@ class StrideFeedback:
 
         Args:
             observation: One observation or a batch.
-            state: What the last call returned; None at the beginning.
-            episode_start: Which walkers have just begun an episode.
-            deterministic: There is no other way.
+            state: Memory that the last call returned; None at the beginning.
+            episode_start: Whether each walker has just begun an episode.
+            deterministic: Ignored; actions are deterministic.
         """
         seen = np.atleast_2d(np.asarray(observation, dtype=float))
         plan = self.plan(seen[:, self._seen], seen[:, 7])
@@ -179,7 +179,7 @@ class LinearFeedback(StrideFeedback):
             belong to the gait at its middle.
         method: "lqr" or "deadbeat".
         pieces: Torques a stride: 1, or 2 for its halves where torques are held for ticks.
-        torque_weight: Of "lqr"; see `feedback.gains`.
+        torque_weight: Weight of torques with "lqr"; see `feedback.gains`.
 
     Attributes:
         gait: The gait that is held.

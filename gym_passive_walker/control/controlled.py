@@ -43,11 +43,11 @@ _FAR = 0.1  # how far from the start these are, as a share of it
 
 
 class _Seeds(NamedTuple):
-    """How walkers change along k tangents.
+    """Changes of walkers along k tangents.
 
     Attributes:
-        points: Of the section, (n, m, k).
-        moving: What else changes along a tangent, by its number.
+        points: Changes of points of the section, (n, m, k).
+        moving: Parameters that change along a tangent, with its number.
     """
 
     points: NDArray[np.float64]
@@ -63,7 +63,7 @@ class ControlledMap(StrideMap):
             stride from where that begins, and perhaps `plan_by`, their derivatives; or
             `linearize(observation)`, actions with their derivatives; or `predict(observation,
             state, episode_start, deterministic)`. What it remembers starts again with each stride.
-        scene: Which motors it has, how strong they are, and how long it holds them.
+        scene: Scene that gives the actuators, their limits and the control step.
     """
 
     agent: Any
@@ -79,12 +79,12 @@ class ControlledMap(StrideMap):
 
     @property
     def controller_name(self) -> str:
-        """What the controller is called."""
+        """Name of the controller."""
         return str(getattr(self.agent, "name", type(self.agent).__name__))
 
     @property
     def passive(self) -> bool:
-        """It is not: motors follow the controller."""
+        """False: the actuators follow the controller."""
         return False
 
     @property
@@ -121,24 +121,24 @@ class ControlledMap(StrideMap):
 
     @property
     def terrain_lookahead(self) -> int:
-        """How many footholds ahead the controller observes."""
+        """Number of footholds ahead that the controller observes."""
         return self.scene.terrain_lookahead
 
     @property
     def parameters(self) -> dict[str, float]:
-        """What may be varied, in the walker's units."""
+        """Parameters that may be varied, in the walker's own units."""
         if self.own:
             return super().parameters
         return {name: getattr(self.walker, name) for name in PARAMETERS}
 
     @cached_property
     def _motors(self) -> list[int]:
-        """Which of the scene's channels each action is."""
+        """Index of each action among the scene's channels."""
         return [self.scene.channels.index(name) for name in self.scene.actions]
 
     @cached_property
     def _inputs(self) -> list[str]:
-        """What each action sets, as tangents are by it."""
+        """Name of each action's input, as in derivatives."""
         return [inputs_of(self.walker)[motor] for motor in self._motors]
 
     @cached_property
@@ -152,7 +152,7 @@ class ControlledMap(StrideMap):
         )  # fmt: skip
 
     def beginning(self, slopes: ArrayLike) -> NDArray[np.float64]:
-        """Where walks begin at some slopes: as in the environment, near a gait of the walker.
+        """Return points where walks begin, as in the environment: near a gait of the walker.
 
         Args:
             slopes: Slopes in rad, (n,).
@@ -166,7 +166,7 @@ class ControlledMap(StrideMap):
         return self.point(np.array([states[slope] for slope in values]))
 
     def likely(self, slope: float) -> NDArray[np.float64]:
-        """Points near which a gait may be: where walks from the start and beside it have come to.
+        """Return points near which a gait may be: ends of walks from the start and beside it.
 
         Args:
             slope: Slope in rad.
@@ -290,7 +290,7 @@ class ControlledMap(StrideMap):
     def _differences(
         self, points: NDArray, slopes: NDArray, lanes: NDArray, seeds: _Seeds, place: int
     ) -> tuple[NDArray, NDArray]:
-        """As `_stride`, by central differences along the tangents."""
+        """Return what `_stride` does, by central differences along the tangents."""
         change, n = seeds.points, len(points)
         size = np.abs(change).max(axis=1)
         size[:, list(seeds.moving.values())] += 1.0
@@ -339,15 +339,15 @@ class ControlledMap(StrideMap):
         """A stride, control step by control step.
 
         Args:
-            states: Where strides start, (n, 6).
+            states: Initial states, (n, 6).
             slopes: Slope in rad, (n,).
-            lanes: Which walkers these are, where they differ in a parameter.
-            chosen: Which of them are followed; all when None.
+            lanes: Indices of the walkers, where they differ in a parameter.
+            chosen: Indices of the walkers to follow; all when None.
             seeds: Tangents; none when None.
-            change: Of the states along these, (n, 6, k).
-            rises: Heights of the next footholds.
-            turns: By how much these slope more steeply.
-            ahead: What is observed of the footholds ahead, as `look` returns it; smooth when None.
+            change: Changes of the states along these, (n, 6, k).
+            rises: Height changes to the next footholds, in leg lengths.
+            turns: Slope changes to the next footholds, in rad.
+            ahead: Changes to the footholds ahead, as for `look`; smooth when None.
         """
         memory: Any = None
         moving = {} if seeds is None else seeds.moving
@@ -377,16 +377,16 @@ class ControlledMap(StrideMap):
         )  # fmt: skip
 
     def act(self, records: NDArray, slopes: NDArray, memory: Any, step: int) -> Any:
-        """Have the controller choose what motors hold for a control step, in place.
+        """Apply the controller's actions of a control step, in place.
 
         Args:
-            records: Where walkers are, (n, 1).
+            records: Records of the walkers, (n, 1).
             slopes: Slope in rad, (n,).
-            memory: What the last call returned.
-            step: How many control steps the stride has had.
+            memory: Result of the last call; None at the start of a stride.
+            step: Number of control steps that the stride has had.
 
         Returns:
-            What the controller remembers.
+            The controller's memory.
         """
         choice, memory = self._choice(records, slopes, memory, step)
         hold(records, self._motors, choice.held)
@@ -396,7 +396,7 @@ class ControlledMap(StrideMap):
         self, records: NDArray, slopes: NDArray, memory: Any, step: int,
         seeds: _Seeds | None = None, ahead: NDArray | None = None,
     ) -> tuple[Choice, Any]:  # fmt: skip
-        """What motors are given; and what is remembered."""
+        """Return the controls of a control step, and the controller's memory."""
         agent, n = self.agent, len(records)
         seeds = seeds or _Seeds(np.zeros((n, self.dimension, 0)), {})
         width = seeds.points.shape[2]
@@ -447,7 +447,7 @@ class ControlledMap(StrideMap):
     def _observed(
         self, records: NDArray, slopes: NDArray, ahead: NDArray | None
     ) -> NDArray[np.float64]:
-        """What the controller observes of walkers, as in the environment, (n, size)."""
+        """Return the controller's observations, as in the environment, (n, size)."""
         scene, record = self.scene, records[:, 0]
         if self.own:
             return np.column_stack([self._states(records), slopes])
@@ -472,7 +472,7 @@ class ControlledMap(StrideMap):
         return states_in(records[:, 0], self.size // 2)
 
     def _sound(self, points: NDArray) -> NDArray[np.bool_]:
-        """Whether strides may begin at points: no knee bent backwards, no leg on the ground."""
+        """Return where strides may begin: no knee bent backwards, no leg on the ground."""
         if self.own:
             return np.asarray(np.isfinite(points).all(axis=1))
         with np.errstate(invalid="ignore"):
@@ -518,7 +518,7 @@ class ControlledMap(StrideMap):
         turns: ArrayLike | None = None,
         ahead: NDArray | None = None,
     ) -> Samples:
-        """As `sample`, from states (n, 6) just after a heelstrike; see `_steps` for the ground."""
+        """Sample strides from states (n, 6) just after heelstrike; see `_steps` for the ground."""
         (n, k), each = times.shape, np.arange(len(states))
         rises, turns = (0.0 if x is None else x for x in (rises, turns))
         uneven = bool(np.any(rises) or np.any(turns))
@@ -546,7 +546,7 @@ class ControlledMap(StrideMap):
         return found
 
     def _step_at(self, steps: Steps, walkers: NDArray, times: NDArray) -> NDArray[np.intp]:
-        """In which control steps some walkers are at some times, (k,): the last one at the end."""
+        """Return the control steps of some walkers at some times, (k,): the last one at the end."""
         count = int(steps.numbers.max()) + 1
         place = np.zeros((int(steps.walkers.max()) + 1, count), np.intp)
         place[steps.walkers, steps.numbers] = np.arange(len(steps.walkers))

@@ -13,7 +13,7 @@ from gym_passive_walker.control.policy import FunctionPolicy, ModulePolicy, Poli
 from gym_passive_walker.envs.scene import Scene, make_scene
 
 ControllerLike: TypeAlias = Policy | Callable[..., Any] | str | PathLike[str]
-"""What a controller may be given as, wherever one is asked for; see `acting`."""
+"""Type of controller arguments; see `acting`."""
 
 SceneLike: TypeAlias = Scene | str | Mapping[str, Any]
 

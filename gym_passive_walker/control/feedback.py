@@ -7,13 +7,14 @@ of the torques held through the pieces of the stride. Both matrices are exact de
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from gym_passive_walker.gaits.actuation import Actuation
+from gym_passive_walker.gaits.actuation import Actuation, to_own
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.newton import newton
@@ -25,7 +26,7 @@ from gym_passive_walker.walkers import Walker
 Method = Literal["lqr", "deadbeat"]
 
 _REFERENCE_SLOPE = 0.005
-"""Where the passive gait is taken from that a motor then carries to other slopes."""
+"""Slope in rad of the passive gait that is followed to other slopes with a torque."""
 
 _TORQUES = (0.01, 0.02, 0.03, 0.05)  # constant ones tried where there is no way to a gait
 _HALVINGS = 10  # of the way from one slope to another, before it is given up
@@ -34,11 +35,11 @@ _SURVIVES = 1e-9  # singular values below this, relative to the largest, are dir
 
 
 class PoweredGait(NamedTuple):
-    """A gait under a torque that is the same all along.
+    """A gait under a constant torque.
 
     Attributes:
         state: Section state (6,), in the walker's own units.
-        hip_torque: The torque, in the walker's own units.
+        hip_torque: Hip torque, in the walker's own units.
     """
 
     state: NDArray[np.float64]
@@ -46,7 +47,7 @@ class PoweredGait(NamedTuple):
 
 
 def powered_gait(walker: Walker, slope: float) -> PoweredGait:
-    """A gait at any slope: passive where there is one, else with a constant torque.
+    """Find a gait at any slope: passive if there is one, else with a constant torque.
 
     A passive gait of a reference slope is followed to the slope wanted, while a torque takes over
     the work that gravity no longer does. Where that way is lost, steeper uphill, a gait is sought
@@ -85,12 +86,9 @@ def _sought(walker: Walker, slope: float, lost: float) -> PoweredGait:
     Raises:
         GaitNotFound: if there is none.
     """
-    for torque in _TORQUES:
-        own = torque * units_of(walker).torque
-        held = StrideMap.of(walker, controller=Actuation(hip_torque=own))
-        gait = seek(held, slope).gait
-        if gait is not None:
-            return PoweredGait(gait.state, own)
+    found = first_driven(walker, slope, "hip_torque", _TORQUES)
+    if found is not None:
+        return PoweredGait(found[0], found[1].hip_torque)
     raise GaitNotFound(
         f"no gait with a constant torque was found at slope {slope} rad: the gait of slope "
         f"{_REFERENCE_SLOPE} rad was lost at {lost:.4g} rad, and a search found none with up to "
@@ -98,8 +96,30 @@ def _sought(walker: Walker, slope: float, lost: float) -> PoweredGait:
     )
 
 
+def first_driven(
+    walker: Walker, slope: float, part: str, amounts: Iterable[float]
+) -> tuple[NDArray[np.float64], Actuation] | None:
+    """Search for a gait under one part of an `Actuation`; the first found is taken.
+
+    Args:
+        walker: The walker.
+        slope: Slope in rad.
+        part: Name of the part.
+        amounts: Amounts to try, in turn, dimensionless.
+
+    Returns:
+        State (6,) and actuation of the gait, in the walker's own units; None if there is none.
+    """
+    for amount in amounts:
+        held = to_own(units_of(walker), Actuation(**{part: amount}))
+        gait = seek(StrideMap.of(walker, controller=held), slope).gait
+        if gait is not None:
+            return gait.state, held
+    return None
+
+
 def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> NDArray:
-    """The fixed point near a state.
+    """Return the fixed point near a state, (6,), in the walker's own units.
 
     Raises:
         GaitNotFound: if Newton's method does not settle.
@@ -119,7 +139,7 @@ def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> N
 def gains(
     by_point: NDArray, by_torque: NDArray, method: Method = "lqr", *, torque_weight: float = 100.0
 ) -> NDArray[np.float64]:
-    """Matrix K of the feedback u = -K x, in the coordinates of the section.
+    """Return the matrix K of the feedback u = -K x, in the coordinates of the section.
 
     A stride forgets some directions of its start altogether, so the gains are found on those that
     survive and say nothing about the others.
@@ -154,7 +174,7 @@ def gains(
 
 
 def deadbeat(a: NDArray, b: NDArray) -> NDArray[np.float64]:
-    """Gains that bring x' = A x + B u to rest in as few steps as can be, with the least torques.
+    """Return gains that bring x' = A x + B u to rest in the fewest steps, by least torques.
 
     What no torque moves at once has to come to rest by way of what torques do move: a deadbeat
     feedback of the smaller system says where that should go, and the torques bring it there.

@@ -45,7 +45,7 @@ def stride_map(
     terrain: TerrainLike | None = None,
     tolerance: float = 1e-12,
 ) -> StrideMap:
-    """The stride map (the Poincaré map) of a walker, passive or under a controller.
+    """Return the stride map (Poincaré map) of a walker, passive or under a controller.
 
     Whatever takes a walker and a slope takes such a map: gaits, families, bifurcation diagrams,
     basins, simulations and all other analyses.
@@ -128,9 +128,9 @@ def stride_map(
 
 
 def _held(walker: Any, controls: Mapping[str, Any]) -> tuple[Policy | None, Scene | None]:
-    """Controls of a `System` that hold the same in each stride: a policy, and its scene.
+    """Return constant controls of a `System` as a policy, and its scene.
 
-    Both are None if no control holds anything.
+    Both are None if all controls are zero.
 
     Raises:
         ValueError: if the walker is no `System`, or has no such control.
@@ -155,7 +155,7 @@ def _held(walker: Any, controls: Mapping[str, Any]) -> tuple[Policy | None, Scen
 
 
 def _repeating(terrain: TerrainLike | None) -> Terrain | None:
-    """Ground of a stride map; None where it is smooth.
+    """Return the ground of a stride map; None if it is smooth.
 
     Raises:
         ValueError: if it is random, or does not repeat.
@@ -179,7 +179,7 @@ def closed_loop_gait(
     period: int = 1,
     guess: ArrayLike | None = None,
 ) -> Gait:
-    """The periodic gait that a walker has under a policy: `find_gait` of its `stride_map`.
+    """Find the periodic gait of a walker under a policy: `find_gait` of its `stride_map`.
 
     Example:
         >>> import gym_passive_walker as gpw
@@ -211,7 +211,7 @@ def closed_loop_gait(
 
 
 def acting_as(strides: StrideMap, slope: float) -> tuple[Policy, Scene]:
-    """What works a map's motors as a policy, and the scene in which it acts.
+    """Return a map's controller as a policy, and the scene in which it acts.
 
     Args:
         strides: A map of a walker that is not passive.
@@ -235,11 +235,11 @@ def acting_as(strides: StrideMap, slope: float) -> tuple[Policy, Scene]:
 
 
 def map_in(scene: Scene, policy: Policy | None) -> StrideMap:
-    """The stride map of a scene's walker on smooth ground, without disturbances.
+    """Return the stride map of a scene's walker on smooth ground, without disturbances.
 
     Args:
         scene: The scene, of one slope.
-        policy: What works the motors; None for a passive walker.
+        policy: The controller; None for a passive walker.
 
     Raises:
         ValueError: if a stride depends on more than the state in which it begins: the policy
@@ -266,7 +266,7 @@ def map_in(scene: Scene, policy: Policy | None) -> StrideMap:
 
 
 def calm(scene: Scene, slope: float | None = None) -> Scene:
-    """A scene on smooth ground without disturbances, of one slope and one command.
+    """Return a scene without disturbances, on smooth ground of one slope, with one command.
 
     Args:
         scene: The scene. Motors are charged for absolute work, and an agent that sees the ground

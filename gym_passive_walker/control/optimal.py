@@ -16,24 +16,23 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from gym_passive_walker.arguments import instance, number, shown
-from gym_passive_walker.control.feedback import powered_gait
+from gym_passive_walker.control.feedback import first_driven, powered_gait
 from gym_passive_walker.control.optimum import OptimalGait, Problem, slope_of
 from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.files import replacing
-from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, to_dimensionless, to_own
+from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, to_dimensionless
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.search import seek
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.progress import progress
 from gym_passive_walker.units import units_of
 
 STORE = Path(__file__).parent / "gaits"
-"""Where the optimal gaits of named scenes are kept."""
+"""Folder of the stored optimal gaits of named scenes."""
 
 COSTS = Path(__file__).parent / "least_costs.json"
-"""Where their costs of transport are kept, at more speeds."""
+"""File of their costs of transport, at more speeds."""
 
 _SPARE = 1.5  # ticks given to a stride, over those it takes at first
 _ALIKE = 1e-6  # relative difference of costs that is none
@@ -44,7 +43,7 @@ _SHARES = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0)  # of the largest push-off or ankle tor
 def optimal_gait(
     scene: Scene | str | dict[str, Any], speed: float, *, start: OptimalGait | None = None
 ) -> OptimalGait:
-    """The periodic gait of least cost of transport at a speed.
+    """Find the periodic gait of least cost of transport at a speed.
 
     The optimum is a local one: that which lies nearest to where the search starts. Where the scene
     ends an episode on a stubbed toe (`end_on_toe_stub`), the toe clears the ground on it. Where it
@@ -91,7 +90,7 @@ def optimal_gait(
 
 
 def _with_corners(problem: Problem, z: NDArray) -> OptimalGait:
-    """The gait of a solution, or a cheaper one nearby with a knee that locks as a tick ends."""
+    """Return the gait of a solution, or a cheaper one with a knee that locks as a tick ends."""
     best = problem.measured(z)
     for edge in _edges(best, problem.tick):
         problem.edge = edge
@@ -104,12 +103,12 @@ def _with_corners(problem: Problem, z: NDArray) -> OptimalGait:
 
 
 def _cheaper(known: OptimalGait, found: OptimalGait) -> OptimalGait:
-    """The cheaper of two gaits; the one found of those that cost the same."""
+    """Return the cheaper of two gaits; `found` if they cost the same."""
     return found if found.motor_cost <= known.motor_cost * (1.0 + _ALIKE) else known
 
 
 def _shifted(gait: OptimalGait) -> list[OptimalGait]:
-    """The same torques a tick later, and a tick earlier."""
+    """Return gaits with the torques a tick later, and a tick earlier."""
     hip, ankle = gait.torques, gait.ankle_torques
     return [
         replace(gait, torques=hip[:1] + hip, ankle_torques=ankle[:1] + ankle),
@@ -118,7 +117,7 @@ def _shifted(gait: OptimalGait) -> list[OptimalGait]:
 
 
 def _clearing(problem: Problem, starts: list[NDArray]) -> NDArray:
-    """The first solution, from some starts, on which the toe clears the ground.
+    """Return the first solution, from some starts, on which the toe clears the ground.
 
     It is a condition only once a search without it has ended in a gait that the scene forbids: to
     know the swing leg at kneestrike takes about as long as the rest of a stride.
@@ -134,7 +133,7 @@ def _clearing(problem: Problem, starts: list[NDArray]) -> NDArray:
 
 
 def _at_hand(scene: Scene, speed: float) -> OptimalGait | None:
-    """The stored gait of a scene that is nearest in speed, if it is near."""
+    """Return the stored gait of a scene that is nearest in speed; None if none is near."""
     try:
         gaits = load(stored_name(scene))
     except ValueError:
@@ -144,7 +143,7 @@ def _at_hand(scene: Scene, speed: float) -> OptimalGait | None:
 
 
 def _edges(gait: OptimalGait, tick: float) -> list[float]:
-    """The ends of ticks about a gait's kneestrike.
+    """Return the ends of the ticks before and after a gait's kneestrike.
 
     A torque that changes just as the knee locks makes a corner in the cost, and most optima lie in
     one; smooth optimization finds them by holding the kneestrike there.
@@ -156,7 +155,7 @@ def _edges(gait: OptimalGait, tick: float) -> list[float]:
 
 
 def constant_gait(scene: Scene) -> OptimalGait:
-    """A gait with constant torques, zero where it is passive: where searches begin.
+    """Return the gait at which searches begin: passive, or with one constant actuator.
 
     Raises:
         GaitNotFound: if there is none.
@@ -173,7 +172,7 @@ def constant_gait(scene: Scene) -> OptimalGait:
 
 
 def _driven(scene: Scene) -> tuple[NDArray, Actuation]:
-    """The state in which a gait starts that is passive or has one constant motor, and what it does.
+    """Return the initial state of a gait, passive or with one constant actuator, and the actuation.
 
     Raises:
         GaitNotFound: if there is none.
@@ -190,14 +189,10 @@ def _driven(scene: Scene) -> tuple[NDArray, Actuation]:
         except GaitNotFound as error:
             refused = error
     for channel, name in (("push_off", "push_off"), ("ankle", "ankle_torque")):
-        if channel not in scene.actions:
-            continue
-        for share in _SHARES:
-            held = Actuation(**{name: share * scene.largest(channel)})
-            own = to_own(units_of(walker), held)
-            gait = seek(StrideMap.of(walker, controller=own), slope).gait
-            if gait is not None:
-                return gait.state, own
+        if channel in scene.actions:
+            amounts = (share * scene.largest(channel) for share in _SHARES)
+            if found := first_driven(walker, slope, name, amounts):
+                return found
     raise refused or GaitNotFound(
         f"no passive gait at slope {slope:g}, and none with a constant "
         f"{' or '.join(scene.actions)} of {_SHARES[0]:g} to {_SHARES[-1]:g} of the largest; "
@@ -208,7 +203,7 @@ def _driven(scene: Scene) -> tuple[NDArray, Actuation]:
 def optimal_gaits(
     scene: Scene | str | dict[str, Any], speeds: Iterable[float]
 ) -> list[OptimalGait]:
-    """Optimal gaits at several speeds, each found from its neighbours; those that exist.
+    """Find the optimal gaits that exist at several speeds, each from its neighbours.
 
     The search goes outwards from the constant torque's own speed until there is no gait any more,
     and then once back; of two optima at one speed the cheaper one is kept. A passive gait, where
@@ -271,7 +266,7 @@ def load(scene: str) -> list[OptimalGait]:
 
 
 def stored_name(scene: Scene) -> str:
-    """The name of the stored gaits that are of a scene: of its walker, slope, motor and charge.
+    """Return the name of the stored gaits of a scene: of its walker, slope, actuators and charge.
 
     Raises:
         ValueError: if there are none.
@@ -288,7 +283,7 @@ def stored_name(scene: Scene) -> str:
 
 
 def least_cost(gaits: str | Sequence[OptimalGait], speed: float) -> float:
-    """Cost of transport of the optimum at a speed; NaN outside the known speeds.
+    """Return the optimum's cost of transport at a speed; NaN outside the known speeds.
 
     Between known speeds the logarithm of the cost is interpolated by monotone cubic polynomials.
     The costs of named scenes are stored at intervals of 0.00125 √(g l) or less. Midway between them
@@ -314,7 +309,7 @@ def least_cost(gaits: str | Sequence[OptimalGait], speed: float) -> float:
 
 @cache
 def stored_costs(scene: str) -> list[tuple[float, float]]:
-    """Speeds over sqrt(g l) and the optimum's costs of transport there, of a named scene.
+    """Return speeds over sqrt(g l) and the optimum's costs of transport, of a named scene.
 
     Raises:
         ValueError: if none are stored.

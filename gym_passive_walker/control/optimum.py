@@ -41,13 +41,13 @@ _NEWTON = 3  # iterations that close a stride, from where the optimization left 
 _CLOSED = 1e-9  # from its end to its start, at most, for a stride to be a gait
 _NEAR = 1e-7  # a bound, at which an unknown counts as at it
 _AHEAD = np.array([[-1.0, 1.0], [1.0, 1.0]])
-"""By stance and swing angle: how far the swing leg is ahead, and how far further from vertical."""
+"""Derivatives, by stance and swing angle, of the swing leg's lead and of its extra inclination."""
 
 _CLEAR = (
     1e-3  # rad of either as the knee locks, at the least, where the toe has to clear the ground
 )
 _SHARES = {"absolute": (1.0, 0.0), "positive": (0.5, 0.5), "net": (0.0, 1.0)}
-"""Of absolute and of net work, in what the motor is charged for."""
+"""Shares of absolute and of net work in the energy that is charged."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,10 +61,10 @@ class OptimalGait:
         hip_cost: The charge of the hip's motor.
         step_period: Time of a stride.
         step_length: Length of a step.
-        point: Where it starts on the section.
+        point: Dimensionless point on the section at which it starts, (m,).
         torques: Torque of each tick, in units of m g l; the last is held until heelstrike.
         multipliers: Moduli of the eigenvalues of the stride map with these torques, open loop.
-        kneestrike_time: When the knee locks; 0 without knees.
+        kneestrike_time: Time of kneestrike over sqrt(l/g); 0 without knees.
         on_edge: Whether that is where a tick ends and has to be: there the cost has a corner, and
             its gradient may have any size along that of the kneestrike's time.
         violation: Largest distance between the end of the stride and its start.
@@ -72,9 +72,9 @@ class OptimalGait:
             largest entry of the cost's own.
         stubs: Whether the toe would stub on it.
         ankle_torques: Torques of the ankle; empty if there is none.
-        ankle_cost: Its charge.
+        ankle_cost: The charge of the ankle's motor.
         push_off: Impulse just before heelstrike, in units of m sqrt(g l).
-        push_off_cost: Its work.
+        push_off_cost: Work of the push-off.
     """
 
     slope: float
@@ -116,7 +116,7 @@ class _Seen:
 
     Attributes:
         best: That point.
-        said: What there is to say of it.
+        said: Message about the end of the optimization.
     """
 
     def __init__(self, start: NDArray, patience: int) -> None:
@@ -201,14 +201,14 @@ class Problem:
         )  # fmt: skip
 
     def at(self, z: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
-        """The motors' cost with its gradient, and what has to vanish with its derivative."""
+        """Return the motors' cost with its gradient, and the equality constraints with theirs."""
         cost, gradient, gap, by_gap, _, _ = self._known(z)
         if self.edge is None:  # the last one is when the knee locks
             return cost, gradient, gap[:-1], by_gap[:-1]
         return cost, gradient, gap - np.append(np.zeros(self.m + 1), self.edge), by_gap
 
     def room(self, z: NDArray) -> tuple[NDArray, NDArray]:
-        """What must not be negative for the toe to clear the ground, and its derivative.
+        """Return conditions that must not be negative for the toe to clear the ground; derivatives.
 
         As the knee locks, a straight leg is above the ground if it is ahead of the stance leg and
         further from the vertical. Empty where that is no condition.
@@ -216,7 +216,7 @@ class Problem:
         return self._known(z)[4:]
 
     def _known(self, z: NDArray) -> tuple[float, NDArray, NDArray, NDArray, NDArray, NDArray]:
-        """What there is to know of z; of the last one it is kept."""
+        """Return cost, constraints and derivatives at z; those of the last z are kept."""
         key = z.tobytes(), self.clears
         if key != self._last[0]:
             try:
@@ -228,7 +228,7 @@ class Problem:
         return self._last[1]
 
     def charges(self, z: NDArray, walked: TickedStride) -> tuple[NDArray, float]:
-        """What the motors are charged for each torque and for the push-off."""
+        """Return the charges for each torque, and the charge for the push-off."""
         held, torques = self.largest * sum(self.parts(z)), self.torques(z).ravel()
         of_torques = self.absolute * held * walked.turn.ravel()
         of_torques += self.net * torques * walked.swing.ravel()
@@ -241,7 +241,7 @@ class Problem:
         return np.hstack([by[:, :m], by_torque, -by_torque, by_push])
 
     def _room(self, z: NDArray, walked: TickedStride) -> tuple[NDArray, NDArray]:
-        """What `room` returns."""
+        """Compute the result of `room`."""
         if not self.clears:
             return np.empty(0), np.empty((0, len(z)))
         walkers = Walkers(walker=self.scene.walker, using=("ankle_torque",) * (self.motors == 2))
@@ -269,7 +269,7 @@ class Problem:
         return cost, (by_work - cost * by_length) / length, gap, by_gap, *self._room(z, walked)
 
     def solve(self, start: NDArray, *, known: float | None = None) -> NDArray:
-        """The solution nearest to a start.
+        """Return the solution nearest to a start.
 
         The algebra of SLSQP grows with the cube of the unknowns, and most parts end at a bound:
         after a few iterations those are set aside that are there and would not leave.
@@ -317,11 +317,11 @@ class Problem:
         return z
 
     def allowed(self, z: NDArray) -> bool:
-        """Whether the scene allows a gait: no toe stubs where that ends an episode."""
+        """Return whether the scene allows a gait: no toe stubs where that ends an episode."""
         return not (self.scene.end_on_toe_stub and self._stubs(z))
 
     def _stubs(self, z: NDArray) -> bool:
-        """Whether the toe would stub."""
+        """Return whether the toe would stub."""
         if not self.scene.walker.knees:
             return False
         try:
@@ -331,12 +331,12 @@ class Problem:
         return False
 
     def _hopeless(self, z: NDArray, known: float) -> bool:
-        """Whether z neither closes its stride nor is as cheap as a gait that is known."""
+        """Return whether z neither closes its stride nor is as cheap as a known gait."""
         cost, _, gap, _ = self.at(z)
         return cost > known and float(np.max(np.abs(gap))) > _OPEN
 
     def _motors(self) -> str:
-        """The motors, for people."""
+        """Return a description of the actuators, for messages."""
         units = ("m g l at the hip", "m g l at the ankle", "m sqrt(g l) as a push-off")
         return " and ".join(
             f"up to {self.scene.largest(name):g} {unit}"
@@ -347,7 +347,7 @@ class Problem:
     def _minimised(
         self, start: NDArray, free: NDArray, iterations: int, patience: int = _PATIENCE
     ) -> tuple[NDArray, str]:
-        """Where some of the unknowns come to, the others being held; and what SLSQP said."""
+        """Optimize some of the unknowns, the others held; return z and the message of SLSQP."""
         scale = 100.0  # of the cost, to the size of the constraints
         z, seen = start.copy(), _Seen(start[free], patience)
 
@@ -405,7 +405,7 @@ class Problem:
         return np.concatenate([state, parts, parts, push])
 
     def _lagrangian(self, z: NDArray) -> NDArray:
-        """The Lagrangian's gradient."""
+        """Return the Lagrangian's gradient."""
         _, gradient, _, by_gap = self.at(z)
         room, by_room = self.room(z)
         by_gap = np.vstack([by_gap, by_room[room < _NEAR]])
@@ -415,7 +415,7 @@ class Problem:
         return gradient - by_gap.T @ multipliers
 
     def optimality(self, z: NDArray) -> float:
-        """How far z is from fulfilling the Karush-Kuhn-Tucker conditions; see `OptimalGait`."""
+        """Return the violation of the Karush-Kuhn-Tucker conditions at z; see `OptimalGait`."""
         rest, (low, high) = self._lagrangian(z), self.box.T
         at_low, at_high = z < low + _NEAR, z > high - _NEAR
         rest[at_low], rest[at_high] = np.minimum(rest[at_low], 0.0), np.maximum(rest[at_high], 0.0)
@@ -424,7 +424,7 @@ class Problem:
         return float(np.max(np.abs(rest))) / largest if largest else 0.0
 
     def begun(self, point: ArrayLike, torques: Iterable[ArrayLike], push_off: float) -> NDArray:
-        """The z at a point of the section, under torques of hip and ankle and a push-off."""
+        """Return the z at a point of the section, under torques of hip and ankle and a push-off."""
         shares = np.zeros((self.motors, self.ticks))
         for row, held, most in zip(shares, torques, self.largest[:: self.ticks], strict=False):
             held = np.asarray(held)
@@ -436,11 +436,11 @@ class Problem:
         return np.concatenate([np.asarray(point), parts])
 
     def begun_at(self, gait: OptimalGait) -> NDArray:
-        """The z of another gait."""
+        """Return the z of another gait."""
         return self.begun(gait.point, (gait.torques, gait.ankle_torques), gait.push_off)
 
     def measured(self, z: NDArray) -> OptimalGait:
-        """What there is to say of a solution."""
+        """Return the gait of a solution."""
         cost, _, gap, _ = self.at(z)
         walked, scene = self.walk(z), self.scene
         taken = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)

@@ -1,4 +1,4 @@
-"""What acts on a walker: the protocol, and functions and torch modules that follow it."""
+"""Protocol of controllers, and adapters for functions and torch modules."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gym_passive_walker.arguments import shown
 
 
 class Policy(Protocol):
-    """Whatever acts: stable-baselines3's algorithms, learned policies, baselines."""
+    """Protocol of controllers: stable-baselines3's algorithms, trained policies, baselines."""
 
     def predict(
         self,

@@ -44,13 +44,13 @@ def inputs_of(walker: Walker) -> tuple[str, ...]:
 
 
 class Choice(NamedTuple):
-    """What n walkers' motors are given for a control step, and how that changes.
+    """Controls of n walkers in a control step, and their derivatives.
 
     Attributes:
         held: Torques and push-offs, (n, motors).
-        by_state: Their derivatives by the states in which the step begins, (n, motors, 6); None
+        by_state: Derivatives of `held` by the states at the step's beginning, (n, motors, 6); None
             where it is chosen without them.
-        along: How else they change along tangents, (n, motors, k); None if they do not.
+        along: Further changes of `held` along tangents, (n, motors, k); None if there are none.
     """
 
     held: NDArray[np.float64]
@@ -64,10 +64,10 @@ class Steps(NamedTuple):
     Attributes:
         walkers: The walkers of these steps, (s,).
         numbers: The how-manieth of its stride each is, from 0, (s,).
-        before: Where each begins, what is held and until when: records, (s, 1).
-        after: Where it ends, (s, 1).
-        change: How states with which they begin change along tangents, (s, 6, k).
-        held: What motors hold, values before tangents, (s, motors, 1 + k).
+        before: Records at the beginning of each, with controls and end time, (s, 1).
+        after: Records at the end of each, (s, 1).
+        change: Changes of their initial states along tangents, (s, 6, k).
+        held: Controls, values before tangents, (s, motors, 1 + k).
         rows: Values and tangents of the rows of `report_of`, (s, rows, 1 + k).
     """
 
@@ -81,7 +81,7 @@ class Steps(NamedTuple):
 
     @property
     def outcomes(self) -> NDArray[np.int64]:
-        """How each ended, an `Outcome`; RUNNING where its time was up."""
+        """`Outcome` of each; RUNNING where its time was up."""
         return self.after["outcome"][:, 0]
 
     @property
@@ -110,18 +110,18 @@ def follow(
 
     Args:
         batch: The walkers.
-        records: Where strides begin, (n, 1).
+        records: Records at the beginning of strides, (n, 1).
         choose: Function of which walkers (c,), their records (c, 1) and the control step's number,
             that says what their motors are given; of all walkers also once some strides have ended.
-        motors: Which of `inputs_of` the motors are.
-        tick: How long a control step is.
-        max_stride_time: When a stride is given up.
-        lanes: Which of these walkers each is, where these differ in a parameter.
-        change: Of the states along k tangents, (n, 6, k); None without tangents.
-        moving: What else changes along tangents, one each: "slope", or parameters of the walkers.
-        columns: Along which.
+        motors: Names of the actuators, some of `inputs_of`.
+        tick: Length of a control step, over sqrt(l/g).
+        max_stride_time: Time after which a stride is given up, over sqrt(l/g).
+        lanes: Index of each walker among `batch`, where these differ in a parameter.
+        change: Changes of the states along k tangents, (n, 6, k); None without tangents.
+        moving: Parameters that change along one tangent each: "slope", or the walkers' own.
+        columns: Numbers of these tangents.
         uneven: Whether next footholds lie otherwise than these.
-        chosen: Which walkers are followed; all when None.
+        chosen: Indices of the walkers to follow; all when None.
         in_turn: Whether control steps are followed one after the other with their tangents.
     """
     again = partial(
@@ -201,10 +201,10 @@ def _chained(
     Args:
         after: Their ends, with tangents by the steps' own state and motors, (s, 1 + k).
         walkers: The walkers of these records, (s,).
-        edges: Where those of each number begin, and the end of all.
-        choices: What motors were given in those of each number.
-        change: Of walkers' states as strides begin, (n, 6, k); those at their ends afterwards.
-        columns: Along which tangents something else changes.
+        edges: Index at which the steps of each number begin, and the end of all.
+        choices: Controls in the steps of each number.
+        change: Changes of initial states, (n, 6, k); changed in place to those of final states.
+        columns: Tangents along which a parameter changes.
         report: The rows that are reported.
     """
     columns, size = list(columns), report.size
@@ -272,7 +272,7 @@ def _beside(parts: Sequence[Steps]) -> Steps:
 
 
 def hold(records: NDArray, motors: Sequence[int], given: NDArray) -> None:
-    """Have some inputs of walkers (n, 1), by their numbers, hold what is given, (n, motors)."""
+    """Set some inputs of walkers (n, 1), by their numbers, to values (n, motors)."""
     for motor, held in zip(motors, given.T, strict=True):
         if motor < records["control"].shape[2]:
             records["control"][:, 0, motor] = held
@@ -288,18 +288,18 @@ class TickedStride(NamedTuple):
     a walker.
 
     Attributes:
-        end: Where each ends on the section, (n, m).
+        end: Final point on the section, (n, m).
         duration: Time taken, (n,).
         length: Step length, (n,).
-        swing: How far the hip opened while each torque was held, (n, N): the net work of a unit.
-        turn: How far it turned, either way, (n, N): the absolute work of a unit.
+        swing: Net opening of the hip while each torque was held, (n, N): the net work of a unit.
+        turn: Total rotation of the hip, either way, (n, N): the absolute work of a unit.
         push_work: Work of the push-off, (n,).
-        kneestrike: When the knee locks, (n,); 0 without knees.
+        kneestrike: Time of kneestrike, (n,); 0 without knees.
         by: Derivatives of all these, in this order, (n, m + 4 + 2 T, m + T + others). They are by
             the m coordinates of the initial state, the T torques, the push-off if there is one,
             and the other variables that were named.
-        outcomes: How each ended, an `Outcome`, (n,).
-        steps: Their control steps.
+        outcomes: `Outcome` of each, (n,).
+        steps: The control steps.
     """
 
     end: NDArray[np.float64]
@@ -345,10 +345,10 @@ def ticked_stride(
         slope: Slope in rad.
         point: Start on the section, (m,).
         torques: Torques of the hip (N,), or of hip and ankle (2, N); see `ticked_strides`.
-        tick: How long a torque is held.
+        tick: Time for which a torque is held.
         push_off: Impulse just before heelstrike, if there is one.
         end_on_toe_stub: Whether a stubbed toe ends the stride.
-        tolerance: Of the integration.
+        tolerance: Tolerance of the integration.
 
     Raises:
         NoStride: if the stride does not end with a heelstrike.
@@ -385,7 +385,7 @@ def ticked_strides(
         points: Starts on the section, (n, m).
         torques: Torques of the hip, (n, N), or of hip and ankle, (n, 2, N); the last one is held
             until heelstrike, and those that come after it have no effect.
-        tick: How long a torque is held.
+        tick: Time for which a torque is held.
         push_offs: Impulses just before heelstrike, (n,), if there are any.
         by: Columns of derivatives behind those by coordinates and motors: "slope", or parameters
             of the walker.

@@ -1,1 +1,1 @@
-"""How well what acts walks: episodes, robustness, and steps noted to be differentiated."""
+"""Evaluation of controllers: episodes, robustness, and derivatives of an environment's steps."""

@@ -1,4 +1,4 @@
-"""Steps of an environment, noted as they are made and differentiated all at once.
+"""Steps of an environment, recorded as they are made and differentiated all at once.
 
 A step begins where the one before has ended, so once all are made each can be differentiated by
 itself: any number of walkers and steps are one call of the engine, and the chain rule, backwards
@@ -30,7 +30,7 @@ _STRUCK = int(Outcome.HEELSTRIKE)
 
 
 class Linear(NamedTuple):
-    """How T steps of n walkers change with where each begins and with the action in it.
+    """Derivatives of T steps of n walkers by initial state and action of each step.
 
     States are the first six numbers of an observation; actions are those within their bounds. All
     is 0 in a step in which a walker falls; a stride that falls takes back what its distance
@@ -75,13 +75,13 @@ class StepRecorder:
         self._walkers: list = []
 
     def record(self, actions: NDArray) -> None:
-        """Take note of a step that is about to be made, with its actions, (n,) or (n, 1)."""
+        """Record a step that is about to be made, with its actions, (n,) or (n, 1)."""
         self._records.append(self._batch.records.copy())
         self._actions.append(np.array(actions, dtype=float).reshape(-1))
         self._walkers += self._batch.walkers
 
     def linearize(self) -> Linear:
-        """How the steps since the last `clear` change."""
+        """Return the derivatives of the steps since the last `clear`."""
         scene, rules = self._scene, self._batch.rules[0]
         shape = (len(self._records), self._batch.count)
         torques = scene.max_hip_torque * np.concatenate(self._actions).clip(-1.0, 1.0)
@@ -116,7 +116,7 @@ class StepRecorder:
         )
 
     def _recorded(self) -> Walkers:
-        """All walkers that were noted."""
+        """Return all walkers of the recorded steps."""
         scene, parameters = self._scene, {}
         if len(set(map(id, self._walkers))) > 1:
             parameters = {
@@ -132,7 +132,7 @@ class StepRecorder:
 
 
 def _stands(fell: NDArray[np.bool_], begins: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Whether the stride that each step is a part of does not fall, as far as is known, (T, n).
+    """Return whether each step's stride does not end in a fall, as far as is known, (T, n).
 
     Args:
         fell: Whether each walker falls in a step, (T, n).

@@ -1,4 +1,4 @@
-"""What `plot` draws of how much a walk bears."""
+"""Plots of robustness."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""How much a walk bears: rough ground, steps up and down, pushes, and starts far from its gait.
+"""Disturbances that a walk withstands: rough ground, steps, pushes, and starts off its gait.
 
-Everything is tried in the environment, under its controller: none, a feedback or a learned
-policy. Only how long a passive walker lasts is asked of the engine itself, which is faster.
+Each is simulated in the environment, passive or under a controller. Only the first-passage time of
+a passive walker is sampled by the engine itself, which is faster.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.evaluation.steps import steps
+from gym_passive_walker.gaits.basin import narrowed
 from gym_passive_walker.gaits.first_passage import SETTLING as FORGETTING
 from gym_passive_walker.gaits.first_passage import FirstPassage, survivors
 from gym_passive_walker.gaits.first_passage_mesh import MeshPassage, mesh_passage
@@ -35,13 +36,13 @@ from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Mechanism, Walker, WalkerLike, as_any, is_walker, name_of
 
 SETTLING = 200
-"""Strides that a walker makes to come to its gait, before it is tried."""
+"""Strides in which a walker settles on its gait, before any disturbance."""
 
 AFTER = 30
-"""Strides that a walker has to make after what it is tried by."""
+"""Strides that a walker must make after a disturbance to count as a survivor."""
 
 PHASES = np.linspace(0.0, 0.9, 10)
-"""When pushes come, as shares of the gait's period."""
+"""Times of pushes, as shares of the gait's period."""
 
 _TRIES = 24  # sizes that are tried at once
 _SMALL = 1e-4  # leg lengths: a step with an answer in proportion to it
@@ -54,14 +55,14 @@ _CALM = {
 
 
 class _Walks(NamedTuple):
-    """What has become of n walkers.
+    """Walks of n walkers.
 
     Attributes:
-        made: Strides that each has made, (n,).
-        periods: The time that each took, (n, strides); NaN where there is none.
-        states: With what state each stride ended, in the walker's own units, (n, strides, 6), or
+        made: Number of strides of each, (n,).
+        periods: Time of each stride in sqrt(l/g), (n, strides); NaN where there is none.
+        states: State at the end of each stride, in the walker's own units, (n, strides, 6), or
             (n, strides, 2 m) of a `System`.
-        lengths: The length of each stride, in leg lengths, (n, strides).
+        lengths: Step length of each stride, in leg lengths, (n, strides).
     """
 
     made: NDArray[np.int64]
@@ -78,8 +79,8 @@ class Robustness(Table):
         controller: The controller.
         walker: The walker.
         slope: On which slope, in rad.
-        step_length: Of the gait.
-        period: Of the gait.
+        step_length: Step length of the gait.
+        period: Period of the gait.
         roughness: Standard deviation of the heights of footholds, on rough ground.
         first_passage: Strides to a fall there, sampled or computed by a mesh of states.
         survivors: Share of walkers that are left there after each stride, (strides,). By a mesh:
@@ -90,11 +91,11 @@ class Robustness(Table):
         step_up: Highest step of the ground that the walker walks on over, as it does over any lower
             one that was tried.
         step_down: Deepest step down, in leg lengths.
-        phases: When pushes came, as shares of the period, (k,).
+        phases: Times of pushes, as shares of the period, (k,).
         forward: Largest impulse downhill then, on the hip or on the centre of mass of a `System`,
             in m sqrt(g l), (k,).
         backward: Largest uphill, (k,).
-        initial_error: By which share of the gait's angle and rates starts were off, at most.
+        initial_error: Largest share of the gait's angle and rates by which starts were off.
         recovered: Share of starts within it from which the walker walks on.
         recovered_error: Standard error of this share.
         recovery: Strides after which a small error is a tenth of what it was; infinite if never.
@@ -168,7 +169,7 @@ def robustness(
     Args:
         controller: A passive walker, in a form that `as_walker` takes, or a `System`; a map of
             `stride_map`, or a `Gait` of one; or a controller, in a form that `gauntlet` takes.
-        scene: Where it walks: a `Scene`, its name or a mapping of its arguments. A learned policy's
+        scene: The scene: a `Scene`, its name or a mapping of its arguments. A learned policy's
             own when None. A passive walker needs none, but its slope; without one it may scuff.
         slope: Slope in rad instead of the scene's; the middle of a range when None.
         roughness: Standard deviation of the heights of footholds on rough ground, in leg lengths.
@@ -177,11 +178,11 @@ def robustness(
             is computed from transitions between states, and reaches means that cannot be sampled.
             It needs footholds of random heights alone, and a controller without memory that
             observes at most two of them.
-        walkers: How many walk over rough ground; 4096 passive ones or 512 others when None.
-        strides: How many strides each of them makes there.
-        initial_error: By which share of the gait's angle and rates starts are off, at most.
-        starts: How many are tried.
-        seed: Of ground and starts.
+        walkers: Number of walkers on rough ground; 4096 passive ones or 512 others when None.
+        strides: Number of strides of each of them there.
+        initial_error: Largest share of the gait's angle and rates by which starts are off.
+        starts: Number of starts.
+        seed: Seed of ground and starts.
 
     Returns:
         All measures; print it, `plot` it, or write it with `to_csv`.
@@ -281,11 +282,11 @@ def _alone(scene: Scene) -> dict[str, Any]:
 
 
 class _Tries:
-    """Walks by which a policy is tried.
+    """Simulated walks that test a policy.
 
     Args:
         policy: The policy.
-        scene: Where.
+        scene: The scene.
     """
 
     def __init__(self, policy: Policy, scene: Scene) -> None:
@@ -303,15 +304,15 @@ class _Tries:
         seed: int = 0,
         **way: Any,
     ) -> _Walks:
-        """Let walkers walk.
+        """Simulate walks.
 
         Args:
-            states: Where each begins, (n, 6) or (n, 2 m); where the scene's episodes do when None.
-            strides: How many they may make.
-            terrain: What they walk over instead of smooth ground.
-            count: How many walk, where no states are given.
+            states: Initial states, (n, 6) or (n, 2 m); those of the scene's episodes when None.
+            strides: Largest number of strides.
+            terrain: Terrain; smooth ground when None.
+            count: Number of walkers, if no states are given.
             seed: Seed of the disturbances.
-            **way: What is put in their way; see `Batch.schedule_events`.
+            **way: Scheduled disturbances; see `Batch.schedule_events`.
         """
         count = count if states is None else len(states)
         idle = _IDLE if terrain is None else {**_IDLE, "terrain": terrain}
@@ -365,7 +366,7 @@ class _Tries:
     def left(
         self, terrain: Terrain, count: int, strides: int, seed: int, *, in_scene: bool
     ) -> NDArray[np.int64]:
-        """How many walkers are left on rough ground, before any stride and after each.
+        """Return the number of walkers left on rough ground, before any stride and after each.
 
         The engine alone, without the scene, follows passive walkers faster.
         """
@@ -383,7 +384,7 @@ class _Tries:
         return np.array([count, *(np.count_nonzero(made > k) for k in range(strides))])
 
     def period_response(self) -> NDArray[np.float64]:
-        """By how much periods change after a small step in the ground, per leg length of it."""
+        """Return changes of the period after a small step in the ground, per leg length of it."""
         found = self.walk(
             np.repeat(self.gait[None], 2, axis=0), _ANSWERS, height_changes=[_SMALL, -_SMALL]
         )
@@ -391,35 +392,36 @@ class _Tries:
             return np.full(_ANSWERS, np.inf)
         return (found.periods[0] - found.periods[1]) / (2.0 * _SMALL)
 
+    def _survived(self, sizes: NDArray, **way: Any) -> NDArray[np.bool_]:
+        """Return whether the walker survives disturbances of some sizes, in their shape."""
+        starts = np.repeat(self.gait[None], sizes.size, axis=0)
+        return (self.walk(starts, AFTER, **way).made == AFTER).reshape(sizes.shape)
+
     def largest_step(self, way: float) -> float:
-        """The largest step up (way 1) or down (-1) that is survived, with all below it."""
+        """Return the largest step up (way 1) or down (-1) that is survived, with all below it."""
 
         def survived(sizes: NDArray) -> NDArray[np.bool_]:
-            starts = np.repeat(self.gait[None], sizes.size, axis=0)
-            made = self.walk(starts, AFTER, height_changes=way * sizes.ravel()).made
-            return (made == AFTER).reshape(sizes.shape)
+            return self._survived(sizes, height_changes=way * sizes.ravel())
 
-        return float(_largest(survived, np.ones(1), 0.5)[0])
+        return float(_largest(survived, 1, 0.5)[0])
 
     def largest_pushes(self, way: float, period: float) -> NDArray[np.float64]:
-        """The largest pushes forward (way 1) or backward (-1) that are survived, by phase."""
+        """Return the largest pushes survived, forward (way 1) or backward (-1), by phase."""
 
         def survived(sizes: NDArray) -> NDArray[np.bool_]:
             times = np.broadcast_to(PHASES[:, None] * period, sizes.shape).ravel()
-            starts = np.repeat(self.gait[None], sizes.size, axis=0)
-            made = self.walk(starts, AFTER, impulses=way * sizes.ravel(), times=times).made
-            return (made == AFTER).reshape(sizes.shape)
+            return self._survived(sizes, impulses=way * sizes.ravel(), times=times)
 
-        return _largest(survived, np.ones(len(PHASES)), 1.0)
+        return _largest(survived, len(PHASES), 1.0)
 
     def recovered(self, initial_error: float, count: int, seed: int) -> tuple[float, float]:
-        """The share of starts off the gait from which the walker walks on, and its error."""
+        """Return the share of starts off the gait from which the walker walks on, and its error."""
         made = self.walk(self.near(initial_error, count, seed), AFTER).made
         share = float(np.mean(made == AFTER))
         return share, math.sqrt(share * (1.0 - share) / len(made))
 
     def near(self, initial_error: float, count: int, seed: int) -> NDArray[np.float64]:
-        """States with both feet down, with angles and rates up to a share off the gait's.
+        """Return states with both feet down, with angles and rates up to a share off the gait's.
 
         Fewer than `count` if some of a `System` cannot have both feet down.
         """
@@ -435,7 +437,7 @@ class _Tries:
         return states[np.isfinite(states).all(axis=1)]
 
     def recovery(self, seed: int, off: float = 0.01) -> float:
-        """Strides until walkers a little off the gait are ten times as near to it."""
+        """Return the strides until walkers a little off the gait are ten times as near to it."""
         starts = self.near(off, 32, seed)
         found = self.walk(starts, _ANSWERS)
         units = units_of(self.scene.walker)
@@ -448,22 +450,15 @@ class _Tries:
         return math.inf if last == _ANSWERS - 1 else float(last + 2)
 
 
-def _largest(survived: Any, ones: NDArray, most: float) -> NDArray[np.float64]:
-    """The largest sizes, each with all smaller ones tried, that are survived, to a hundredth.
+def _largest(survived: Any, count: int, most: float) -> NDArray[np.float64]:
+    """Return the largest sizes survived, each with all smaller ones tried, to a hundredth.
 
     Args:
-        survived: Function of sizes (k, tries), whether each is.
-        ones: As many ones as there are results, (k,).
-        most: The largest that is tried.
+        survived: Function of sizes (count, tries) that returns whether walkers survive each.
+        count: Number of sizes wanted.
+        most: Largest size tried.
     """
-    low, high = 0.0 * ones, most * ones
-    share = np.geomspace(1e-4, 1.0, _TRIES)
-    for shares in (share, np.linspace(0.0, 1.0, _TRIES), np.linspace(0.0, 1.0, _TRIES)):
-        sizes = low[:, None] + (high - low)[:, None] * shares
-        kept = np.logical_and.accumulate(survived(sizes), axis=1)
-        last = np.count_nonzero(kept, axis=1)  # sizes up to the first that is not survived
-        rows = np.arange(len(ones))
-        below = np.where(last > 0, sizes[rows, np.maximum(last - 1, 0)], low)
-        above = np.where(last < _TRIES, sizes[rows, np.minimum(last, _TRIES - 1)], high)
-        low, high = below, above
+    low, high, even = np.zeros(count), np.full(count, most), np.linspace(0.0, 1.0, _TRIES)
+    for shares in (np.geomspace(1e-4, 1.0, _TRIES), even, even):
+        low, high, _ = narrowed(survived, low, high, shares)
     return low

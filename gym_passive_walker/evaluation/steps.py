@@ -16,13 +16,13 @@ class Step(NamedTuple):
     """A step of n walkers under a policy.
 
     Attributes:
-        actions: What the policy did, (n, 1).
-        observations: What it sees next, (n, 8); what is written into them it does see.
+        actions: Actions of the policy, (n, actions).
+        observations: Next observations, (n, size); changes to them reach the policy.
         rewards: Shape (n,).
         terminated: Whether each episode has ended, (n,).
         truncated: Whether each time limit is reached, (n,).
         struck: Whether each stride has ended with a heelstrike, (n,).
-        infos: As returned by the vector environment.
+        infos: `infos` of the vector environment.
     """
 
     actions: NDArray[np.float32]
@@ -40,7 +40,7 @@ def steps(policy: Policy, envs: VectorEnv, observations: NDArray[np.float32]) ->
     Args:
         policy: The policy.
         envs: A native batch that has just been reset, in its usual "NextStep" mode.
-        observations: What the reset returned.
+        observations: Observations that the reset returned.
     """
     memory, first = None, np.ones(envs.num_envs, bool)
     nobody = np.zeros(envs.num_envs, bool)

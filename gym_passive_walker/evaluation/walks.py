@@ -1,4 +1,4 @@
-"""Walks: what becomes of an agent in a number of episodes, and what there is to say of it."""
+"""Episodes of an agent, and their statistics."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gym_passive_walker.evaluation.steps import steps
 from gym_passive_walker.progress import progress
 
 HUNDRED = 100
-"""Strides after which a walk counts as one that goes on."""
+"""Strides after which a walk counts as long."""
 
 WALKED_ON = "walked on"
 """The ending of a walk that the time limit ended."""
@@ -33,7 +33,7 @@ _PER_EPISODE = ("seeds", "slopes", "reward", *_MEDIANS, "gravity_cost")
 
 @dataclass(frozen=True, kw_only=True)
 class Walks:
-    """Some episodes of one agent, each entry an array over episodes; dimensionless.
+    """Episodes of one agent, each entry an array over episodes; dimensionless.
 
     Attributes:
         seeds: Seed of each episode.
@@ -43,10 +43,10 @@ class Walks:
         strides: Heelstrikes.
         length: Distance of the complete strides.
         duration: Time of the complete strides.
-        motor_work: What all motors were charged for in them, over weight and leg length.
-        net_work: Their net work in them.
-        gravity_work: What gravity paid in them.
-        endings: How each ended: "walked on" to the time limit, or an outcome's name.
+        motor_work: Charged work of all actuators in them, over weight and leg length.
+        net_work: Net work of the actuators in them, over weight and leg length.
+        gravity_work: Work of gravity in them, over weight and leg length.
+        endings: Ending of each: "walked on" to the time limit, or an outcome's name.
     """
 
     seeds: NDArray
@@ -76,7 +76,7 @@ class Walks:
 
     @property
     def gravity_cost(self) -> NDArray:
-        """Gravity's share of the cost of transport."""
+        """Work of gravity over weight and distance; NaN without a stride."""
         return _ratio(self.gravity_work, self.length)
 
     @property
@@ -86,19 +86,14 @@ class Walks:
 
     @property
     def motor_cost(self) -> NDArray:
-        """What motors were charged for, over weight and distance."""
+        """Charged work of the actuators over weight and distance; NaN without a stride."""
         return _ratio(self.motor_work, self.length)
-
-    @property
-    def net_motor_cost(self) -> NDArray:
-        """The motors' net work over weight and distance."""
-        return _ratio(self.net_work, self.length)
 
     def rows(self, agent: str, digits: int | None = 6) -> list[dict[str, Any]]:
         """Return a row for each episode, for a table.
 
         Args:
-            agent: The name of what acted.
+            agent: Name of the agent.
             digits: Decimal places that numbers are rounded to; None leaves them as they are.
         """
         exact = {name: getattr(self, name) for name in _PER_EPISODE}

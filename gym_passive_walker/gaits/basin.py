@@ -11,6 +11,7 @@ References:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -131,17 +132,17 @@ class Attractors:
         self.owner: list[int] = []
         finely = stride_map.with_tolerance(_ALONG)
         for index, gait in enumerate(gaits):
-            point = finely.points_at(gait.state)
+            point = finely.points(gait.state)
             for _ in range(gait.period):
-                self.points.append(finely.chart(point)[0])
+                self.points.append(point.chart[0])
                 self.owner.append(index)
-                point = finely.apply(point, gait.slope).ends
+                point = finely.at(finely.apply(point.values, gait.slope).ends)
 
     def of(self, points: NDArray) -> NDArray[np.int8]:
         """Return the index (n,) of the gait near each point (n, m); UNSETTLED if there is none."""
         index = np.full(len(points), UNSETTLED, np.int8)
         with np.errstate(invalid="ignore"):  # on a step the stance angle may be negative
-            u = self._stride_map.chart(points)
+            u = self._stride_map.at(points).chart
         for point, owner in zip(self.points, self.owner, strict=True):
             index[np.abs(u - point).max(axis=1) < self.atol] = owner
         return index
@@ -236,7 +237,7 @@ def _slice(
     assert gait is not None
     exact = stride_map.with_tolerance(_EXACT)
     duration = float(gait.stride.duration) / stride_map.units.time
-    before = exact.before_strike(exact.points_at(gait.state)[0], gait.slope, duration)
+    before = exact.before_strike(gait.point.values[0], gait.slope, duration)
     if stride_map.own:
         system: Any = stride_map.walker
         m = system.coordinates
@@ -349,6 +350,28 @@ def _axis(given: ArrayLike | None, otherwise: NDArray, name: str) -> NDArray[np.
     return values
 
 
+def narrowed(
+    survived: Callable[[NDArray], NDArray], low: NDArray, high: NDArray, shares: NDArray
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Narrow down the largest disturbances that walkers survive, each with all smaller ones tried.
+
+    Args:
+        survived: Function of sizes (k, tries) that returns whether walkers survive each of them.
+        low: Sizes that are survived, (k,).
+        high: Sizes that are not, or the largest to be tried, (k,).
+        shares: Sizes to try, as increasing shares of the way from low to high, (tries,).
+
+    Returns:
+        The new bounds, (k,) each, and the number of tries below the first failure, (k,).
+    """
+    sizes = low[:, None] + (high - low)[:, None] * shares
+    kept = np.logical_and.accumulate(survived(sizes), axis=1)
+    count, rows, last = np.count_nonzero(kept, axis=1), np.arange(len(low)), len(shares) - 1
+    below = np.where(count > 0, sizes[rows, np.maximum(count - 1, 0)], low)
+    above = np.where(count <= last, sizes[rows, np.minimum(count, last)], high)
+    return below, above, count
+
+
 def largest_push(
     walker: MapLike,
     slope: float | None = None,
@@ -368,7 +391,8 @@ def largest_push(
         walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, which may
             have a controller.
         slope: Slope in rad; the map's own when None.
-        gait: The gait that is perturbed; the long-step gait if None.
+        gait: The gait that is perturbed; if None, `walker` if it is a `Gait`, else the long-step
+            gait.
         strides: A gait withstands a perturbation if the walker makes so many strides after it, or
             returns to the gait before that.
         accuracy: Accuracy relative to the gait's stance angular velocity, at least 1e-15, which is
@@ -382,37 +406,35 @@ def largest_push(
     slope, strides = stride_map.chosen(slope), whole(strides, "strides")
     accuracy = number(accuracy, "accuracy", least=_FINEST_PUSH, most=1.0)
     if gait is None:
-        gait = find_gait(stride_map, slope)
+        gait = walker if isinstance(walker, Gait) else find_gait(stride_map, slope)
     instance(gait, Gait, "gait", "gpw.find_gait returns")
     atol = 1e-5 if stride_map.exact else 1e-3
     attractors = Attractors(stride_map, [gait] if gait.stable else [], atol)
     start = stride_map.points_at(gait.state)
     size = abs(float(start[0, 1]))
 
-    def survived(changes: NDArray) -> NDArray[np.bool_]:
-        points = np.repeat(start, len(changes), axis=0)
-        points[:, 1] += changes
-        return walk_until_settled(stride_map, points, slope, attractors, strides)[0] != FELL
+    share = np.arange(1, _PUSHES + 1) / _PUSHES
 
     def limit(direction: float) -> float:
-        share = np.arange(1, _PUSHES + 1) / _PUSHES
-        high, first = 3.0 * size, 0
-        while first < _PUSHES - 1:  # a basin's edge may be ragged: try smaller ones
-            tried = high * share
-            lost = np.flatnonzero(~survived(direction * tried))
-            if len(lost) == 0:
+        def survived(changes: NDArray) -> NDArray[np.bool_]:
+            points = np.repeat(start, changes.size, axis=0)
+            points[:, 1] += direction * changes[0]
+            settled = walk_until_settled(stride_map, points, slope, attractors, strides)[0]
+            return (settled != FELL)[None]
+
+        high, count = np.array([3.0 * size]), 0
+        while count < _PUSHES - 1:  # a basin's edge may be ragged: try smaller ones
+            low, high, count = narrowed(survived, np.zeros(1), high, share)
+            if count == _PUSHES:
                 return np.inf
-            first, high = lost[0], tried[lost[0]]
             if high < accuracy * size:
                 return 0.0
-        low = tried[-2]
         while high - low > accuracy * size:
-            tried = low + (high - low) * share
-            lost = np.flatnonzero(~survived(direction * tried))
-            if len(lost) == 0:  # the limit is within rounding of the last one
+            between, high, count = narrowed(survived, low, high, share)
+            if count == _PUSHES:  # the limit is within rounding of the last one
                 break
-            low, high = (tried[lost[0] - 1] if lost[0] else low), tried[lost[0]]
-        return low
+            low = between
+        return float(low[0])
 
     # The stance leg's angular velocity is negative when it falls forward.
     time = stride_map.units.time

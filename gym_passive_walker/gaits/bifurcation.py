@@ -1,4 +1,4 @@
-"""What becomes of a gait that has lost its stability: settled walks, chaos, crisis.
+"""Settled walks, chaos and crises, beyond the stability of a gait.
 
 A settled walk is found by walking; lanes take many slopes at once. The doublings themselves are
 not read off a diagram but located on the unstable gaits (see `doubling`).
@@ -45,11 +45,11 @@ class BifurcationDiagram(Table):
     Attributes:
         walker: The walker.
         slope: Slopes in rad, (n,).
-        stance_angle: Stance angles of successive strides once settled, rad, (n, keep); NaN where
+        stance_angle: Stance angles in rad of successive settled strides, (n, n_recorded); NaN where
             the walker fell.
         period: Strides after which the settled walk repeats, (n,); 0 where it does not, for the
             longest period looked for, or where the walker fell.
-        state: The last section state, (n, 6), in the walker's own units.
+        state: Last states on the Poincaré section, (n, 6), in the walker's own units.
     """
 
     walker: Walker
@@ -60,11 +60,11 @@ class BifurcationDiagram(Table):
 
     @property
     def walks(self) -> NDArray[np.bool_]:
-        """Where the walker still walks."""
+        """Whether the walker still walks, (n,)."""
         return np.isfinite(self.stance_angle[:, -1])
 
     def facts(self) -> dict[str, str]:
-        """Over which slopes, and what was found there."""
+        """Range of slopes, and the periods found."""
         slopes = self.slope
         periods = ", ".join(map(str, np.unique(self.period[self.period > 0])))
         return {
@@ -76,7 +76,7 @@ class BifurcationDiagram(Table):
         }
 
     def columns(self) -> dict[str, NDArray]:
-        """A row for each stride kept, slope by slope."""
+        """A row for each recorded stride, slope by slope."""
         count, n_recorded = self.stance_angle.shape
         return {
             "slope": np.repeat(self.slope, n_recorded),
@@ -87,12 +87,12 @@ class BifurcationDiagram(Table):
 
 
 def period_of(values: ArrayLike, longest: int, tolerance: float = 1e-6) -> NDArray[np.int64]:
-    """The smallest period with which sequences repeat; 0 where none does.
+    """Return the smallest period with which sequences repeat; 0 where none does.
 
     Args:
         values: Sequences, shape (..., count), longer than `longest`.
         longest: Longest period looked for.
-        tolerance: How nearly they repeat, relative to their size.
+        tolerance: Largest difference of repeated values, relative to their size.
     """
     values = np.asarray(values, dtype=float)
     if not 1 <= longest < values.shape[-1]:
@@ -107,7 +107,7 @@ def period_of(values: ArrayLike, longest: int, tolerance: float = 1e-6) -> NDArr
 
 
 def nearest_on(family: GaitFamily, slopes: NDArray) -> NDArray[np.float64]:
-    """States on a family at given slopes, by interpolation; NaN where it has none.
+    """Return states on a family at given slopes, by interpolation; NaN where it has none.
 
     Where a family passes a slope more than once, the gait nearest to being stable is taken.
 
@@ -135,16 +135,16 @@ def nearest_on(family: GaitFamily, slopes: NDArray) -> NDArray[np.float64]:
 def beginnings(
     stride_map: StrideMap, slopes: NDArray, kind: GaitKind, start: ArrayLike | None
 ) -> NDArray[np.float64]:
-    """Where to begin to walk.
+    """Return the points from which walks begin.
 
     Args:
         stride_map: The stride map.
-        slopes: rad, (n,).
-        kind: Which gait to begin beside.
-        start: A section state to begin with instead, or one for each slope.
+        slopes: Slopes in rad, (n,).
+        kind: Gait to begin beside.
+        start: Initial states instead, (6,) or (n, 6), in the walker's own units.
 
     Returns:
-        Points, one for each slope; NaN where there is no gait.
+        Points (n, m); NaN where there is no gait.
     """
     kind = gait_kind(kind)
     if start is not None:
@@ -169,7 +169,7 @@ def beginnings(
 def _settle(
     stride_map: StrideMap, points: NDArray, slopes: NDArray, n_transient: int, n_recorded: int
 ) -> tuple[NDArray, NDArray]:
-    """Stance angles of the strides kept, (n, keep), and the points at their end."""
+    """Return the stance angles of the recorded strides, (n, n_recorded), and the last points."""
     if n_transient:
         points = stride_map.apply(points, slopes, strides=n_transient).ends
     angles = np.empty((len(slopes), n_recorded))
@@ -200,18 +200,18 @@ def bifurcation_diagram(
         walker: The walker, in a form that `as_walker` takes; or a map of `stride_map` with
             its controller.
         slopes: Slopes in rad, in the order in which a sweep takes them.
-        n_transient: Strides taken before any is kept.
-        n_recorded: Strides kept.
-        start: A section state to begin with, or one for each slope. If not given, each slope is
-            begun just beside its period-one gait, stable or not.
-        kind: Which gait to begin beside.
-        sweep: Begin each slope from where the one before has settled, as long as that walks. One
-            slope after the other is slow; all of them as lanes is not.
-        longest_period: Longest period looked for.
-        tolerance: Of the integration.
+        n_transient: Transient strides, which are not recorded.
+        n_recorded: Recorded strides.
+        start: Initial state on the Poincaré section, (6,), or one for each slope, (n, 6). If None,
+            each walk begins just beside the period-one gait of its slope, stable or not.
+        kind: Gait to begin beside, "long" or "short".
+        sweep: Whether each slope begins with the settled walk of the slope before, if that still
+            walks. Slopes are then simulated one after the other, which is slower.
+        longest_period: Longest period detected.
+        tolerance: Tolerance of the integration.
 
     Returns:
-        The diagram; rows without a walk are NaN.
+        The `BifurcationDiagram`; rows of walkers that fell are NaN.
 
     Raises:
         GaitNotFound: if there is no gait in the range of slopes to begin with.
@@ -258,23 +258,26 @@ def crisis_slope(
     accuracy: float = 1e-7,
     tolerance: float = 1e-10,
 ) -> float:
-    """The slope at which settled walking ends.
+    """Find the slope at which settled walking ends.
 
-    Walkers spread over the settled walk at `low` are taken to steeper slopes as long as none of
-    them falls. Just beyond the crisis walks last long before they end, so the slope found is
-    slightly too high, the less so the more strides and walkers; near it a gap may be missed that
-    is narrower than the search's steps.
+    Walkers spread over the settled walk at `low` are moved to steeper slopes until one of them
+    falls. Just beyond the crisis walks last long before they end, so the slope found is slightly
+    too high. More strides and more walkers reduce this error. A range without a settled walk is
+    missed if it is narrower than the search's steps.
 
     Args:
         walker: The walker, or a map of `stride_map`, as for `bifurcation_diagram`.
-        low: A slope in rad at which the walk begun settles.
-        high: A slope beyond the crisis.
-        start: A section state to begin with at `low`; beside the gait if None.
-        strides: How long all of them have to walk.
-        walkers: How many walk at each slope.
-        kind: Which gait to begin beside.
-        accuracy: In rad, at least 1e-15.
-        tolerance: Of the integration.
+        low: Slope in rad at which the walk settles.
+        high: Slope in rad beyond the crisis.
+        start: Initial state at `low` on the Poincaré section, (6,); beside the gait if None.
+        strides: Strides that all walkers must make.
+        walkers: Number of walkers at each slope.
+        kind: Gait to begin beside, "long" or "short".
+        accuracy: Accuracy in rad, at least 1e-15.
+        tolerance: Tolerance of the integration.
+
+    Returns:
+        The slope in rad.
 
     Raises:
         ValueError: if the walker falls at `low`, or walks on at `high`.
@@ -307,7 +310,7 @@ def crisis_slope(
 
 
 def _all_walk(stride_map: StrideMap, points: NDArray, slope: float, strides: int) -> NDArray:
-    """Where walkers stand after some strides, given up as soon as one falls."""
+    """Return walkers' points after some strides; stop as soon as one falls."""
     for _ in range(0, strides, 50):
         points = stride_map.apply(points, slope, strides=50).ends
         if not np.all(np.isfinite(points)):
@@ -326,23 +329,24 @@ def lyapunov_exponents(
     kind: GaitKind = "long",
     tolerance: float = 1e-10,
 ) -> NDArray[np.float64]:
-    """Lyapunov exponents of the settled walk, per stride, from exact derivatives of each stride.
+    """Compute Lyapunov exponents of settled walks, per stride, from exact derivatives.
 
-    A positive one means chaos: neighbouring walks part by its exponential at each stride. On a
-    stable gait of period n they are ln|multipliers| / n.
+    A positive exponent means chaos: neighbouring walks diverge by its exponential at each stride.
+    On a stable gait of period n the exponents are ln|multipliers| / n.
 
     Args:
         walker: The walker, or a map of `stride_map`, as for `bifurcation_diagram`.
         slopes: Slopes in rad.
-        count: How many exponents, from the largest on; at most the section's dimension.
-        strides: Strides averaged over.
-        n_transient: Strides taken before.
-        start: A section state to begin with, or one for each slope; beside the gait if None.
-        kind: Which gait to begin beside.
-        tolerance: Of the integration.
+        count: Number of exponents, from the largest on; at most the section's dimension.
+        strides: Strides of the average.
+        n_transient: Transient strides before them.
+        start: Initial state on the Poincaré section, (6,), or one for each slope, (n, 6); beside
+            the gait if None.
+        kind: Gait to begin beside, "long" or "short".
+        tolerance: Tolerance of the integration.
 
     Returns:
-        Shape (n, count), largest first; NaN where the walker falls.
+        Exponents (n, count), largest first; NaN where the walker falls.
     """
     stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
     values = several_slopes(slopes, downhill=stride_map.passive)
@@ -363,11 +367,11 @@ def lyapunov_exponents(
             if len(walking) == 0:
                 break
             # In logarithmic coordinates, as rates are of another size than angles.
-            along = stride_map.by_chart(points) @ frames
+            along = stride_map.at(points).by_chart @ frames
             passage, change = stride_map.linearize(points, values[walking], along=along)
             on = passage.alive
             walking, points, sums = walking[on], passage.ends[on], sums[on]
-            frames, triangle = np.linalg.qr(stride_map.in_chart(points, change.ends[on]))
+            frames, triangle = np.linalg.qr(stride_map.at(points).in_chart(change.ends[on]))
             with np.errstate(divide="ignore"):  # a direction that a strike forgets: minus infinity
                 sums = sums + np.log(np.abs(np.diagonal(triangle, axis1=1, axis2=2)))
     exponents[walking] = sums / strides

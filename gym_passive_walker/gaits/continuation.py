@@ -56,14 +56,14 @@ _GLIDING = 0.01
 
 
 class Axis(NamedTuple):
-    """What is varied along a curve: slopes downhill by their logarithm, all else by its share.
+    """The varied quantity of a curve: downhill slopes by their logarithm, others by their share.
 
     Attributes:
         parameter: "slope", a part of `Actuation`, or a parameter of the walker.
-        low: Where the range starts.
-        high: Where it ends.
+        low: Start of the range.
+        high: End of the range.
         slope: Slope in rad, where something else is varied.
-        unit: In which the stride map takes the parameter.
+        unit: Unit in which the stride map takes the parameter.
     """
 
     parameter: str = "slope"
@@ -78,19 +78,19 @@ class Axis(NamedTuple):
         return self.parameter == "slope" and self.low > 0.0
 
     def coordinate(self, value: float) -> float:
-        """The coordinate of a value."""
+        """Return the coordinate of a value."""
         if self.downhill:
             return float(np.log(value))
         return (value - self.low) / (self.high - self.low)
 
     def value(self, coordinate: Any) -> Any:
-        """The value at a coordinate, or those at several."""
+        """Return the values at coordinates."""
         if self.downhill:
             return np.exp(coordinate)
         return coordinate * (self.high - self.low) + self.low
 
     def rate(self, coordinate: float) -> float:
-        """Change of the value with its coordinate."""
+        """Return the derivative of the value by its coordinate."""
         return float(np.exp(coordinate)) if self.downhill else self.high - self.low
 
 
@@ -99,7 +99,7 @@ class Point(NamedTuple):
 
     Attributes:
         y: Coordinates: u of the section, and the varied quantity's.
-        tangent: Of the curve, of length 1.
+        tangent: Tangent of the curve, of length 1.
         map: The stride map's derivative by u over the period.
     """
 
@@ -114,7 +114,7 @@ class Curve:
 
     Attributes:
         stride_map: The stride map of the gaits.
-        axis: What is varied.
+        axis: The varied quantity.
         period: Strides of each gait.
     """
 
@@ -123,11 +123,11 @@ class Curve:
     period: int = 1
 
     def value_at(self, point: Point) -> float:
-        """The varied quantity at a point."""
+        """Return the varied quantity at a point."""
         return float(self.axis.value(point.y[-1]))
 
     def gaits_at(self, points: list[Point]) -> tuple[StrideMap, NDArray, NDArray, NDArray]:
-        """Points as gaits of the walkers that walk there.
+        """Return points of the curve as points of the section, with walkers and slopes.
 
         Returns:
             Their stride map; points of the section (n, m), slopes in rad (n,), and the varied
@@ -135,10 +135,10 @@ class Curve:
         """
         ys = np.array([point.y for point in points])
         stride_map, slopes, values = self._setting(ys)
-        return stride_map, stride_map.from_chart(ys[:, :-1]), slopes, values
+        return stride_map, stride_map.from_chart(ys[:, :-1]).values, slopes, values
 
     def _setting(self, ys: NDArray) -> tuple[StrideMap, NDArray, NDArray]:
-        """The stride map, slopes, and the varied quantity at coordinates (n, m + 1)."""
+        """Return stride map, slopes and varied quantity at coordinates (n, m + 1)."""
         values = self.axis.value(ys[:, -1])
         if self.axis.parameter == "slope":
             return self.stride_map, values, values
@@ -152,13 +152,13 @@ class Curve:
         accuracy: float = 1e-10,
         bend: NDArray | float = 0.0,
     ) -> Point | None:
-        """The gait nearest to a guess across a tangent; None if there is none near.
+        """Return the gait nearest to a guess across a tangent; None if there is none near.
 
         Args:
-            guess: Coordinates.
+            guess: Coordinates, (m + 1,).
             tangent: Direction in which the gait is not moved; the varied quantity's if None.
             accuracy: Largest violation.
-            bend: How far from the guess the gait may be expected.
+            bend: Expected distance of the gait from the guess, (m + 1,).
         """
         across = np.eye(len(guess))[-1] if tangent is None else tangent
         closes = self.stride_map.closes
@@ -178,7 +178,7 @@ class Curve:
     def _equations(
         self, ys: NDArray, guesses: NDArray, across: NDArray
     ) -> tuple[NDArray, NDArray, NDArray]:
-        """What vanishes on gaits (n, m + 1) that lie across directions from guesses, derived."""
+        """Return residuals (n, m + 1) of gaits across directions from guesses, and derivatives."""
         stride_map, slopes, _ = self._setting(ys)
         gaits = gait_equations(
             stride_map, ys[:, :-1], slopes, period=self.period, by=(self.axis.parameter,)
@@ -194,7 +194,7 @@ class Curve:
         )
 
     def polished(self, points: list[Point]) -> list[Point]:
-        """Gaits that are known roughly, to rounding: two steps of Newton's method for all at once.
+        """Improve rough gaits to rounding, by two steps of Newton's method for all of them.
 
         Args:
             points: Gaits of small violation; each is moved across its tangent.
@@ -218,14 +218,15 @@ class Curve:
 
 
 def doubling_test(point: Point) -> float:
-    """Changes sign where a multiplier passes -1."""
+    """Return a number that changes sign where a multiplier passes -1."""
     return float(np.linalg.det(np.eye(len(point.map)) + point.map))
 
 
 def neimark_sacker_test(point: Point) -> float:
-    """Changes sign where the product of two multipliers passes 1, as it does for a complex pair.
+    """Return a number that changes sign where the product of two multipliers passes 1.
 
-    It does so too where the product of two real multipliers passes 1, which is no bifurcation.
+    A complex pair has this product on the unit circle. Two real multipliers may have it as well,
+    which is no bifurcation.
     """
     multipliers = np.linalg.eigvals(point.map)
     i, j = np.triu_indices(len(multipliers), 1)
@@ -233,13 +234,13 @@ def neimark_sacker_test(point: Point) -> float:
 
 
 def on_the_unit_circle(point: Point) -> bool:
-    """Whether a complex pair of multipliers has modulus 1, to the accuracy of `locate`."""
+    """Return whether a complex pair of multipliers has modulus 1, to the accuracy of `locate`."""
     multipliers = np.linalg.eigvals(point.map)
     return bool(np.any((np.abs(np.abs(multipliers) - 1.0) < 1e-6) & (multipliers.imag > 1e-6)))
 
 
 def locate(curve: Curve, a: Point, b: Point, test: Callable[[Point], float]) -> Point | None:
-    """The point between two where a test function vanishes, by Brent's method along the chord."""
+    """Locate the zero of a test function between two points, by Brent's method on the chord."""
     chord = b.y - a.y
     length = float(np.linalg.norm(chord))
     chord = chord / length
@@ -266,11 +267,11 @@ def points_along(
     shortest: float = _SHORTEST_STEP,
     accuracy: float = 1e-10,
 ) -> Iterator[Point]:
-    """Points of the curve one after the other, from a start along its tangent, until it is lost.
+    """Yield points of the curve from a start along its tangent, until the curve is lost.
 
     Args:
         curve: The curve.
-        start: Where to start; not among the points.
+        start: First point, which is not yielded.
         first: Length of the first step.
         longest: Longest step.
         shortest: Step below which the curve counts as lost.
@@ -278,7 +279,7 @@ def points_along(
     """
 
     def glides(point: Point) -> bool:
-        """Whether the foot lands so nearly along the ground that the rest is extrapolated."""
+        """Return whether the foot lands so nearly along the ground that the end is near."""
         return bool(margins(curve, [point]).landing[0] < _GLIDING)
 
     here, step, curvature = start, min(first, longest), np.zeros(len(start.y))
@@ -313,7 +314,7 @@ class Branch(NamedTuple):
 
 
 def follow(curve: Curve, start: Point, resolution: float) -> Branch:
-    """Follow the curve from a point along its tangent to an end, or to an end of its axis."""
+    """Follow the curve from a point along its tangent to an end of the curve or of its axis."""
     low, high = (curve.axis.coordinate(bound) for bound in (curve.axis.low, curve.axis.high))
     points, folds, doublings, torus = [start], [], [], []
     at_bound: Point | None = None
@@ -363,7 +364,7 @@ def follow(curve: Curve, start: Point, resolution: float) -> Branch:
 
 
 def _thinned(points: list[Point]) -> list[Point]:
-    """The points without the dense ones before an end: short steps are for finding it."""
+    """Return the points without the dense ones just before an end."""
     kept = points[:1]
     for point in points[1:-1]:
         if np.abs(point.y - kept[-1].y).max() > _CROWDED:
@@ -372,7 +373,7 @@ def _thinned(points: list[Point]) -> list[Point]:
 
 
 class End(NamedTuple):
-    """Where a family ends.
+    """End of a family.
 
     Attributes:
         value: Slope in rad, or the parameter's value.
@@ -384,7 +385,7 @@ class End(NamedTuple):
 
 
 class Margins(NamedTuple):
-    """How far strides are from failing, (n,) each; the least of a gait's several strides.
+    """Distances of strides from failure, (n,) each; the least of a gait's several strides.
 
     Attributes:
         knee: Time from kneestrike to heelstrike over the stride's; infinite without knees.
@@ -401,7 +402,7 @@ class Margins(NamedTuple):
 
 
 def margins(curve: Curve, points: list[Point]) -> Margins:
-    """How far gaits are from where their strides fail."""
+    """Return the distances of gaits from the failure of their strides."""
     stride_map, here, slopes, _ = curve.gaits_at(points)
     knee, landing, pace = (np.full(len(points), np.inf) for _ in range(3))
     time = np.zeros(len(points))
@@ -424,7 +425,7 @@ def margins(curve: Curve, points: list[Point]) -> Margins:
 
 
 def reason_of(curve: Curve, last: list[Point]) -> End:
-    """Why and where a curve ends, by its last gaits, the last one last."""
+    """Return the end of a curve and its reason, from its last gaits, the last one last."""
     stride_map, points, slopes, values = curve.gaits_at(last)
     if math.isfinite(stride_map.hold):
         # There a controller observes the walker before the strike or after it.
@@ -454,7 +455,7 @@ def reason_of(curve: Curve, last: list[Point]) -> End:
 
 
 def _vanishing(margin: NDArray, values: NDArray) -> float | None:
-    """Where a margin that runs out would be zero; None if it does not run out.
+    """Return the value at which a decreasing margin would be zero; None if it does not decrease.
 
     By a polynomial in the margin through gaits that differ by it; noise would spoil near ones.
     """

@@ -1,4 +1,4 @@
-"""What happens inside a stride: states at any instant, phases as series, collisions between them.
+"""States at any instant of a stride, its phases as series, and the collisions between them.
 
 Between impacts everything is analytic. A Chebyshev series through a few dozen exact samples of a
 phase holds a quantity to rounding at every instant, ends included. Its derivative says where it
@@ -47,17 +47,17 @@ def states_at(
     ankle_torque: float | None = None,
     tolerance: float = 1e-10,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """States inside one stride at any instants.
+    """Return states inside one stride at any instants.
 
     Args:
         walker: The walker, in a form that `as_walker` takes, or a stride map.
         slope: Slope in rad.
-        state: Where the stride starts, shape (6,).
-        times: Since the start, shape (n,), in any order; later ones than the stride's end give
-            the state that the stride ends with.
+        state: State just after heelstrike, shape (6,).
+        times: Times since the start, shape (n,), in any order. A time after the stride's end gives
+            its final state.
         hip_torque: Torque, as for `stride`.
         ankle_torque: Torque, as for `stride`.
-        tolerance: As for `stride`.
+        tolerance: Tolerance of the integration, as for `stride`.
 
     Returns:
         States (n, 6) and stages (n,).
@@ -74,7 +74,7 @@ def states_at(
 
 
 def foot_clearance(walker: Walker, states: NDArray) -> tuple[NDArray, NDArray]:
-    """Height of the swing foot over the ground, and the height's rate, at states (n, 6).
+    """Return the height of the swing foot over the ground and its rate, at states (n, 6).
 
     The foot is a whole circle here.
     """
@@ -100,14 +100,14 @@ def fit(
     units: NDArray,
     accuracy: float,
 ) -> list[Chebyshev]:
-    """Series of several quantities over a phase.
+    """Fit series to several quantities over a phase.
 
     Args:
         samples: Takes times (n,) inside the phase to quantities (n, k).
-        start: When the phase starts.
-        end: When it ends.
-        units: Of the quantities, (k,): they carry rounding errors of numbers of this size.
-        accuracy: Of the samples, relative to the largest of each quantity.
+        start: Time at which the phase starts.
+        end: Time at which it ends.
+        units: Units of the quantities, (k,): their rounding errors are of numbers of this size.
+        accuracy: Accuracy of the samples, relative to the largest of each quantity.
     """
     count, before = _FEWEST, np.full(len(units), np.inf)
     while True:
@@ -126,7 +126,7 @@ def fit(
 
 
 def _zeros(function: Callable[[NDArray], NDArray], series: Chebyshev) -> list[float]:
-    """Where a function with no more detail than a series changes sign inside its phase."""
+    """Return the zeros, inside a phase, of a function with no more detail than a series."""
     start, end = series.domain
     looks = -np.cos(np.linspace(0.0, np.pi, _LOOKS * (len(series.coef) + 2)))  # denser at the ends
     times = 0.5 * (start + end) + 0.5 * (end - start) * looks
@@ -138,7 +138,7 @@ def _zeros(function: Callable[[NDArray], NDArray], series: Chebyshev) -> list[fl
 
 
 def turns(pieces: Iterable[Chebyshev]) -> list[Extreme]:
-    """A quantity where it turns and where phases meet, in order of time: monotone in between."""
+    """Return local extrema and ends of phases, in order of time; monotone in between."""
     found = []
     for piece in pieces:
         start, end = piece.domain
@@ -148,7 +148,7 @@ def turns(pieces: Iterable[Chebyshev]) -> list[Extreme]:
 
 
 def ratio_turns(pieces: Iterable[tuple[Chebyshev, Chebyshev]]) -> list[Extreme]:
-    """As `turns`, of quotients of two series; infinite where the denominator is not positive."""
+    """Return the `turns` of quotients of series; infinite where a denominator is not positive."""
     found = []
     for above, below in pieces:
         rise, lift = above.deriv(), below.deriv()
@@ -164,12 +164,12 @@ def ratio_turns(pieces: Iterable[tuple[Chebyshev, Chebyshev]]) -> list[Extreme]:
 
 
 def least(candidates: Iterable[Extreme]) -> Extreme:
-    """The smallest value, and the first time of it; NaN of nothing."""
+    """Return the smallest value at its first time; NaN if there is none."""
     return min(candidates, key=lambda extreme: extreme.value, default=Extreme(np.nan, np.nan))
 
 
 def greatest(candidates: Iterable[Extreme]) -> Extreme:
-    """The largest value, and the first time of it; NaN of nothing."""
+    """Return the largest value at its first time; NaN if there is none."""
     return max(candidates, key=lambda extreme: extreme.value, default=Extreme(np.nan, np.nan))
 
 
@@ -177,9 +177,9 @@ class Impulse(NamedTuple):
     """Impulse of the ground on the stance foot in a collision.
 
     Attributes:
-        normal: Away from the ground.
-        tangential: Along the slope, positive downhill.
-        time: When.
+        normal: Component away from the ground.
+        tangential: Component along the slope, positive downhill.
+        time: Time of the collision.
     """
 
     normal: float
@@ -241,8 +241,8 @@ def phases_of(
     Args:
         stride_map: The stride map.
         slope: Slope in rad.
-        start: Where the stride starts, shape (6,).
-        end: How it ends: with a heelstrike.
+        start: Initial state, shape (6,).
+        end: The stride, which ends with a heelstrike.
         offset: Time at its start.
 
     Raises:

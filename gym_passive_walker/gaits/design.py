@@ -18,7 +18,7 @@ from gym_passive_walker.gaits.design_nlp import CIRCLE, Candidates, DesignProble
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
 from gym_passive_walker.gaits.objectives import QUANTITIES, SPECTRAL_RADIUS, spectral_radius
-from gym_passive_walker.gaits.search import glance, seek
+from gym_passive_walker.gaits.search import seek
 from gym_passive_walker.gaits.sensitivity import SLOPE, place_near
 from gym_passive_walker.gaits.stride_map import MapLike, map_of
 from gym_passive_walker.progress import said
@@ -33,7 +33,7 @@ from gym_passive_walker.walkers import (
 )
 
 Range = float | tuple[float | None, float | None]
-"""What a quantity has to be: a value, or one from low to high, either of them None."""
+"""Constraint of a quantity: a value, or (low, high) of which one may be None."""
 
 _MET = 1e-6  # by what share of its size a constraint may be missed; multipliers, a circle
 _OF_THE_SIMPLEST = (SLOPE, "thigh_length", "shank_length", "hip_mass", "gravity")
@@ -49,14 +49,14 @@ class Design:
     """Result of `optimize_walker`: the walker with the best value of an objective.
 
     Attributes:
-        objective: What was made best.
+        objective: Name of the objective.
         before: The gait that the search began with.
         after: The gait of the walker found.
-        values: The objective and whatever was constrained, before and after, by name.
-        tried: Walkers tried.
-        converged: Whether no direction is better where the search ended. Otherwise it was given
-            up, or stands at an edge beyond which there is no gait.
-        message: What SciPy says of how it ended.
+        values: The objective and the constrained quantities, before and after, by name.
+        tried: Number of walkers tried.
+        converged: Whether the search ended at an optimum. Otherwise it was given up, or ended at
+            an edge beyond which there is no gait.
+        message: SciPy's message about the end of the search.
     """
 
     objective: str
@@ -85,26 +85,26 @@ def optimize_walker(
     maximize: bool = False,
     iterations: int = 200,
 ) -> Design:
-    """The walker, within bounds, with the best gait by some objective.
+    """Find the walker, within bounds, with the best gait by some objective.
 
     The optimum is a local one, reached from the walker's own gait by its exact derivatives.
 
     Args:
         walker: The walker to begin with, in a form that `as_walker` takes; or a map of
             `stride_map` with its controller.
-        objective: What is to be least: "cost_of_transport", "slope", "speed", "froude_speed",
+        objective: Quantity to minimize: "cost_of_transport", "slope", "speed", "froude_speed",
             "step_length", "step_period", "stance_angle" as in `Gait`; "leg_length", "total_mass" as
             in `Walker`; "clearance", the least height of the passing swing foot as in
             `RealityCheck`; "knee_margin", the time from kneestrike to heelstrike over the stride's;
             or "spectral_radius", the modulus of the largest multiplier.
-        parameters: What may change: "slope", and numerical parameters of `Walker`.
+        parameters: Parameters that may change: "slope", and numerical parameters of `Walker`.
         bounds: Lowest and highest value of each of them, in the walker's own units.
         slope: Slope in rad; if it may change, that to begin with. The map's own when None.
-        kind: Which gait, "long" or "short".
+        kind: Gait, "long" or "short".
         constraints: For any of the objectives a value, or lowest and highest value of which one
             may be None. The spectral radius has a highest value only.
-        maximize: Whether the objective is to be greatest instead.
-        iterations: Most iterations of SLSQP.
+        maximize: Whether to maximize the objective instead.
+        iterations: Largest number of iterations of SLSQP.
 
     Returns:
         The design; its gait meets the constraints to a millionth.
@@ -146,7 +146,7 @@ def optimize_walker(
     return Design(
         objective=objective,
         before=before,
-        after=measure(place.stride_map, place.u, place.slope, 1),
+        after=measure(place.point, place.slope, 1),
         values={name: (_value(problem.first, name), _value(last, name)) for name in sorted(names)},
         tried=candidates.tried,
         converged=bool(found.success),
@@ -155,14 +155,14 @@ def optimize_walker(
 
 
 def _value(judged: Judged, name: str) -> float:
-    """One of a candidate's quantities."""
+    """Return one of a candidate's quantities."""
     if name == SPECTRAL_RADIUS:
         return spectral_radius(judged.gait.map)
     return float(judged.quantities[name][0])
 
 
 def _known(name: str) -> None:
-    """Refuse what is no quantity."""
+    """Refuse an unknown quantity."""
     if not isinstance(name, str) or (name != SPECTRAL_RADIUS and name not in QUANTITIES):
         raise ValueError(
             f"objective and constraints: no quantity {shown(name)} to design by: choose from "
@@ -171,7 +171,7 @@ def _known(name: str) -> None:
 
 
 def _ranges(constraints: Mapping[str, Range]) -> dict[str, tuple[float | None, float | None]]:
-    """Lowest and highest values, checked."""
+    """Check constraints, and return the lowest and highest value of each."""
     if not isinstance(constraints, Mapping):
         raise ValueError(
             "constraints must map quantities to values or to (lowest, highest), not "
@@ -198,7 +198,7 @@ def _ranges(constraints: Mapping[str, Range]) -> dict[str, tuple[float | None, f
 def _box(
     walker: Walker, slope: float, parameters: Sequence[str], bounds: Sequence[tuple[float, float]]
 ) -> NDArray[np.float64]:
-    """Bounds of the parameters, checked, (k, 2)."""
+    """Check bounds of parameters, and return them, (k, 2)."""
     allowed = _OF_THE_SIMPLEST if walker.massless_legs else (SLOPE, *PARAMETERS)
     listed = isinstance(parameters, Sequence) and not isinstance(parameters, str | bytes)
     names = list(parameters) if listed else []
@@ -230,7 +230,7 @@ def _box(
 
 
 def tune_to_walk(walker: WalkerLike, slope: float, *, radius: float = 0.8) -> Gait:
-    """The nearest tuned walker that walks, stably, at a slope; as its long-step gait.
+    """Find the nearest tuned walker that walks stably at a slope; return its long-step gait.
 
     `tune` moves offsets alone, and what it makes of a walker that walks may have no gait. Here the
     centres of mass and the gyrations of thigh and shank change as well, as little as need be: by
@@ -270,12 +270,12 @@ def tune_to_walk(walker: WalkerLike, slope: float, *, radius: float = 0.8) -> Ga
 
 
 def _parts(walker: Walker) -> NDArray[np.float64]:
-    """What is moved, (6,)."""
+    """Return the parameters that change, (6,)."""
     return np.array([getattr(walker, name) for name in _TUNED])
 
 
 def _start(tuned: Walker, slope: float, radius: float) -> Gait | None:
-    """The gait of a tuned walker, the nearest of many that walk."""
+    """Return the gait of a tuned walker, the nearest of many that walk."""
     if tuned.massless_legs:  # nothing to move
         return None
     lengths = np.repeat([tuned.thigh_length, tuned.shank_length], 2)
@@ -286,14 +286,14 @@ def _start(tuned: Walker, slope: float, radius: float) -> Gait | None:
     ]
     walkers.sort(key=lambda walker: float(np.linalg.norm(_parts(walker) - _parts(tuned))))
     for walker in walkers:
-        gait = glance(walker, slope, "long")
+        gait = seek(walker, slope, quick=True).gait
         if gait is not None and np.abs(gait.multipliers[0]) <= radius:
             return gait
     return None
 
 
 def _nearest(start: Gait, tuned: Walker, radius: float) -> Gait | None:
-    """The tuned walker nearest to one, of those that a gait can be followed to."""
+    """Return the gait of the nearest tuned walker to which a gait can be followed."""
     length = tuned.leg_length
     box = length * np.array([[0.0 if name.endswith("gyration") else -1.0, 1.0] for name in _TUNED])
     candidates = Candidates(start, _TUNED, box, (), multipliers=True)
@@ -329,6 +329,6 @@ def _nearest(start: Gait, tuned: Walker, radius: float) -> Gait | None:
     if judged is None or circle(found.x)[0].min() < -_MET:
         return None
     place = judged.gait.place
-    tuned_map = place.stride_map.with_walker(tune(place.walker))
+    tuned_map = place.point.section.with_walker(tune(place.walker))
     exact = place_near(tuned_map, place.slope, place.u)  # tuned to the last digit
-    return exact and measure(exact.stride_map, exact.u, exact.slope, 1)
+    return exact and measure(exact.point, exact.slope, 1)

@@ -41,11 +41,11 @@ CIRCLE = 5
 
 
 class Judged(NamedTuple):
-    """What is known of a candidate; gradients are by its k shares.
+    """Quantities of a candidate's gait; gradients are by its k shares.
 
     Attributes:
-        gait: Its gait.
-        quantities: What was asked for, by name, with gradients (k,).
+        gait: The gait.
+        quantities: Quantities asked for, by name, with gradients (k,).
         cubic: Coefficients of the polynomial with the multipliers as roots, (3,), and their
             derivatives (3, k), as `coefficients` returns them; None if not asked for.
     """
@@ -66,21 +66,21 @@ class Judged(NamedTuple):
 
 
 class Candidates:
-    """Walkers alike but for some parameters, and the slope if that is among them.
+    """Walkers that differ in some parameters, and in the slope if that is among them.
 
-    A candidate is given by its shares x: how far each parameter is from its lower to its upper
-    bound. Each is judged by its gait, which is followed from that of the one before.
+    Shares x determine a candidate: the position of each parameter between its bounds, from 0 to 1.
+    Its gait is followed from the gait of the candidate before.
 
     Args:
-        start: A gait to follow to all others.
-        parameters: What differs, k names.
+        start: First gait.
+        parameters: Names of the k parameters.
         box: Lower and upper bounds, (k, 2).
-        names: Quantities to judge by.
-        multipliers: Whether to judge by the multipliers, too.
+        names: Quantities to compute.
+        multipliers: Whether to compute the multipliers as well.
 
     Attributes:
-        first: The shares of the walker to start with.
-        tried: Candidates judged so far.
+        first: Shares of the first walker, (k,).
+        tried: Number of candidates so far.
     """
 
     def __init__(
@@ -95,17 +95,14 @@ class Candidates:
         self._start, self._parameters, self._names = start, tuple(parameters), tuple(names)
         self._low, self._width, self._multipliers = box[:, 0], box[:, 1] - box[:, 0], multipliers
         self._sizes = [size_of(name, start.walker, start.slope) for name in parameters]
-        stride_map = start.stride_map
-        place = Place(
-            stride_map, start.slope, stride_map.chart(stride_map.points_at(start.state))[0]
-        )
+        place = Place(start.point, start.slope)
         self._here = sensitivity(place, self._parameters)
         self._last: tuple[bytes, Judged | None] = b"", None
         self.tried = 0
         self.first = (self._values(place) - self._low) / self._width
 
     def at(self, x: NDArray) -> Judged | None:
-        """What is known of a candidate; None where its gait is lost, or it is no walker."""
+        """Return a candidate's quantities; None where its gait is lost, or it is no walker."""
         if x.tobytes() != self._last[0]:
             self.tried += 1
             try:
@@ -116,12 +113,12 @@ class Candidates:
         return self._last[1]
 
     def _values(self, place: Place) -> NDArray[np.float64]:
-        """The parameters at a place."""
+        """Return the parameters at a place, (k,)."""
         own = {**vars(place.walker), SLOPE: place.slope}
         return np.array([own[name] for name in self._parameters])
 
     def _followed(self, values: NDArray) -> Sensitivity | None:
-        """The gait at some parameters, followed from the last one found."""
+        """Follow the gait from the last one found to other parameters; None if it is lost."""
         origin = self._values(self._here.place)
         for pieces in _PIECES:
             here = self._here
@@ -138,7 +135,7 @@ class Candidates:
         return None
 
     def _beside(self, values: NDArray, guess: NDArray) -> Place | None:
-        """The gait at some parameters that is near to a guess."""
+        """Return the gait at some parameters that is near to a guess; None if there is none."""
         changed = dict(zip(self._parameters, values.tolist(), strict=True))
         slope = changed.pop(SLOPE, self._start.slope)
         walker = replace(self._start.walker, **changed)
@@ -178,17 +175,17 @@ def slsqp(
     accuracy: float = 1e-10,
     callback: Callable[..., None] | None = None,
 ) -> Any:
-    """What SciPy's SLSQP (D. Kraft, 1988) finds.
+    """Minimize by SciPy's SLSQP (D. Kraft, 1988).
 
     Args:
-        cost: What is to be least.
-        start: Where to begin, (n,).
-        bounds: Of each entry of z.
-        equal: What has to vanish; nothing if it has no values at the start.
-        beyond: What must not be negative; nothing if it has no values at the start.
-        iterations: At most.
-        accuracy: Change of the cost that is none.
-        callback: Called after each.
+        cost: Objective.
+        start: Initial z, (n,).
+        bounds: Bounds of each entry of z.
+        equal: Equality constraints; none if it has no values at the start.
+        beyond: Constraints that must not be negative; none if it has no values at the start.
+        iterations: Largest number of iterations.
+        accuracy: Change of the cost at which the search ends.
+        callback: Function called after each iteration.
     """
     constraints = [
         {"type": kind, "fun": lambda z, f=f: f(z)[0], "jac": lambda z, f=f: f(z)[1]}
@@ -208,10 +205,10 @@ class DesignProblem:
     nothing here has corners. Where the radius is not sought, it is no part of z.
 
     Args:
-        candidates: What to choose from.
-        objective: What is to be least.
-        sign: 1, or -1 if it is to be greatest.
-        ranges: Lowest and highest value of what is constrained; None for none.
+        candidates: The walkers.
+        objective: Quantity to minimize.
+        sign: 1, or -1 to maximize it.
+        ranges: Lowest and highest value of each constrained quantity; None for no bound.
 
     Attributes:
         first: The first candidate.
@@ -246,7 +243,7 @@ class DesignProblem:
                 self.beyond += [side for side in sides if side[1] is not None]
 
     def cost(self, z: NDArray) -> tuple[float, NDArray]:
-        """The objective and its gradient; infinite where there is no gait."""
+        """Return the objective and its gradient; infinite where there is no gait."""
         judged = self.candidates.at(z[: self.count])
         if judged is None:
             return np.inf, np.zeros(len(z))
@@ -256,11 +253,11 @@ class DesignProblem:
         return self.sign * value / self.unit, self.sign * gradient / self.unit
 
     def equalities(self, z: NDArray) -> tuple[NDArray, NDArray]:
-        """What has to vanish, and its derivatives."""
+        """Return the equality constraints and their derivatives."""
         return self._stacked(z, self.equal)
 
     def inequalities(self, z: NDArray) -> tuple[NDArray, NDArray]:
-        """What must not be negative, and its derivatives."""
+        """Return the inequality constraints, which must not be negative, and their derivatives."""
         return self._stacked(z, self.beyond, circle=self.sought or self.radius is not None)
 
     def _stacked(
@@ -281,7 +278,7 @@ class DesignProblem:
         return values, derivatives
 
     def solve(self, iterations: int) -> Any:
-        """What SciPy finds."""
+        """Return SciPy's solution."""
         start, bounds = self.candidates.first, [(0.0, 1.0)] * self.count
         if self.sought:
             start = np.append(start, _MARGIN * spectral_radius(self.first.gait.map))
@@ -293,6 +290,6 @@ class DesignProblem:
             )  # fmt: skip
 
     def missed(self, z: NDArray) -> float:
-        """By how much the constraints are missed at most, over their sizes."""
+        """Return the largest violation of the constraints, over their sizes."""
         equal, beyond = self.equalities(z)[0], self.inequalities(z)[0]
         return float(max(np.abs(equal).max(initial=0.0), (-beyond).max(initial=0.0)))

@@ -30,7 +30,7 @@ from gym_passive_walker.shown import Table
 from gym_passive_walker.walkers import Walker, describe, name_of
 
 FEIGENBAUM = 4.669201609102990
-"""What the ratios of successive distances between doublings tend to (Feigenbaum, 1978)."""
+"""Limit of the ratios of successive distances between doublings (Feigenbaum, 1978)."""
 
 _FIRST_STEP, _LONGEST_STEP, _SHORTEST_STEP = 2e-3, 0.03, 1e-9  # in logarithmic coordinates
 _SHRINK = 2.5  # each branch is so much smaller than the one before
@@ -43,9 +43,9 @@ class Cascade(Table):
 
     Attributes:
         walker: The walker.
-        periods: Strides after which the gait repeats that doubles: 1, 2, 4, ...
-        slopes: Slope in rad at which it does.
-        gaits: The gait itself there, with a multiplier at -1.
+        periods: Period of the gait that doubles, in strides: 1, 2, 4, ...
+        slopes: Slopes in rad of the doublings.
+        gaits: Gaits at the doublings, with a multiplier at -1.
     """
 
     walker: Walker
@@ -61,13 +61,13 @@ class Cascade(Table):
 
     @property
     def limit(self) -> float:
-        """Where the doublings accumulate, by the universal ratio from the last two."""
+        """Slope in rad at which doublings accumulate, extrapolated from the last two."""
         if len(self.slopes) < 2:
             return float("nan")
         return self.slopes[-1] + (self.slopes[-1] - self.slopes[-2]) / (FEIGENBAUM - 1.0)
 
     def facts(self) -> dict[str, str]:
-        """Where the doublings are, and where they lead."""
+        """Slopes of the doublings, and their limit."""
         doublings = zip(self.periods, self.slopes, strict=True)
         return {
             "walker": name_of(self.walker),
@@ -96,10 +96,10 @@ def doubling_cascade(
 
     Args:
         walker: The walker, in a form that `as_walker` takes, or a map of `stride_map`.
-        slope_min: A slope in rad where the period-one gait is followed from.
+        slope_min: Slope in rad at which the branch of the period-one gait begins.
         slope_max: Steepest slope searched, in rad.
-        kind: Which gait.
-        doublings: How many to locate; the last gait has period 2 ** (doublings - 1).
+        kind: Period-one gait to follow, "long" or "short".
+        doublings: Number of doublings; the last gait has period 2 ** (doublings - 1).
 
     Returns:
         The cascade, with fewer doublings if a branch ends before the next one.
@@ -118,12 +118,13 @@ def doubling_cascade(
     slope = family.period_doublings[0]
     nearest = int(np.argmin(np.abs(family.slope - slope)))
     curve = Curve(stride_map, Axis("slope", slope_min, slope_max))
-    u = stride_map.chart(stride_map.points_at(family.state[nearest]))[0]
+    u = stride_map.points(family.state[nearest]).chart[0]
     here = curve.correct(np.append(u, curve.axis.coordinate(slope)))
     gaits: list[Gait] = []
     with progress("period doublings", doublings) as located:
         while here is not None:
-            gaits.append(measure(stride_map, here.y[:-1], curve.value_at(here), curve.period))
+            point = stride_map.from_chart(here.y[None, :-1])
+            gaits.append(measure(point, curve.value_at(here), curve.period))
             located()
             if len(gaits) == doublings:
                 break
@@ -134,7 +135,7 @@ def doubling_cascade(
 
 
 def _next_doubling(curve: Curve, birth: Point, high: float) -> Point | None:
-    """Where the curve that branches off at a doubling doubles in turn."""
+    """Return the next doubling on the curve that branches off at a doubling; None if lost."""
     values, vectors = np.linalg.eig(birth.map)
     direction = np.append(np.real(vectors[:, np.argmin(np.abs(values + 1.0))]), 0.0)
     direction /= np.linalg.norm(direction)

@@ -24,7 +24,7 @@ from gym_passive_walker.gaits.continuation import (
 )
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
-from gym_passive_walker.gaits.search import glance, seek
+from gym_passive_walker.gaits.search import seek
 from gym_passive_walker.gaits.sensitivity import size_of
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.shown import Table
@@ -44,20 +44,20 @@ class GaitFamily(Table):
         walker: The walker (at the first gait, if a parameter of the walker is varied).
         parameter: "slope", or the part of `Actuation` or the walker's parameter that is varied.
         period: Strides until each motion repeats.
-        value: The varied quantity.
-        slope: Slope in rad.
-        state: Section states, shape (n, 6), in the walker's own units.
-        stance_angle: rad.
+        value: Varied quantity, in the walker's own units, (n,).
+        slope: Slope in rad, (n,).
+        state: States on the Poincaré section, (n, 6), in the walker's own units.
+        stance_angle: Stance angle in rad just after heelstrike, (n,).
         step_period: Mean over the period, in the walker's units of time.
         step_length: Mean over the period, along the slope.
-        multipliers: Shape (n, m), largest modulus first.
+        multipliers: Floquet multipliers (n, m), largest modulus first.
         folds: Values of the varied quantity where the family turns back.
         period_doublings: Values where a multiplier passes -1.
         neimark_sackers: Values where a complex pair of multipliers crosses the unit circle.
         halts: Values where the stance leg stops in mid-stride, to about 1e-5 of them. On one side
             of each it barely passes the vertical; on the other it turns back for a while first.
         ends: The first and the last gait's end of the curve, with the reason of each.
-        stride_map: The stride map, but for what is varied.
+        stride_map: The stride map, apart from the varied quantity.
     """
 
     walker: Walker
@@ -79,7 +79,7 @@ class GaitFamily(Table):
 
     @property
     def controller(self) -> Any:
-        """What works the motors, but for what is varied; None if they are passive."""
+        """The controller, apart from a varied part; None if passive."""
         return self.stride_map.controller
 
     @property
@@ -101,7 +101,7 @@ class GaitFamily(Table):
         return len(self.value)
 
     def facts(self) -> dict[str, str]:
-        """From where to where it leads, and what happens on the way."""
+        """Range of the family, its bifurcations and its ends."""
         marks = {
             "folds": self.folds,
             "period doublings": self.period_doublings,
@@ -144,11 +144,10 @@ class GaitFamily(Table):
 def _family(
     stride_map: StrideMap, axis: Axis, gait: Gait, value: float, resolution: float
 ) -> GaitFamily:
-    """The family of a gait at a value of what is varied, both ways from it."""
+    """Return the family of a gait, followed in both directions from a value."""
     period, walker = gait.period, stride_map.walker
     curve = Curve(stride_map.with_tolerance(_TOLERANCE), axis, period)
-    u = gait.stride_map.chart(gait.stride_map.points_at(gait.state))[0]
-    start = curve.correct(np.append(u, axis.coordinate(value)))
+    start = curve.correct(np.append(gait.point.chart[0], axis.coordinate(value)))
     if start is None:
         raise GaitNotFound(f"the gait of {describe(walker)} at {value} could not be followed")
     up = follow(curve, start, resolution)
@@ -180,7 +179,7 @@ def _family(
 def _halts(
     curve: Curve, points: list[Point], ends: tuple[End, End]
 ) -> tuple[tuple[float, ...], tuple[End, End]]:
-    """Where the stance leg stops in mid-stride, and the ends, said to lie beyond if they do."""
+    """Return the halts of the stance leg, and the ends with a note on halts before them."""
 
     def pace(point: Point) -> float:
         return float(margins(curve, [point]).pace[0])
@@ -204,8 +203,8 @@ def _halts(
 
 
 def _some_gait(stride_map: StrideMap, slopes: NDArray, kind: GaitKind) -> Gait:
-    """The gait at the lowest of some slopes that has one; searched thoroughly only if need be."""
-    quick = (glance(stride_map, slope, kind) for slope in slopes.tolist())
+    """Return the gait at the lowest of some slopes that has one; quick searches come first."""
+    quick = (seek(stride_map, slope, kind, quick=True).gait for slope in slopes.tolist())
     thorough = (seek(stride_map, slope, kind).gait for slope in slopes[::4].tolist())
     for gait in chain(quick, thorough):
         if gait is not None:
@@ -237,8 +236,8 @@ def gait_family(
             controller then acts at all slopes.
         slope_min: Lowest slope in rad; positive, unless motors drive the walker.
         slope_max: Highest slope in rad.
-        kind: Which gait to begin with, "long" or "short".
-        start: A gait to begin with instead; of any period and with its own controller.
+        kind: Gait to begin with, "long" or "short".
+        start: Gait to begin with instead, of any period and with its own controller.
         resolution: Longest step along the curve, in ln(angle), rates over angle and ln(slope); of a
             range that is not all downhill, in shares of it.
 
@@ -281,7 +280,7 @@ def parameter_family(
     kind: GaitKind = "long",
     resolution: float = 0.05,
 ) -> GaitFamily:
-    """Follow a gait at a fixed slope as a parameter of the walker or of its motors changes.
+    """Follow a gait at a fixed slope as a parameter of the walker or of its actuation changes.
 
     Args:
         walker: The walker to begin with, or a map of `stride_map`; its own parameter must lie in
@@ -292,7 +291,7 @@ def parameter_family(
         low: Lowest value.
         high: Highest value.
         slope: Slope in rad; the map's own when None.
-        kind: Which gait to begin with.
+        kind: Gait to begin with, "long" or "short".
         resolution: Longest step along the curve; the range counts as one.
 
     Raises:

@@ -1,7 +1,7 @@
-"""How long a walker lasts on ground at random: its mean first-passage time to a fall.
+"""Mean first-passage time to a fall on random ground, by simulation.
 
-A walker on rough ground falls sooner or later. Once it has forgotten how it began, each stride ends
-in a fall with the same small chance 1 - lambda. Here lambda is the leading eigenvalue of the
+A walker on rough ground falls sooner or later. Once it has forgotten its start, each stride ends in
+a fall with the same small probability 1 - lambda. Here lambda is the leading eigenvalue of the
 return map with falls absorbing (Byl and Tedrake 2009, Metastable walking machines). It lasts
 1 / (1 - lambda) strides on average. That mean is estimated from a batch that walks until it falls.
 """
@@ -26,11 +26,11 @@ _NONE_SEEN = 2.995732273553991  # falls expected at most, 95 times of 100, where
 
 
 class FirstPassage(NamedTuple):
-    """How many strides walkers last.
+    """Strides to a fall, sampled.
 
     Attributes:
-        falls: Falls that were seen.
-        strides: Strides in which they might have come, falls included.
+        falls: Number of falls.
+        strides: Number of strides, including those that end in a fall.
     """
 
     falls: int
@@ -38,11 +38,11 @@ class FirstPassage(NamedTuple):
 
     @classmethod
     def of(cls, left: NDArray, settling: int = SETTLING) -> FirstPassage:
-        """From how many walkers are left, before any stride and after each.
+        """Return the estimate from the number of walkers left, before any stride and after each.
 
         Args:
-            left: Shape (1 + strides,).
-            settling: Strides that are not counted: after these they have forgotten their start.
+            left: Number of walkers left, (1 + strides,).
+            settling: Strides that are not counted, after which the start is forgotten.
         """
         counted = left[settling:]
         return cls(int(counted[0] - counted[-1]), int(counted[:-1].sum()))
@@ -63,7 +63,7 @@ class FirstPassage(NamedTuple):
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Between what the mean lies 95 times of 100; from 0 on if no stride was counted."""
+        """95 % confidence interval of the mean; from 0 on if no stride was counted."""
         if not self.falls:
             return self.strides / _NONE_SEEN, math.inf
         # The chance of a fall is what varies evenly: its logarithm is that of the mean.
@@ -89,19 +89,19 @@ def survivors(
     strides: int,
     seed: int = 0,
 ) -> NDArray[np.int64]:
-    """Walk over ground at random, each walker over its own, and count those that are left.
+    """Simulate walkers on random ground, different for each, and count those that are left.
 
     Args:
         kind: The walker.
-        state: Where each begins, just after heelstrike, dimensionless, (6,).
+        state: Initial state just after heelstrike, dimensionless, (6,).
         slope: Slope in rad.
-        terrain: How footholds lie.
-        walkers: How many begin.
-        strides: How many they may make.
-        seed: Of the walkers' keys.
+        terrain: The random ground.
+        walkers: Number of walkers.
+        strides: Largest number of strides.
+        seed: Seed of the ground.
 
     Returns:
-        How many are left, before any stride and after each of them, (1 + strides,).
+        Number of walkers left, before any stride and after each, (1 + strides,).
     """
     keys = np.random.default_rng(seed).integers(2**64, size=walkers, dtype=np.uint64)
     states = np.repeat(np.asarray(state, dtype=float)[None], walkers, axis=0)

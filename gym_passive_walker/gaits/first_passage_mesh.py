@@ -53,7 +53,7 @@ _CHUNK = 8192  # interpolations at once
 
 
 class MeshPassage(NamedTuple):
-    """How many strides a walker lasts, computed by a mesh of states.
+    """Strides to a fall, computed by a mesh of states.
 
     Attributes:
         mean: Strides to a fall on average; infinite if no state of the mesh is near a fall.
@@ -97,7 +97,7 @@ def mesh_passage(
         strides: The stride map on smooth ground, of one slope.
         state: State of a stable gait just after heelstrike, (6,), in the walker's own units.
         terrain: Footholds with normally distributed heights, from `rough(height_std)`.
-        states: How many states the mesh has, at least; from 100 to 4000.
+        states: Least number of states of the mesh, from 100 to 4000.
 
     Raises:
         ValueError: if the ground has other than random heights, the controller observes too many
@@ -157,8 +157,8 @@ def _grown(chain: Chain, spacing: float, reach: float, most: int) -> NDArray[np.
 
     Args:
         chain: The chain.
-        spacing: In balanced coordinates.
-        reach: How rare the heights on the way to a state are, as a logarithm of their density.
+        spacing: Least distance of states, in balanced coordinates.
+        reach: Largest rarity of the heights on the way to a state, as a logarithm of density.
         most: Growth ends once there are so many.
     """
     count = math.floor(math.sqrt(2.0 * reach) / _STEP)
@@ -201,9 +201,9 @@ class _Strides(NamedTuple):
     """Strides from n states of a mesh to Gauss points of the next height.
 
     Attributes:
-        rows: From which state each of q strides leads, (q,).
-        ends: Where it ends, (q, k).
-        weights: Its probability, (q,).
+        rows: Index of the initial state of each of q strides, (q,).
+        ends: Final state of each stride, (q, k).
+        weights: Probability of each stride, (q,).
         falls: Probability of a fall in the stride from each state, (n,).
     """
 
@@ -248,7 +248,7 @@ class _Interpolation:
 
     Args:
         nodes: Places of the mesh, (n, d).
-        places: Where functions are wanted, (q, d).
+        places: Places at which functions are wanted, (q, d).
         spacing: Functions further than this from the mesh are those at this distance.
     """
 

@@ -15,10 +15,12 @@ from numpy.typing import ArrayLike
 
 from gym_passive_walker.arguments import gait_kind, whole
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound
-from gym_passive_walker.gaits.search import ACCURACY, begin, glance, search, seek
-from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
+from gym_passive_walker.gaits.search import ACCURACY, seek
+from gym_passive_walker.gaits.stride_map import MapLike, map_of
 from gym_passive_walker.progress import said
+from gym_passive_walker.units import unit_of
 from gym_passive_walker.walkers import (
+    PARAMETERS,
     WALKERS,
     Walker,
     WalkerError,
@@ -58,10 +60,7 @@ def find_gaits(
     """
     stride_map = map_of(walker, tolerance=ACCURACY)
     slope, period = stride_map.chosen(slope), whole(period, "period")
-    starts = begin(stride_map, slope, period, guess)
-    # Uphill, a push-off balances the losses of steps of two sizes, each long and short.
-    most = 4 if stride_map.actuation.push_off else 2
-    return search(stride_map, slope, starts, period, lambda gaits: len(gaits) >= most)[0]
+    return seek(stride_map, slope, None, period=period, guess=guess).all
 
 
 def find_gait(
@@ -169,7 +168,7 @@ def _advice(
 def _tuned_walks(walker: Walker, slope: float, kind: GaitKind) -> bool:
     """Return whether the walker has a gait once it is tuned."""
     try:
-        return glance(tune(walker), slope, kind) is not None
+        return seek(tune(walker), slope, kind, quick=True).gait is not None
     except WalkerError:  # it cannot be tuned
         return False
 
@@ -183,7 +182,7 @@ def _nearest_slope(walker: Walker, slope: float, kind: GaitKind) -> float | None
     else:
         candidates = slope * np.stack([ways, 1.0 / ways], axis=1).ravel()
     for candidate in candidates[candidates < _STEEPEST].tolist():
-        gait = glance(walker, candidate, kind)
+        gait = seek(walker, candidate, kind, quick=True).gait
         if gait is not None:
             if slope <= 0.0:
                 return candidate
@@ -206,7 +205,7 @@ def _nearest_walker(
         if preset.knees != walker.knees or preset.massless_legs != walker.massless_legs:
             continue
         scaled = _in_size(preset, walker)
-        gait = glance(scaled, slope, kind)
+        gait = seek(scaled, slope, kind, quick=True).gait
         if gait is None:
             continue
         share, there = _followed(gait, lambda s, a=scaled: (interpolate(a, walker, s), slope))
@@ -217,13 +216,9 @@ def _nearest_walker(
 
 def _in_size(preset: Walker, walker: Walker) -> Walker:
     """Return a preset scaled to another walker's leg length, mass and gravity."""
-    length = walker.leg_length / preset.leg_length
-    mass = walker.total_mass / preset.total_mass
-    units = {"gravity": walker.gravity / preset.gravity, "foot_angle": 1.0}
     values = {
-        name: value * units.get(name, mass if name.endswith("mass") else length)
-        for name, value in vars(preset).items()
-        if name != "knees"
+        name: getattr(preset, name) * unit_of(walker, name) / unit_of(preset, name)
+        for name in PARAMETERS
     }
     return replace(preset, **values)
 
@@ -244,10 +239,9 @@ def _followed(gait: Gait, place: Callable[[float], tuple[Walker, float]]) -> tup
             break
         further = min(share + step, 1.0)
         walker, slope = place(further)
-        u = gait.stride_map.chart(gait.stride_map.points_at(gait.state))
-        found, _ = search(StrideMap.of(walker, tolerance=ACCURACY), slope, u, 1, bool, (1,))
-        if found and found[0].kind == gait.kind:
-            gait, share = found[0], further
+        found = seek(walker, slope, guess=gait.state, quick=True).gait
+        if found and found.kind == gait.kind:
+            gait, share = found, further
         else:
             step *= 0.5
     return share, gait

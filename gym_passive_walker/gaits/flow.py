@@ -30,24 +30,6 @@ from gym_passive_walker.physics.hybrid import Ground, Outcome, Phase, State, Sys
 from gym_passive_walker.physics.systems import UNEVEN, bodies, bodies_by, system_of, varied_bodies
 from gym_passive_walker.walkers import Mechanism, Walker
 
-__all__ = [
-    "LONGEST_STRIDE",
-    "MEASURES",
-    "MIRRORED",
-    "Flow",
-    "Report",
-    "Walkers",
-    "accelerations",
-    "advance",
-    "flow",
-    "go_on",
-    "new_records",
-    "put_states",
-    "report_of",
-    "rows_of",
-    "states_in",
-]
-
 _SIZE = len(State._fields)
 _STRUCK = int(Outcome.HEELSTRIKE)  # greater outcomes are falls: no strike but this ends a flow
 MIRRORED = np.array([1.0, -1.0, -1.0])
@@ -127,39 +109,34 @@ def rows_of(records: NDArray, entries: tuple[Entry, ...]) -> NDArray[np.float64]
 
 
 class Tangents(NamedTuple):
-    """Along what k tangents lead: their names, and how inputs change along each.
+    """Variables of k tangents, and the changes of inputs along each.
 
     Attributes:
-        names: What each is by, (k,).
+        names: Variable of each, (k,).
         states: Changes of the state, (k, 6) or (n, k, 6).
-        slopes: Of the slope, (k,).
-        controls: Of the controls, (k, controls).
-        push_offs: Of the push-off, (k,).
-        footholds: Of the next foothold's height and turn, (k, 2).
-        starts: Of the coordinates with which the stride began, (k, 3).
-        ends: Of the time to stop, (k,).
+        slopes: Changes of the slope, (k,).
+        inputs: Other changes: the field of a record, an index into it, and values (k, ...).
     """
 
     names: tuple[str, ...]
     states: NDArray[np.float64]
     slopes: NDArray[np.float64]
-    controls: NDArray[np.float64]
-    push_offs: NDArray[np.float64]
-    footholds: NDArray[np.float64]
-    starts: NDArray[np.float64]
-    ends: NDArray[np.float64]
+    inputs: tuple[tuple[str, Any, NDArray[np.float64]], ...] = ()
+
+
+_NONE = Tangents((), np.empty((0, _SIZE)), np.empty(0))
 
 
 @lru_cache
 def _tangents(walker: Walker, by: tuple[str, ...], directions: int | None = None) -> Tangents:
     """Tangents by name; of "point" as many as directions are given, else one a coordinate."""
     section = Section(walker=walker)
+    size = section.size
     of_point = (
         section.state(np.eye(section.dimension))
         if directions is None
-        else np.zeros((directions, section.size))
+        else np.zeros((directions, size))
     )
-    size = section.size
     starts = np.eye(size // 2) if section.own else MIRRORED[None]
     of_start = np.zeros((len(starts), size))
     of_state = {"state": np.eye(size), "point": of_point, "start": of_start}
@@ -172,14 +149,17 @@ def _tangents(walker: Walker, by: tuple[str, ...], directions: int | None = None
     controls = controls_of(walker)
     began = np.zeros((len(names), size // 2))
     began[[i for i, name in enumerate(names) if name == "start"]] = starts[: names.count("start")]
-    return Tangents(
-        names,
-        np.concatenate([np.zeros((0, size)), *states]),
-        controls=by_each(*controls).reshape(len(names), len(controls)),
-        footholds=by_each(*UNEVEN).reshape(-1, 2),
-        starts=began,
-        **{f"{name}s": by_each(name).ravel() for name in ("slope", "push_off", "end")},
+    inputs = (
+        ("control", (..., slice(len(controls))), by_each(*controls)),
+        ("push_off", ..., by_each("push_off").ravel()),
+        ("ground", (..., slice(2, None)), by_each(*UNEVEN)),
+        ("start", (..., slice(size // 2)), began),
+        ("end", ..., by_each("end").ravel()),
     )
+    return Tangents(
+        names, np.concatenate([np.zeros((0, size)), *states]), by_each("slope").ravel(),
+        tuple(entry for entry in inputs if entry[2].any()),
+    )  # fmt: skip
 
 
 def controls_of(walker: Walker) -> tuple[str, ...]:
@@ -189,9 +169,6 @@ def controls_of(walker: Walker) -> tuple[str, ...]:
     return "hip_torque", "ankle_torque"
 
 
-_NONE = Tangents((), np.empty((0, _SIZE)), *(np.empty(0) for _ in Tangents._fields[2:]))
-
-
 @dataclass(kw_only=True, eq=False)  # not frozen: one walker's stride waits for each of these
 class Walkers:
     """One walker, or n that differ from it in some parameters, and how exactly to follow them.
@@ -199,7 +176,7 @@ class Walkers:
     Attributes:
         walker: The walker.
         parameters: Values of parameters in which walkers differ from it, a number or (n,).
-        using: What they have besides legs and the hip's motor: "ankle_torque", "push_off".
+        using: Actuators besides the hip's: "ankle_torque", "push_off".
         tolerance: Error of the integration, relative to the largest angle or rate.
         end_on_toe_stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
     """
@@ -219,7 +196,7 @@ class Walkers:
 
     @cached_property
     def section(self) -> Section:
-        """Where their strides begin."""
+        """Poincaré section of the walkers."""
         return Section(walker=self.walker)
 
     @cached_property
@@ -231,7 +208,7 @@ class Walkers:
 
     @cached_property
     def _changes(self) -> dict[str, NDArray[np.float64]]:
-        """How constants change with parameters, as far as they have been asked for."""
+        """Derivatives of the constants by the parameters used so far."""
         return {}
 
     def bodies(
@@ -258,17 +235,17 @@ class Walkers:
 
 @dataclass(eq=False)
 class Flow:
-    """What has become of n walkers; dimensionless.
+    """Result of a flow of n walkers; dimensionless.
 
     ``walked["time"]`` is any field of `engine.layout.RECORD`: values, and k tangents behind each,
     (n, 1 + k, ...).
 
     Attributes:
         walkers: The walkers.
-        system: Which equations they obeyed.
-        tangents: Along what tangents lead.
+        system: Equations of the walkers.
+        tangents: Variables of the tangents.
         bodies: The walkers' constants with their tangents, as in `Walkers.bodies`.
-        records: Where they are, tangents behind the values, (n, 1 + k).
+        records: Records at the end, tangents behind the values, (n, 1 + k).
         began: Gives the records from which they came; None for strides after the first.
         on_section: Whether a stride began there.
         instants: Of each of n walkers there are so many in a row, followed to a time each; None
@@ -296,12 +273,12 @@ class Flow:
 
     @property
     def here(self) -> NDArray:
-        """Where walkers are, to go on from: records, (n, 1)."""
+        """Records to continue from, (n, 1)."""
         return self.records[:, :1]
 
     @property
     def outcomes(self) -> NDArray[np.int64]:
-        """How it ended, an `Outcome` for each, (n,); RUNNING where the time was up."""
+        """`Outcome` of each walker, (n,); RUNNING where the time was up."""
         return self.records["outcome"][:, 0]
 
     @property
@@ -317,7 +294,7 @@ class Flow:
 
     @property
     def states(self) -> NDArray[np.float64]:
-        """Where walkers are, (n, 6); (n, k, 6) at k instants."""
+        """States at the end, (n, 6); (n, k, 6) at k instants."""
         return self._shaped(states_in(self.records[:, 0], self.system.coordinates))
 
     @property
@@ -352,7 +329,7 @@ class Flow:
 
     @cached_property
     def margins(self) -> NDArray[np.float64]:
-        """How far the strikes that happened are from grazing, (n,).
+        """Distances of the strikes from grazing, (n,).
 
         The rate with which what ends a phase falls through zero: of the angle between the links
         that a kneestrike brings together, or of the legs' sum at a heelstrike, in rad over
@@ -374,7 +351,7 @@ class Flow:
     def _rate_of_fall(
         self, lanes: NDArray, times: NDArray, outcome: Outcome
     ) -> NDArray[np.float64]:
-        """How fast a strike's guard changes on the verge of it, for some walkers, (lanes,)."""
+        """Return the rate of a strike's guard just before it, for some walkers, (lanes,)."""
         before = self.before[lanes]
         began = before["time"][:, 0]
         verge = self.again(lanes, times - _VERGE * (times - began))
@@ -397,7 +374,7 @@ class Flow:
         Tangents go on from this one: they are of all strides since the first.
 
         Args:
-            on: Which walkers.
+            on: Whether to continue each walker, (n,).
             ground: Slopes of their footholds, and rise and turn of the next; as before when None.
         """
         records, bodies = self.records, self.bodies
@@ -447,22 +424,22 @@ def flow(
 
     Args:
         walkers: The walkers.
-        states: Where they start, (n, 6).
+        states: Initial states, (n, 6).
         slopes: Slope in rad, one for all or (n,).
         controls: Torques that are held: of the hip, one for all or (n,); or of hip and ankle,
             (n, 2).
         push_offs: Impulses just before heelstrike, one for all or (n,).
         rises: Heights of the next footholds, one for all or (n,); None on smooth ground.
-        turns: By how much these slope more steeply, one for all or (n,).
-        until: When to stop at the latest, one for all or (n,).
+        turns: Slope changes to these in rad, one for all or (n,).
+        until: Latest time to stop, one for all or (n,).
         save_at: Times (n, k) instead, in any order, each as exact as any other: every walker is
             followed to k times, side by side. Later ones than its stride's end give the state that
             it ends with; one that is not finite gives nothing.
-        by: Along what tangents lead, in order; see `go_on`.
+        by: Variables of the tangents, in order; see `go_on`.
         along: Directions for "point" instead of the coordinates, (n, m, k); of states, (n, 6, k).
-        lanes: Which walkers these are, where parameters are given for more.
-        threads: How many threads to use; all of numba's when None. It changes no result.
-        backend: What carries records on: `engine.run.advance`, or `gpu.advance` on a device.
+        lanes: Indices of these walkers, if parameters are given for more.
+        threads: Number of threads; all of numba's when None. It changes no result.
+        backend: Function that integrates: `engine.run.advance`, or `gpu.advance` on a GPU.
     """
     instants = None
     if save_at is not None:
@@ -488,7 +465,7 @@ def flow(
 
     records = began(len(tangents.names))
     if by:
-        _seed(records, tangents, by)
+        _seed(records, tangents)
     return _followed(
         walkers, system, tangents, walkers.bodies(tangents.names, lanes), records, began, True,
         instants, backend, threads,
@@ -524,7 +501,7 @@ def go_on(
     walked[:, :1] = records
     walked["outcome"] = 0
     if by:
-        _seed(walked, tangents, by)
+        _seed(walked, tangents)
     return _followed(
         walkers, walkers.system((*by, *UNEVEN) if uneven else by), tangents,
         walkers.bodies(tangents.names, lanes), walked, lambda: records, on_section,
@@ -544,24 +521,16 @@ def _tangents_by(walkers: Walkers, by: Sequence[str], along: NDArray | None = No
     return tangents._replace(states=states)
 
 
-def _seed(records: NDArray, tangents: Tangents, by: Collection[str]) -> None:
-    """Let the planes behind records, (n, 1 + k), change along tangents."""
+def _seed(records: NDArray, tangents: Tangents) -> None:
+    """Write the changes along tangents into the planes behind records, (n, 1 + k)."""
     changes = records[:, 1:]  # zero but for what is written here, which takes as long as walking
-    if "state" in by or "point" in by:
+    if "state" in tangents.names or "point" in tangents.names:
         put_states(changes, tangents.states)
-    if tangents.controls.any():
-        changes["control"][..., : tangents.controls.shape[1]] = tangents.controls
-    if "push_off" in by:
-        changes["push_off"] = tangents.push_offs
-    if "height_change" in by or "slope_change" in by:
-        changes["ground"][..., 2:] = tangents.footholds
-    if "slope" in by:
+    if "slope" in tangents.names:
         slope_change = records["ground"][:, :1, 1::-1] * [1.0, -1.0]
         changes["ground"][..., :2] = tangents.slopes[:, None] * slope_change
-    if "start" in by:
-        changes["start"][..., : tangents.starts.shape[1]] = tangents.starts
-    if "end" in by:
-        changes["end"] = tangents.ends
+    for name, index, values in tangents.inputs:
+        changes[name][index] = values
 
 
 def _followed(
@@ -592,15 +561,15 @@ def accelerations(
     controls: NDArray,
     ground: Ground,
 ) -> NDArray[np.float64]:
-    """Of each coordinate, of walkers in a phase, (n, m).
+    """Return the acceleration of each coordinate, of walkers in a phase, (n, m).
 
     Args:
-        system: Which equations they obey.
+        system: Equations of the walkers.
         phase: The phase.
-        bodies: Their constants, (1 or n, constants).
-        states: Where they are, (n, 2 m).
-        controls: What is held, (n, controls) or more.
-        ground: What they stand on.
+        bodies: Constants of the walkers, (1 or n, constants).
+        states: States, (n, 2 m).
+        controls: Controls, (n, controls) or more.
+        ground: The ground.
     """
     held = system.Control(*controls.T[: len(system.Control._fields)])  # type: ignore[attr-defined]
     links = phase.accelerations(system.Body(*bodies.T), system.State(*states.T), held, ground)

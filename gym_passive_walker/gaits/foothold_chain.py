@@ -28,7 +28,7 @@ class Chain:
 
     Args:
         strides: The stride map.
-        state: Of the gait, in the walker's own units.
+        state: State of the gait, (6,), in the walker's own units.
         height_std: Standard deviation of heights, in leg lengths.
         slope: Slope in rad.
 
@@ -36,8 +36,8 @@ class Chain:
         gait: State of the chain on the gait, (k,).
         memory: Spectral radius of the linearized chain.
         axes: Balanced coordinates of the chain's state, (d, k).
-        strides: How many strides have been computed.
-        spacing: Of the last mesh, in balanced coordinates; a finer one begins with it.
+        strides: Number of strides computed so far.
+        spacing: Spacing of the last mesh in balanced coordinates, with which a finer one begins.
     """
 
     spacing = 2.0

@@ -1,4 +1,4 @@
-"""What the ground and the knees must carry: contact force and knee torques.
+"""Contact force of the ground, and torques on the stops of the knees.
 
 The equations of motion never name these forces; they follow from the accelerations by Newton's and
 Euler's laws, for the whole walker and for what hangs on either side of a knee. A collision obeys
@@ -51,14 +51,14 @@ def reactions(body, angles, rates, accelerations, lift, torque, knee_torque=0.0)
     the results are impulses.
 
     Args:
-        body: From `chain`.
-        angles: Of stance leg, thigh and shank.
-        rates: Their angular velocities.
-        accelerations: Their angular accelerations.
+        body: Constants of a chain of links, from `linked`.
+        angles: Angles of stance leg, thigh and shank.
+        rates: Angular velocities of the three.
+        accelerations: Angular accelerations of the three.
         lift: Acceleration of the foot besides its rolling and beyond free fall, (back, up): only
             gravity's (sin(slope), cos(slope)) while it rolls.
         torque: Hip torque.
-        knee_torque: Of a spring at the swing knee.
+        knee_torque: Torque of a spring at the swing knee.
 
     Returns:
         Force of the ground backwards and upwards; torque on the stance knee's and on the swing
@@ -126,10 +126,10 @@ def borne(body, state, turns, control, ground):
 
     Args:
         body: The walker.
-        state: Its state.
+        state: State of the walker.
         turns: Angular accelerations of stance leg, thigh and shank.
-        control: What motors do.
-        ground: What it stands on.
+        control: Torques of the actuators.
+        ground: The ground.
     """
     body = linked(body)
     return reactions(
@@ -143,9 +143,9 @@ def struck(body, angles, jumps, foot_jump):
 
     Args:
         body: The walker.
-        angles: Of stance leg, thigh and shank, with the roles that they have afterwards.
-        jumps: Of their rates.
-        foot_jump: Of the velocity of the point of the stance foot that touches, (back, up).
+        angles: Angles of stance leg, thigh and shank, in their roles after the collision.
+        jumps: Jumps of their angular velocities.
+        foot_jump: Jump of the velocity of the stance foot's contact point, (back, up).
     """
     still = (0.0, 0.0, 0.0)
     return reactions(linked(body), angles, still, jumps, foot_jump, 0.0)
@@ -156,9 +156,9 @@ def landing(body, state, push_off, ground):
 
     Args:
         body: The walker.
-        state: Its state as the swing foot lands.
+        state: State as the swing foot lands.
         push_off: Impulse along the stance leg; a number 0.0 if there is none.
-        ground: Where it lands.
+        ground: Ground on which it lands.
 
     Returns:
         That state, with straight legs and angles from the next foothold's normal; and the velocity

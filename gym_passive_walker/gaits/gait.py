@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.gaits.passage import Change, Passage
+from gym_passive_walker.gaits.section import Points
 from gym_passive_walker.gaits.stride import Stride, together
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome
@@ -79,6 +80,11 @@ class Gait(Shown):
     def controller(self) -> Any:
         """The controller: an `Actuation`, or a controller with feedback; None if passive."""
         return self.stride_map.controller
+
+    @cached_property
+    def point(self) -> Points:
+        """The gait's point of the Poincaré section."""
+        return self.stride_map.points(self.state)
 
     @cached_property
     def stride(self) -> Stride:
@@ -232,7 +238,7 @@ class Violation(NamedTuple):
             asked for, (n, m, columns).
         map: Derivative of the strides' end by their start, (n, m, m). Its eigenvalues are the
             Floquet multipliers.
-        passage: Where the strides lead.
+        passage: Measures of the strides.
         change: Derivatives of `passage`, by the columns of `derivatives`.
     """
 
@@ -266,10 +272,10 @@ def gait_equations(
     """
     points, m = stride_map.from_chart(u), u.shape[1]
     passage, change = stride_map.linearize(
-        points, slopes, strides=period, by=("state", *by), along=stride_map.by_chart(points)
+        points.values, slopes, strides=period, by=("state", *by), along=points.by_chart
     )
-    values = stride_map.chart(passage.ends) - u
-    derivatives = stride_map.in_chart(passage.ends, change.ends)
+    ends = stride_map.at(passage.ends)
+    values, derivatives = ends.chart - u, ends.in_chart(change.ends)
     map_derivatives = derivatives[:, :, :m].copy()
     derivatives[:, :, :m] -= np.eye(m)
     if not stride_map.own:
@@ -305,29 +311,27 @@ def multipliers_of(map_derivative: NDArray) -> NDArray[np.complex128]:
     return values[np.argsort(-np.abs(values), kind="stable")]
 
 
-def measure(stride_map: StrideMap, u: NDArray, slope: float, period: int) -> Gait:
+def measure(point: Points, slope: float, period: int) -> Gait:
     """Measure the gait at a fixed point.
 
     Args:
-        stride_map: The stride map.
-        u: The fixed point in logarithmic coordinates, (m,).
+        point: The fixed point of a stride map, its section.
         slope: Slope in rad.
         period: Strides until the motion repeats.
     """
-    exact, walker = stride_map.with_tolerance(_EXACT), stride_map.walker
-    gait = gait_equations(exact, u[None], slope, period=period)
+    exact: StrideMap = point.section.with_tolerance(_EXACT)
+    gait = gait_equations(exact, point.chart, slope, period=period)
     multipliers = multipliers_of(gait.map[0])  # first, as it raises if no stride exists
-    point = exact.from_chart(u[None])
-    state = exact.states_at(point)[0]
+    state = point.states[0]
     strides = together(exact.walk(state, slope, period))
     duration = sum(np.asarray(strides.duration).tolist()) / len(strides.duration)
     return Gait(
         stride_map=replace(exact, slope=slope),
         slope=slope,
-        kind="long" if exact.own else _kind(walker, gait.map[0], duration / exact.units.time),
+        kind="long" if exact.own else _kind(exact.walker, gait.map[0], duration / exact.units.time),
         period=period,
         state=state,
         multipliers=multipliers,
-        violation=float(np.abs(gait.passage.ends - point).max()),
+        violation=float(np.abs(gait.passage.ends - point.values).max()),
         strides=strides,
     )

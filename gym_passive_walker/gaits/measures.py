@@ -117,7 +117,7 @@ def measures(gait: Gait) -> Measures:
     instance(gait, Gait, "gait", "gpw.find_gait returns")
     stride_map = gait.stride_map
     duration = float(gait.stride.duration) / stride_map.units.time
-    verge = stride_map.before_strike(stride_map.points_at(gait.state)[0], gait.slope, duration)
+    verge = stride_map.before_strike(gait.point.values[0], gait.slope, duration)
     velocity = foot_velocity(gait.walker, stride_map.units.to_own(verge))
     landing = FootVelocity(float(velocity.tangential), float(velocity.normal))
     own = {name: getattr(gait, name) for name in Measures._fields[:-1]}

@@ -17,14 +17,14 @@ _FLOOR = 1e-12
 
 
 class Solution(NamedTuple):
-    """Where Newton's method has come to from n guesses.
+    """Points that Newton's method has reached from n guesses.
 
     Attributes:
         points: (n, k).
-        values: Of the equations there, (n, k).
+        values: Values of the equations there, (n, k).
         sizes: Largest violation at each, (n,); infinite where it was given up or has no value.
-        derivatives: Of the equations there, (n, k, k).
-        carried: What the equations returned besides, one entry for each point; empty if nothing.
+        derivatives: Derivatives of the equations there, (n, k, k).
+        carried: Third result of the equations, one entry for each point; empty if there is none.
     """
 
     points: NDArray[np.float64]

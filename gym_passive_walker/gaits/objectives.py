@@ -1,10 +1,10 @@
-"""What a design may be judged by, with derivatives: quantities of a gait, and its multipliers.
+"""Objectives and constraints of a design, with derivatives.
 
 Quantities are those of a gait and of its walker, with their gradients. The modulus of the largest
-multiplier is none of them: it has corners where two are as large, and no slope where two meet. The
-coefficients of the characteristic polynomial are smooth, and so are the conditions that its roots
-lie inside a circle: those of I. Schur and A. Cohn, as E. I. Jury has them for a cubic. Of a
-walker's multipliers at most three differ from zero.
+multiplier is not smooth: it has corners where two are as large, and no derivative where two meet.
+The coefficients of the characteristic polynomial are smooth. So are the conditions that its roots
+lie inside a circle, which are those of I. Schur and A. Cohn, in E. I. Jury's form for a cubic. At
+most three of a walker's multipliers differ from zero.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from gym_passive_walker.units import growth, units_of
 SPECTRAL_RADIUS = "spectral_radius"
 
 Graded = tuple[float, NDArray[np.float64]]
-"""A value and its gradient (k,) by what a sensitivity is by."""
+"""A value and its gradient (k,) by the parameters of a sensitivity."""
 
 
 def _in_units(gait: Sensitivity, quantity: Graded, *, length: int = 0, time: int = 0) -> Graded:
-    """A dimensionless quantity in powers of the walker's own units of length and time."""
+    """Convert a dimensionless quantity by powers of the walker's units of length and time."""
     walker, (value, gradient) = gait.place.walker, quantity
     units = units_of(walker)
     own = units.length**length * units.time**time
@@ -40,18 +40,18 @@ def _in_units(gait: Sensitivity, quantity: Graded, *, length: int = 0, time: int
 
 
 def _of_stride(gait: Sensitivity, name: str) -> Graded:
-    """One of the stride's numbers, dimensionless."""
+    """Return one of the stride's measures, dimensionless."""
     return float(getattr(gait.passage, name)[0]), getattr(gait.change, name)[0]
 
 
 def _quotient(gait: Sensitivity, above: str, below: str) -> Graded:
-    """The quotient of two of the stride's numbers."""
+    """Return the quotient of two of the stride's measures."""
     (top, d_top), (bottom, d_bottom) = _of_stride(gait, above), _of_stride(gait, below)
     return top / bottom, (d_top - top / bottom * d_bottom) / bottom
 
 
 def _stance_angle(gait: Sensitivity) -> Graded:
-    angle = float(np.exp(gait.place.u[0]))
+    angle = float(gait.place.point.values[0, 0])
     return angle, angle * gait.coordinates[0]
 
 
@@ -67,10 +67,9 @@ def _total_mass(gait: Sensitivity) -> Graded:
 
 
 def _clearance(gait: Sensitivity) -> Graded:
-    stride_map, slope, u = gait.place
-    walker, units = stride_map.walker, stride_map.units
-    state = stride_map.states_at(stride_map.from_chart(u[None]))[0]
-    lowest = reality_check(stride_map, slope, state).clearance
+    point, slope = gait.place
+    walker, units = gait.place.walker, point.section.units
+    lowest = reality_check(point.section, slope, point.states[0]).clearance
     time = lowest.time / units.time
     knee = float(gait.passage.knee_times[0])
     # At its lowest the height does not change with time, so the gradient is that of the height at
@@ -78,7 +77,7 @@ def _clearance(gait: Sensitivity) -> Graded:
     corner = abs(time - knee) < 1e-9
 
     def look(walkers: StrideMap, beside: NDArray, slopes: NDArray) -> NDArray:
-        points = walkers.from_chart(beside)
+        points = walkers.from_chart(beside).values
         times = walkers.apply(points, slopes).knee_times if corner else np.full(len(points), time)
         states = walkers.sample(points, slopes, times[:, None]).states[:, 0]
         body = walkers.system.Body(*walkers.walkers.constants[:, 0].T)
@@ -104,7 +103,7 @@ QUANTITIES: dict[str, Callable[[Sensitivity], Graded]] = {
     "leg_length": lambda gait: _in_units(gait, (1.0, np.zeros(len(gait.by))), length=1),
     "total_mass": _total_mass,
 }
-"""By name, in the walker's own units: those of `Gait` and `Walker`, and besides
+"""Quantities by name, in the walker's own units: those of `Gait` and `Walker`, and
 
 - clearance: least height of the passing swing foot over the ground, as `RealityCheck.clearance`;
 - knee_margin: time from kneestrike to heelstrike over the stride's, of a walker with knees.
@@ -112,16 +111,16 @@ QUANTITIES: dict[str, Callable[[Sensitivity], Graded]] = {
 
 
 def spectral_radius(matrix: NDArray) -> float:
-    """The largest modulus of an eigenvalue."""
+    """Return the largest modulus of an eigenvalue."""
     return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
 def coefficients(matrix: NDArray, change: NDArray) -> tuple[NDArray, NDArray]:
-    """a, b, c of x^3 + a x^2 + b x + c with a matrix's eigenvalues besides zeros as roots.
+    """Return a, b, c of x^3 + a x^2 + b x + c, with a matrix's nonzero eigenvalues as roots.
 
     Args:
-        matrix: Of rank 3 at most, (m, m).
-        change: Its derivatives, (m, m, k).
+        matrix: Matrix of rank 3 at most, (m, m).
+        change: Derivatives of the matrix, (m, m, k).
 
     Returns:
         The coefficients (3,) and their derivatives (3, k), from the traces of powers (Newton).
@@ -141,14 +140,14 @@ def coefficients(matrix: NDArray, change: NDArray) -> tuple[NDArray, NDArray]:
 
 
 def inside(cubic: NDArray, radius: float) -> tuple[NDArray, NDArray]:
-    """What is positive when all roots lie inside a circle about zero, and only then.
+    """Return conditions that are all positive if and only if all roots lie inside a circle.
 
     The first vanishes with a root at +radius, the second with one at -radius, the third with two
     of a product of radius squared; the last two with a product of all three of radius cubed.
 
     Args:
         cubic: a, b, c of x^3 + a x^2 + b x + c.
-        radius: Of the circle.
+        radius: Radius of the circle, which is centred at zero.
 
     Returns:
         Values (5,), and derivatives (5, 4) by a, b, c and the radius.

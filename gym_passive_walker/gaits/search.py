@@ -92,7 +92,7 @@ def heelstrike(
     return section.point(np.stack(struck.after, axis=-1)), struck.lost, work
 
 
-def starts(stride_map: StrideMap, slope: float) -> NDArray:
+def _starts(stride_map: StrideMap, slope: float) -> NDArray:
     """Return initial guesses for a gait of one stride at this slope.
 
     Args:
@@ -147,11 +147,12 @@ def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray, NDArray | 
     points, *energies = heelstrike(stride_map, angle, stance_rate, swing_rate, push_off)
     shape, lengths = (len(stance), len(angles)), legs.step_length(body_of(walker), angle, angle)
     lost, pushed = ((energy / lengths).reshape(shape) for energy in energies)
-    u, loss = stride_map.chart(points).reshape(*shape, -1), np.log(np.maximum(lost, _LEAST))
+    u = stride_map.at(points).chart.reshape(*shape, -1)
+    loss = np.log(np.maximum(lost, _LEAST))
     return u, loss, pushed if push_off else 0.0
 
 
-def returns(stride_map: StrideMap, slope: float, gaits: NDArray) -> NDArray:
+def _returns(stride_map: StrideMap, slope: float, gaits: list[Gait]) -> NDArray:
     """Return points of walks that begin beside some gaits, after a transient.
 
     After a period doubling, or in chaos, such walks pass near every gait.
@@ -159,15 +160,16 @@ def returns(stride_map: StrideMap, slope: float, gaits: NDArray) -> NDArray:
     Args:
         stride_map: Stride map of one walker.
         slope: Slope in rad.
-        gaits: Fixed points in logarithmic coordinates, (n, m).
+        gaits: Gaits of one stride.
 
     Returns:
-        Logarithmic coordinates (k, m) of points along the walks that did not fall.
+        Coordinates (k, m) in the chart of points along the walks that did not fall.
     """
     roughly = stride_map.with_tolerance(_RETURNING)
     beside = np.random.default_rng(0).standard_normal((_WALKERS, stride_map.dimension))
     size = np.geomspace(1e-4, 0.03, _WALKERS)[:, None]
-    points = stride_map.from_chart(np.concatenate([gait + size * beside for gait in gaits]))
+    near = stride_map.points([gait.state for gait in gaits]).chart
+    points = stride_map.from_chart(np.concatenate([u + size * beside for u in near])).values
     points = roughly.apply(points, slope, strides=_SETTLING).ends
     points = points[np.isfinite(points[:, 0])]
     kept = []
@@ -175,7 +177,7 @@ def returns(stride_map: StrideMap, slope: float, gaits: NDArray) -> NDArray:
         points = roughly.apply(points, slope).ends
         kept.append(points)
     points = np.concatenate(kept)
-    return stride_map.chart(points[np.isfinite(points[:, 0])])
+    return stride_map.at(points[np.isfinite(points[:, 0])]).chart
 
 
 def _distinct(u: NDArray, others: list[NDArray], apart: float) -> NDArray:
@@ -187,7 +189,7 @@ def _distinct(u: NDArray, others: list[NDArray], apart: float) -> NDArray:
     return np.array(kept).reshape(-1, u.shape[1])
 
 
-class _Starts:
+class _Guesses:
     """Initial guesses of a search, the most promising first.
 
     The score of a guess is the distance by which its strides move it; less is better. Near a gait
@@ -214,7 +216,7 @@ class _Starts:
         return np.array(chosen).reshape(-1, self.u.shape[1])
 
 
-def search(
+def _search(
     stride_map: StrideMap,
     slope: float,
     u: NDArray,
@@ -228,7 +230,7 @@ def search(
     Args:
         stride_map: Stride map of one walker.
         slope: Slope in rad.
-        u: Initial guesses in logarithmic coordinates, (n, m).
+        u: Initial guesses, as coordinates (n, m) in the chart.
         period: Strides until a gait repeats.
         enough: Function of the gaits found; the search ends when it returns True.
         batches: Number of guesses in each batch for Newton's method.
@@ -248,11 +250,11 @@ def search(
         solved = newton(equations, guesses, accuracy=accuracy, patience=patience)
         return solved.points[solved.sizes < limit]
 
-    first = roughly.apply(stride_map.from_chart(u), slope, strides=period)
+    first = roughly.apply(stride_map.from_chart(u).values, slope, strides=period)
     ends = Counter({Outcome(i).name: n for i, n in enumerate(np.bincount(first.outcomes)) if n})
     # A heelstrike behind the stance foot starts no walk.
     ahead = first.alive if stride_map.own else first.ends[:, 0] > 0.0
-    candidates = _Starts(u[ahead], stride_map.chart(first.ends[ahead]))
+    candidates = _Guesses(u[ahead], stride_map.at(first.ends[ahead]).chart)
     for batch in batches:
         chosen = candidates.best(batch)
         if len(chosen) == 0:
@@ -264,8 +266,8 @@ def search(
             orbit = _orbit(stride_map, point, slope, period, 0.1 * alike)
             if len(orbit) == period:
                 with suppress(np.linalg.LinAlgError):  # rounding may leave no stride
-                    gait = measure(stride_map, point, slope, period)
-                    if stride_map.own or _human(roughly, point, gait):
+                    gait = measure(stride_map.from_chart(point[None]), slope, period)
+                    if stride_map.own or _human(roughly, gait):
                         gaits.append(gait)
             for stride in orbit:
                 found.append(stride)
@@ -283,48 +285,45 @@ def _orbit(
     """Return the points of a gait from one of them on, until it repeats."""
     orbit = [u]
     while len(orbit) < period:
-        start = stride_map.from_chart(orbit[-1][None])
-        end = stride_map.chart(stride_map.apply(start, slope).ends)[0]
+        start = stride_map.from_chart(orbit[-1][None]).values
+        end = stride_map.at(stride_map.apply(start, slope).ends).chart[0]
         if period % len(orbit) == 0 and np.abs(end - u).max() < alike:
             break
         orbit.append(end)
     return orbit
 
 
-def _human(stride_map: StrideMap, u: NDArray, gait: Gait) -> bool:
+def _human(stride_map: StrideMap, gait: Gait) -> bool:
     """Return whether the swing leg swings forward only once in a step."""
     walker, duration = gait.walker, float(gait.stride.duration) / stride_map.units.time
     times = duration * np.linspace(0.0, 1.0 - 1e-4, _LOOKS)[None]
-    rates = stride_map.sample(stride_map.from_chart(u[None]), gait.slope, times).states[0, :, 3:]
+    rates = stride_map.sample(gait.point.values, gait.slope, times).states[0, :, 3:]
     forward = walker.thigh_length * rates[:, 1] + walker.shank_length * rates[:, 2]
     swings = np.count_nonzero(np.diff(forward > 0.0, prepend=False) & (forward > 0.0))
     return swings == 1
 
 
-def begin(
+def _guesses(
     stride_map: StrideMap, slope: float, period: int = 1, guess: ArrayLike | None = None
 ) -> NDArray:
-    """Return the initial guesses of a search, (n, m): `guess`, or those for this period."""
+    """Return initial guesses (n, m) in the chart: `guess`, or those for this period."""
     if guess is not None:
         states = np.atleast_2d(check_state(guess, "guess", stride_map.size))
         if not stride_map.own and np.any(states[:, 0] <= 0.0):
             raise ValueError("a guess must be a section state: its stance angle is positive")
-        return stride_map.chart(stride_map.points_at(states))
+        return stride_map.points(states).chart
     if slope <= 0.0 and stride_map.passive and stride_map.terrain is None and not stride_map.own:
         return np.empty((0, stride_map.dimension))
     if stride_map.own:
         u = _beside_start(stride_map)
     elif stride_map.controlled:
-        u = stride_map.chart(stride_map.likely(slope))  # type: ignore[attr-defined]
+        u = stride_map.at(stride_map.likely(slope)).chart  # type: ignore[attr-defined]
     else:
-        u = starts(stride_map, slope)
+        u = _starts(stride_map, slope)
     if period == 1:
         return u
-    gaits, _ = search(stride_map, slope, u, 1, lambda gaits: len(gaits) >= 2)
-    if not gaits:
-        return u
-    points = stride_map.points_at([gait.state for gait in gaits])
-    return np.concatenate([returns(stride_map, slope, stride_map.chart(points)), u])
+    gaits, _ = _search(stride_map, slope, u, 1, lambda gaits: len(gaits) >= 2)
+    return np.concatenate([_returns(stride_map, slope, gaits), u]) if gaits else u
 
 
 def _beside_start(stride_map: StrideMap) -> NDArray:
@@ -359,40 +358,46 @@ class Sought(NamedTuple):
 def seek(
     walker: MapLike,
     slope: float,
-    kind: GaitKind = "long",
+    kind: GaitKind | None = "long",
     *,
     period: int = 1,
     guess: ArrayLike | None = None,
+    quick: bool = False,
 ) -> Sought:
-    """Search for a gait like `fixed_point.find_gait`, but return None instead of raising."""
+    """Search for a gait like `fixed_point.find_gait`, but do not raise if there is none.
+
+    Args:
+        walker: The walker or stride map, as for `find_gait`.
+        slope: Slope in rad.
+        kind: "long" or "short"; None for every gait, as for `find_gaits`.
+        period: Strides until the motion repeats.
+        guess: States on the Poincaré section, as for `find_gaits`.
+        quick: Whether to end the search after the most promising guesses.
+    """
     stride_map = map_of(walker, tolerance=ACCURACY)
     # Under a controller the kind of a gait is not known in advance.
-    any_kind = guess is not None or stride_map.controlled
+    any_kind = kind is None or guess is not None or stride_map.controlled
+    # Uphill, a push-off balances the losses of steps of two sizes, each long and short.
+    most = 4 if stride_map.actuation.push_off else 2
 
     def wanted(gait: Gait) -> bool:
         return any_kind or period > 1 or gait.kind == kind
 
     def enough(gaits: list[Gait]) -> bool:
+        if kind is None:
+            return len(gaits) >= most
         short = kind == "short"
         return any(any_kind or (wanted(x) and x.beyond_fold == short) for x in gaits)
 
-    u = begin(stride_map, slope, period, guess)
-    few = u[:: max(1, len(u) // _LATTICE)] if period == 1 and guess is None else u
-    gaits, ends = search(stride_map, slope, few, period, enough, _BATCHES[:1], _PATIENCE)
-    if not enough(gaits):  # guesses left out or stopped early may lead to it
-        gaits, ends = search(stride_map, slope, u, period, enough)
+    u = _guesses(stride_map, slope, period, guess)
+    gaits, ends = [], Counter()
+    if kind is not None:
+        few = u[:: max(1, len(u) // _LATTICE)] if period == 1 and guess is None else u
+        some, patience = (u, None) if quick else (few, _PATIENCE)
+        gaits, ends = _search(stride_map, slope, some, period, enough, _BATCHES[:1], patience)
+    if not (quick or enough(gaits)):  # guesses left out or stopped early may lead to it
+        gaits, ends = _search(stride_map, slope, u, period, enough)
     chosen = [gait for gait in gaits if wanted(gait)]
     if period > 1 and guess is None:  # gaits of several strides are born in pairs, at folds
         chosen = [gait for gait in chosen if enough([gait])] or chosen
-    return Sought(chosen[0 if kind == "long" else -1] if chosen else None, gaits, ends)
-
-
-def glance(walker: MapLike, slope: float, kind: GaitKind) -> Gait | None:
-    """Return a gait of a kind if a quick search finds one; used over many slopes."""
-    stride_map = map_of(walker, tolerance=ACCURACY)
-
-    def enough(gaits: list[Gait]) -> bool:
-        return any(gait.kind == kind or stride_map.controlled for gait in gaits)
-
-    gaits, _ = search(stride_map, slope, begin(stride_map, slope), 1, enough, _BATCHES[:1])
-    return next((gait for gait in gaits if enough([gait])), None)
+    return Sought(chosen[-1 if kind == "short" else 0] if chosen else None, gaits, ends)

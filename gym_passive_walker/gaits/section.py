@@ -2,17 +2,18 @@
 
 On the section the legs are straight and mirror each other. The stance angle and the angular
 velocities determine the state. A point is [angle, stance, thigh, shank] for a kneed walker, and
-[angle, stance, swing] for the others. Points are dimensionless (see `units`).
+[angle, stance, swing] for the others. Points are dimensionless (see `units`);
+`Points` converts them to states in the walker's own units, and to the chart.
 
-Searches and continuation use logarithmic coordinates u = (ln angle, angular velocities / angle).
-They scale steps of every size alike, from slopes of 1e-8 on.
+The chart has logarithmic coordinates u = (ln angle, angular velocities / angle), which searches and
+continuation use. They scale steps of every size alike, from slopes of 1e-8 on.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,7 +49,7 @@ class Section:
 
     @property
     def size(self) -> int:
-        """How many numbers a state has."""
+        """Number of entries of a state."""
         return self.dimension if self.own else 6
 
     @property
@@ -90,40 +91,71 @@ class Section:
             given[:, 2], given[:, 5] = given[:, 1], given[:, 4]
         return given
 
-    def states_at(self, points: NDArray) -> NDArray[np.float64]:
-        """Return states (n, 6) at points (n, m), in the walker's own units."""
-        return self.units.to_own(self.state(points))
+    def at(self, values: NDArray) -> Points:
+        """Return the points with dimensionless coordinates (n, m)."""
+        return Points(self, values)
+
+    def points(self, states: ArrayLike) -> Points:
+        """Return the points of states (6,) or (n, 6) on the section, in the walker's own units."""
+        return Points(self, self.point(self.units.to_dimensionless(np.atleast_2d(states))))
+
+    def from_chart(self, u: NDArray) -> Points:
+        """Return the points with coordinates `u` (n, m) of the chart."""
+        if self.own:
+            return Points(self, np.array(u))
+        angle = np.exp(u[:, :1])
+        points = Points(self, np.concatenate([angle, u[:, 1:] * angle], axis=1))
+        points.__dict__["chart"] = u  # the logarithm would round it
+        return points
 
     def points_at(self, states: ArrayLike) -> NDArray[np.float64]:
-        """Return points (n, m) of states (n, 6) on the section, in the walker's own units."""
-        return self.point(self.units.to_dimensionless(np.atleast_2d(states)))
+        """Return coordinates (n, m) of states (n, 6) on the section, in the walker's own units."""
+        return self.points(states).values
 
-    def chart(self, points: NDArray) -> NDArray[np.float64]:
-        """Return the coordinates (n, m) of points (n, m) in which gaits are searched for."""
-        if self.own:
-            return np.array(points)
-        return np.concatenate([np.log(points[:, :1]), points[:, 1:] / points[:, :1]], axis=1)
+    def states_at(self, points: NDArray) -> NDArray[np.float64]:
+        """Return states (n, 6), in the walker's own units, at coordinates (n, m)."""
+        return Points(self, points).states
 
-    def from_chart(self, u: NDArray) -> NDArray[np.float64]:
-        """Return the points (n, m) at coordinates `u` (n, m) of the chart."""
-        if self.own:
-            return np.array(u)
-        angle = np.exp(u[:, :1])
-        return np.concatenate([angle, u[:, 1:] * angle], axis=1)
 
-    def by_chart(self, points: NDArray) -> NDArray[np.float64]:
-        """Return the derivative of points (n, m) by their coordinates, (n, m, m)."""
-        if self.own:
-            return np.tile(np.eye(self.dimension), (len(points), 1, 1))
-        derivative = points[:, :1, None] * np.eye(self.dimension)
-        derivative[:, :, 0] = points
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Points of a Poincaré section, in each of their forms.
+
+    Attributes:
+        section: The section; a `StrideMap` is one.
+        values: Dimensionless coordinates, (n, m).
+    """
+
+    section: Any
+    values: NDArray[np.float64]
+
+    @property
+    def states(self) -> NDArray[np.float64]:
+        """States (n, 6), in the walker's own units."""
+        return self.section.units.to_own(self.section.state(self.values))
+
+    @cached_property
+    def chart(self) -> NDArray[np.float64]:
+        """Coordinates (n, m) in which gaits are searched for."""
+        values = self.values
+        if self.section.own:
+            return np.array(values)
+        return np.concatenate([np.log(values[:, :1]), values[:, 1:] / values[:, :1]], axis=1)
+
+    @property
+    def by_chart(self) -> NDArray[np.float64]:
+        """Derivative of `values` by `chart`, (n, m, m)."""
+        if self.section.own:
+            return np.tile(np.eye(self.section.dimension), (len(self.values), 1, 1))
+        derivative = self.values[:, :1, None] * np.eye(self.section.dimension)
+        derivative[:, :, 0] = self.values
         return derivative
 
-    def in_chart(self, points: NDArray, changes: NDArray) -> NDArray[np.float64]:
-        """Convert changes (n, m, k) of points (n, m) to changes of their coordinates."""
-        if self.own:
+    def in_chart(self, changes: NDArray) -> NDArray[np.float64]:
+        """Convert changes (n, m, k) of `values` to changes of `chart`."""
+        if self.section.own:
             return np.array(changes)
-        angle = points[:, 0, None, None]
+        angle = self.values[:, 0, None, None]
         relative = changes / angle
-        relative[:, 1:] -= (points[:, 1:, None] / angle) * relative[:, :1]
+        relative[:, 1:] -= (self.values[:, 1:, None] / angle) * relative[:, :1]
         return relative

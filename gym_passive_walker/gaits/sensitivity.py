@@ -1,9 +1,9 @@
-"""How a gait changes with its walker and its ground: derivatives of a fixed point.
+"""Derivatives of a gait by parameters of its walker and by the slope.
 
 The gait's equations F(u, p) = 0 hold along a curve of gaits, so u' = -F_u^-1 F_p (the implicit
-function theorem), with both derivatives carried exactly through the stride. What would take second
-derivatives, such as how multipliers change, is differenced: exact values at four places along the
-curve's tangent, with a relative error below 1e-8 (see `tests/gaits/test_sensitivity.py`).
+function theorem); both derivatives are exact. The change of multipliers would need second
+derivatives. It is differenced from exact values at four places along the curve's tangent, with a
+relative error below 1e-8 (see `tests/gaits/test_sensitivity.py`).
 """
 
 from __future__ import annotations
@@ -17,47 +17,51 @@ from numpy.typing import NDArray
 from gym_passive_walker.gaits.gait import gait_equations
 from gym_passive_walker.gaits.newton import newton
 from gym_passive_walker.gaits.passage import Change, Passage
+from gym_passive_walker.gaits.section import Points
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.units import units_of
+from gym_passive_walker.units import unit_of
 from gym_passive_walker.walkers import Mechanism, Walker
 
 SLOPE = "slope"
 
 _ACCURACY = 1e-14  # violation that is aimed at
-_STEP = 2.5e-4  # between places evaluated: longest change of a coordinate, or of what is varied
+_STEP = 2.5e-4  # between places: largest change of a coordinate, or of the parameter
 _PLACES = np.array([-2.0, -1.0, 1.0, 2.0])
 _WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
 
 
 class Place(NamedTuple):
-    """Where a gait is.
+    """A gait of one stride: its point of the Poincaré section and its slope.
 
     Attributes:
-        stride_map: The stride map.
+        point: The point, of a stride map as section.
         slope: Slope in rad.
-        u: Logarithmic coordinates of the gait, (m,).
     """
 
-    stride_map: StrideMap
+    point: Points
     slope: float
-    u: NDArray[np.float64]
 
     @property
     def walker(self) -> Walker:
         """The walker."""
-        return self.stride_map.walker
+        return self.point.section.walker
+
+    @property
+    def u(self) -> NDArray[np.float64]:
+        """Coordinates of the point in the chart, (m,)."""
+        return self.point.chart[0]
 
 
 class Sensitivity(NamedTuple):
-    """A gait of one stride, and how it changes with k of its walker's parameters and the slope.
+    """A gait of one stride, and its derivatives by k parameters.
 
     Attributes:
-        place: Where it is.
-        by: Names of what it is derived by, k of them.
-        coordinates: Derivatives of u, (m, k).
-        map: The stride map's derivative by u, (m, m): its eigenvalues are the multipliers.
-        passage: The stride, dimensionless.
-        change: Its derivatives along the gaits, with k columns.
+        place: The gait.
+        by: Names of the parameters: "slope", or parameters of the walker.
+        coordinates: Derivatives of the gait's coordinates u in the chart, (m, k).
+        map: The stride map's derivative by u, (m, m). Its eigenvalues are the multipliers.
+        passage: Measures of the stride, dimensionless.
+        change: Derivatives of `passage` along the gaits, with k columns.
     """
 
     place: Place
@@ -69,34 +73,36 @@ class Sensitivity(NamedTuple):
 
 
 def place_near(stride_map: StrideMap, slope: float, guess: NDArray) -> Place | None:
-    """The gait of one stride nearest to a guess, if Newton's method reaches one.
+    """Return the gait of one stride nearest to a guess; None if Newton's method finds none.
 
     Args:
         stride_map: The stride map of the gait.
         slope: Slope in rad.
-        guess: Logarithmic coordinates, (m,).
+        guess: Coordinates in the chart, (m,).
     """
     found = newton(
         lambda u: gait_equations(stride_map, u, slope)[:2],
         guess[None], accuracy=_ACCURACY, damped=False,
     )  # fmt: skip
-    return Place(stride_map, slope, found.points[0]) if found.sizes[0] < stride_map.closes else None
+    if not found.sizes[0] < stride_map.closes:
+        return None
+    return Place(stride_map.from_chart(found.points), slope)
 
 
 def sensitivity(place: Place, by: Sequence[str]) -> Sensitivity:
-    """The exact derivatives of a gait.
+    """Return the exact derivatives of a gait.
 
     Args:
         place: The gait.
-        by: "slope", or parameters of the walker or of its motors. As for `StrideMap.linearize`,
-            all else is held dimensionless.
+        by: "slope", or parameters of the walker or of its actuation. All other dimensionless
+            quantities are held constant, as for `StrideMap.linearize`.
 
     Raises:
-        numpy.linalg.LinAlgError: at a fold, where the gait has none.
+        numpy.linalg.LinAlgError: at a fold, where the derivatives do not exist.
     """
-    stride_map, slope, u = place
-    m = len(u)
-    gait = gait_equations(stride_map, u[None], slope, by=by)
+    point, slope = place
+    m = point.section.dimension
+    gait = gait_equations(point.section, point.chart, slope, by=by)
     coordinates = -np.linalg.solve(gait.derivatives[0, :, :m], gait.derivatives[0, :, m:])
     along = {
         name: value[..., :m] @ coordinates + value[..., m:]
@@ -106,37 +112,28 @@ def sensitivity(place: Place, by: Sequence[str]) -> Sensitivity:
 
 
 def size_of(name: str, walker: Walker, slope: float) -> float:
-    """What counts as a large change of a parameter or the slope."""
+    """Return what counts as a large change of a parameter or of the slope, in their own units."""
     if isinstance(walker, Mechanism):
         return abs(getattr(walker.body, name, slope)) or 1.0
-    units = units_of(walker)
-    sizes = {
-        SLOPE: abs(slope),
-        "gravity": walker.gravity,
-        "foot_angle": 1.0,
-        "hip_stiffness": units.torque,
-        "knee_stiffness": units.torque,
-        "hip_friction": units.torque * units.time,
-    }
-    return sizes.get(name, walker.total_mass if name.endswith("mass") else walker.leg_length)
+    return abs(slope) if name == SLOPE else unit_of(walker, name)
 
 
 Look = Callable[[StrideMap, NDArray, NDArray], NDArray]
-"""Takes n walkers at coordinates (n, m) on slopes (n,) to something of each, (n, ...)."""
+"""Function of n walkers, coordinates (n, m) and slopes (n,) that returns values (n, ...)."""
 
 
 def change_along(gait: Sensitivity, sizes: Sequence[float], look: Look) -> NDArray[np.float64]:
-    """How something changes along the gaits, by central differences of fourth order.
+    """Return derivatives along the gaits, by central differences of fourth order.
 
     Args:
         gait: A gait with its derivatives.
-        sizes: What counts as large a change of each quantity that is varied, k of them.
-        look: What to look at; it need not be on a gait.
+        sizes: Size of a large change of each of the k parameters.
+        look: Function to differentiate; it is evaluated close to gaits.
 
     Returns:
-        Derivatives by what is varied in the last axis, (..., k).
+        Derivatives (..., k), by the parameters in the last axis.
     """
-    stride_map, slope, u = gait.place
+    stride_map, slope, u = gait.place.point.section, gait.place.slope, gait.place.u
     columns = []
     for name, direction, size in zip(gait.by, gait.coordinates.T, sizes, strict=True):
         step = _STEP / max(1.0 / size, np.abs(direction).max())
@@ -153,7 +150,7 @@ def change_along(gait: Sensitivity, sizes: Sequence[float], look: Look) -> NDArr
 
 
 def map_change(gait: Sensitivity, sizes: Sequence[float]) -> NDArray[np.float64]:
-    """How the stride map's derivative by u changes along the gaits, (m, m, k)."""
+    """Return the derivatives of the stride map's derivative along the gaits, (m, m, k)."""
     return change_along(
         gait, sizes, lambda walkers, u, slopes: gait_equations(walkers, u, slopes).map
     )

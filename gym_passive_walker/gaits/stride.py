@@ -79,7 +79,7 @@ class Stride(Table, _Fields):
         state: Final state: [stance, thigh, shank] angles in rad, then their angular velocities. If
             the outcome is HEELSTRIKE, this is the next state on the Poincaré section.
         duration: Time taken; the step period on a gait.
-        outcome: How the stride ended, an `Outcome`.
+        outcome: `Outcome` of the stride.
         kneestrike_time: Time at which the knee locked; NaN if it did not.
         step_length: Distance from one contact point to the next, along the ground of the first
             foothold; NaN without heelstrike.

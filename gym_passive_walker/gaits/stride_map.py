@@ -10,16 +10,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, TypeAlias, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import one_slope
+from gym_passive_walker.arguments import one_slope, whole
 from gym_passive_walker.gaits.actuation import (
     PASSIVE,
     Actuation,
-    actuation_units,
     for_each,
     to_dimensionless,
     to_own,
@@ -31,14 +30,18 @@ from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.physics.hybrid import Ground, Outcome, System
 from gym_passive_walker.progress import progress
-from gym_passive_walker.units import units_of
+from gym_passive_walker.units import unit_of, units_of
 from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerLike, as_any
+
+if TYPE_CHECKING:  # which imports this module
+    from gym_passive_walker.gaits.gait import Gait
 
 LONGEST = 20.0
 """Time limit in sqrt(l/g) of a stride without heelstrike; a usual stride takes 3."""
 
 _VERGE = 1e-8  # fraction of the time until an impact; its square is below rounding
 _FEW = 16
+_ROUGHLY = 1e-6  # tolerance at which failed strides are found
 _NO_SLOPE = "this map has no slope of its own: give one"
 _FIELDS = [field.name for field in fields(Change)]
 _STRUCK, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
@@ -88,26 +91,18 @@ class StrideMap(Section):
     """Whether a controller observes the walker and sets its torques."""
 
     @classmethod
-    def of(
-        cls,
-        walker: WalkerLike,
-        *,
-        tolerance: float = 1e-13,
-        max_stride_time: float = LONGEST,
-        end_on_toe_stub: bool = False,
-        controller: Actuation = PASSIVE,
-        slope: float | None = None,
-        terrain: Terrain | None = None,
-    ) -> Self:
-        """Return the stride map of a walker (see `as_walker`); `controller` is in its units."""
+    def of(cls, walker: WalkerLike, *, controller: Actuation = PASSIVE, **fields: Any) -> Self:
+        """Return the stride map of a walker in a form that `as_walker` takes.
+
+        Args:
+            walker: The walker.
+            controller: Actuation in the walker's own units.
+            **fields: Other fields of the map, such as `slope` and `tolerance`.
+        """
         walker = as_any(walker)
-        passive = controller is PASSIVE
-        return cls(
-            walker=walker, tolerance=tolerance, max_stride_time=max_stride_time,
-            end_on_toe_stub=end_on_toe_stub,
-            actuation=PASSIVE if passive else to_dimensionless(units_of(walker), controller),
-            slope=slope, terrain=terrain,
-        )  # fmt: skip
+        if controller is not PASSIVE:
+            fields["actuation"] = to_dimensionless(units_of(walker), controller)
+        return cls(walker=walker, **fields)
 
     def with_tolerance(self, tolerance: float) -> Self:
         """Return this map with another integration tolerance."""
@@ -174,8 +169,7 @@ class StrideMap(Section):
 
     def unit(self, parameter: str) -> float:
         """Return a parameter's unit in this map, in the walker's units; 1 for a walker's own."""
-        units = actuation_units(units_of(self.walker))._asdict()
-        return float(units.get(parameter, 1.0))
+        return float(unit_of(self.walker, parameter)) if parameter in Actuation._fields else 1.0
 
     @cached_property
     def ground(self) -> NDArray[np.float64]:
@@ -245,13 +239,6 @@ class StrideMap(Section):
         """Return one slope in rad; the map's own when None."""
         return one_slope(self.slope if slope is None else slope)
 
-    def _slopes(self, slopes: ArrayLike | None, count: int) -> NDArray[np.float64]:
-        """Return the slopes in rad of n points, (n,)."""
-        slopes = self.slope if slopes is None else slopes
-        if slopes is None:
-            raise ValueError(_NO_SLOPE)
-        return for_each(slopes, count)
-
     def _actuations(self, lanes: NDArray) -> NDArray[np.float64]:
         """Return dimensionless hip torque, ankle torque and push-off of n points, (n, 3)."""
         actuation = self.actuation
@@ -262,15 +249,19 @@ class StrideMap(Section):
             column[:] = part[lanes] if np.ndim(part) else part
         return actuations
 
-    def _points(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Check points of the section, (n, m)."""
-        points = np.asarray(points, dtype=float)
+    def _checked(
+        self, points: ArrayLike, slopes: ArrayLike | None, strides: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+        """Check points of the section, slopes, of which there is one for each, and strides."""
+        points, slopes = np.asarray(points, dtype=float), self.slope if slopes is None else slopes
         if points.ndim != 2 or points.shape[1] != self.dimension:
             raise ValueError(
                 f"points of the section must have the shape (n, {self.dimension}), got "
                 f"{points.shape}; map.points_at(states) gives them"
             )
-        return points
+        if slopes is None:
+            raise ValueError(_NO_SLOPE)
+        return points, for_each(slopes, len(points)), whole(strides, "strides")
 
     def apply(
         self, points: NDArray, slopes: ArrayLike | None = None, *, strides: int = 1
@@ -280,10 +271,9 @@ class StrideMap(Section):
         Args:
             points: Points of the section, (n, m).
             slopes: Slope in rad, one for all or (n,); the map's own when None.
-            strides: How many times to apply the map.
+            strides: How many times to apply the map, at least once.
         """
-        points = self._points(points)
-        slopes = self._slopes(slopes, len(points))
+        points, slopes, strides = self._checked(points, slopes, strides)
         results, outcomes = self._follow(points, slopes, np.arange(len(points)), strides)
         return Passage(**_named(results[0]), outcomes=outcomes)
 
@@ -301,7 +291,7 @@ class StrideMap(Section):
         Args:
             points: Points of the section, (n, m).
             slopes: Slope in rad, one for all or (n,); the map's own when None.
-            strides: How many times to apply the map.
+            strides: How many times to apply the map, at least once.
             by: Columns of the derivatives, in order: "state" (one for each coordinate), "slope",
                 a part of `Actuation`, or a parameter of the walker. All other dimensionless
                 quantities are held constant.
@@ -310,13 +300,11 @@ class StrideMap(Section):
         Returns:
             The `Passage`, and a `Change` with the derivatives of its fields.
         """
-        points = self._points(points)
-        slopes = self._slopes(slopes, len(points))
+        points, slopes, strides = self._checked(points, slopes, strides)
         walking, outcomes = np.arange(len(points)), np.empty(len(points), np.int8)
         if len(points) > _FEW:
-            # Integrate without derivatives first: a failed stride costs as much as many others.
-            plain, outcomes = self._follow(points, slopes, walking, strides)
-            walking = np.flatnonzero(np.isfinite(plain[0, 0]))
+            # Leave failed strides out, as each costs as much as many others.
+            walking, outcomes = self._walking(points, slopes, strides)
         results, ended = self._follow(
             points[walking], slopes[walking], walking, strides,
             ["point" if name == "state" else name for name in by],
@@ -330,6 +318,20 @@ class StrideMap(Section):
         derivatives[:, walking] = results[1:].transpose(1, 2, 0)
         derivatives[np.isnan(values)] = np.nan
         return Passage(**_named(values), outcomes=outcomes), Change(**_named(derivatives))
+
+    @cached_property
+    def _roughly(self) -> Self:
+        """This map at a tolerance that finds nearly all strides that fail."""
+        return self if self.tolerance >= _ROUGHLY else self.with_tolerance(_ROUGHLY)
+
+    def _walking(self, points: NDArray, slopes: NDArray, strides: int) -> tuple[NDArray, NDArray]:
+        """Return which points' strides end with a heelstrike, and the outcomes of the others."""
+        rough, outcomes = self._roughly._follow(points, slopes, np.arange(len(points)), strides)
+        lost = np.flatnonzero(np.isnan(rough[0, 0]))
+        if len(lost) and self._roughly is not self:
+            finer, outcomes[lost] = self._follow(points[lost], slopes[lost], lost, strides)
+            rough[0, 0, lost] = finer[0, 0]
+        return np.flatnonzero(np.isfinite(rough[0, 0])), outcomes
 
     def _follow(
         self,
@@ -559,24 +561,25 @@ class StrideMap(Section):
         return np.concatenate([angles + (rates + 0.5 * change) * left, rates + change])
 
 
-MapLike = WalkerLike | Section
-"""Type of the first argument of analyses: a map of `gpw.stride_map`, or a walker in a form that
-`as_walker` takes. Such a walker is passive."""
+MapLike: TypeAlias = Union[WalkerLike, Section, "Gait"]
+"""Type of the first argument of analyses: a map of `gpw.stride_map`, a gait of one, or a walker in
+a form that `as_walker` takes. Such a walker is passive."""
 
 
 def map_of(walker: MapLike, *, tolerance: float) -> StrideMap:
-    """Return a given stride map, or the passive map of a given walker.
+    """Return a given stride map, that of a given gait, or the passive map of a given walker.
 
     Args:
-        walker: A map of `gpw.stride_map`, or a walker in a form that `as_walker` takes.
+        walker: A map of `gpw.stride_map`, a `Gait`, or a walker in a form that `as_walker` takes.
         tolerance: Tolerance of the integration.
 
     Raises:
-        WalkerError: if `walker` is neither.
+        WalkerError: if `walker` is none of them.
     """
-    if isinstance(walker, Section):
-        return walker.with_tolerance(tolerance)  # type: ignore[attr-defined]
-    return StrideMap.of(walker, tolerance=tolerance)
+    given: Any = getattr(walker, "stride_map", walker)
+    if isinstance(given, Section):
+        return given.with_tolerance(tolerance)  # type: ignore[attr-defined]
+    return StrideMap.of(given, tolerance=tolerance)
 
 
 def _named(results: NDArray) -> dict[str, NDArray]:

@@ -90,7 +90,7 @@ class Trajectory(Table):
 
     @property
     def ending(self) -> str:
-        """How the last stride ended, in words."""
+        """Outcome of the last stride, in words."""
         return Outcome(int(self.outcomes[-1])).name.lower().replace("_", " ")
 
     def columns(self) -> dict[str, NDArray]:

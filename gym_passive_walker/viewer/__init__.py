@@ -1,4 +1,4 @@
-"""A window in which a walker walks while everything about it can be changed."""
+"""Window that shows a walk, with pushes and changes of its parameters."""
 
 from gym_passive_walker.viewer.play import play
 

@@ -1,4 +1,4 @@
-"""A walk in the viewer, and what its user does to it by keys and the mouse."""
+"""A walk in the viewer, controlled by keys and the mouse."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ KEYS = (
     ("Q", "quit"),
     ("drag scene", "push the hip"),
 )
-"""What a user can press, and what it does."""
+"""Keys, and their effects."""
 
 FPS = 60
 """Frames per second."""
@@ -44,7 +44,7 @@ SIZE = 1280, 720
 """Width and height of the window in pixels."""
 
 SCENE = pygame.Rect(0, 0, 800, 450)
-"""Where the window shows the walker; dragging there pushes it."""
+"""Area of the window that shows the walker; dragging there pushes it."""
 
 PUSH = 0.0005
 """Impulse of a drag by one pixel, in units of m sqrt(g l); a walker's own momentum is about 0.2."""
@@ -61,18 +61,18 @@ def offered_policies() -> dict[str, TrainedPolicy]:
 
 
 class Player:
-    """A walk, how it is shown, and what the user changes.
+    """A walk, its display, and the user's changes.
 
     Args:
         walk: The walk. If a policy drives it, P offers that policy too.
 
     Attributes:
         walk: The walk.
-        sliders: What can be changed.
+        sliders: Sliders of the quantities that can be changed.
         selected: Number of the slider that keys move.
         paused: Whether time stands still.
         pace: The walk's time over that of the window.
-        drag: How far the mouse has dragged the scene, right and up in pixels; None without a drag.
+        drag: Drag of the scene by the mouse, right and up in pixels, (2,); None without one.
         film: The video that is being recorded, if there is one.
         message: A line for the user.
         running: Whether the window stays open.
@@ -106,7 +106,7 @@ class Player:
 
     @property
     def ended(self) -> str:
-        """How the walk has ended; empty while it continues."""
+        """Ending of the walk; empty while it continues."""
         if self.walk.outcome == Outcome.RUNNING:
             return ""
         return f"{self.walk.outcome.name.replace('_', ' ').lower()} (R begins again)"

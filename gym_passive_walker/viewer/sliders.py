@@ -1,4 +1,4 @@
-"""The table of what can be changed while the walker walks, and the sliders that follow from it."""
+"""Sliders for the quantities that can be changed during a walk."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gym_passive_walker.viewer.walk import LiveWalk, Setup
 from gym_passive_walker.walkers import PARAMETERS, Mechanism, Walker
 
 PANEL = Rect(800, 0, 480, 560)
-"""Where the sliders are."""
+"""Area of the sliders."""
 
 KNOB = 7
 """Radius of a knob in pixels."""
@@ -32,7 +32,7 @@ class Slider(NamedTuple):
         low: The least value.
         high: The largest value.
         home: The value when the walker began.
-        row: Where the slider is on the screen, with its label and its value.
+        row: Area of the slider on the screen, with its label and its value.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Slider(NamedTuple):
 
     @property
     def track(self) -> Rect:
-        """Where the knob moves."""
+        """Track of the knob."""
         return Rect(_TRACK_LEFT, self.row.centery - 2, _TRACK_WIDTH, 4)
 
     def read(self, walk: LiveWalk) -> float:
@@ -64,7 +64,7 @@ class Slider(NamedTuple):
             walk.change(setup._replace(walker=replace(setup.walker, **{self.name: value})))
 
     def knob(self, walk: LiveWalk) -> tuple[int, int]:
-        """Where the knob is now."""
+        """Return the position of the knob in pixels."""
         share = (self.read(walk) - self.low) / (self.high - self.low)
         return round(_TRACK_LEFT + min(max(share, 0.0), 1.0) * _TRACK_WIDTH), self.row.centery
 
@@ -97,7 +97,7 @@ def sliders_of(setup: Setup) -> list[Slider]:
 
 
 def _body(setup: Setup) -> Any:
-    """What has the parameters of a setup's walker."""
+    """Return the object with the parameters of a setup's walker."""
     return setup.walker.body if isinstance(setup.walker, Mechanism) else setup.walker
 
 

@@ -76,7 +76,7 @@ def gentle_slope(walker: Walker, *wanted: float) -> float:
 
 
 def _kind(walker: Walker) -> Any:
-    """What a walk cannot change without beginning again."""
+    """Return a walker's kind; a walk that changes it begins again."""
     return walker.hybrid.name if isinstance(walker, Mechanism) else walker.knees
 
 
@@ -110,7 +110,7 @@ class LiveWalk:
     Attributes:
         setup: The setup now.
         map: The stride map of the setup.
-        outcome: How the walk has ended; RUNNING while it continues.
+        outcome: `Outcome` of the walk; RUNNING while it continues.
         strides: Heelstrikes since it began.
         last: The last stride; None if something changed during it.
         trail: The latest samples.
@@ -262,7 +262,7 @@ class LiveWalk:
         self._begin_stride()
 
     def _wait_for_decision(self) -> None:
-        """Let the controller act before the walk continues, without memory of earlier actions."""
+        """Request an action before the walk continues, without memory of earlier actions."""
         self._decision, self._memory, self._steps = 0.0, None, 0
 
     def _decide(self) -> None:

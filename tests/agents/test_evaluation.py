@@ -40,7 +40,6 @@ def test_speed_and_cost_are_over_whole_strides():
     assert walks.cost_of_transport[:2] == pytest.approx([0.02, 0.015])
     assert np.isnan(walks.cost_of_transport[2])
     assert walks.motor_cost[:2] == pytest.approx([0.01, 0.005])
-    assert walks.net_motor_cost[:2] == pytest.approx([0.005, 0.005])
     assert walks.gravity_cost[:2] == pytest.approx([0.01, 0.01])
 
 

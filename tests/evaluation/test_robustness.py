@@ -117,7 +117,7 @@ def test_pushes_come_at_their_share_of_the_stride(lab, at):
 
 
 def test_what_is_survived_ends_at_the_first_size_that_is_not():
-    (largest,) = _largest(lambda sizes: (sizes < 0.2) | (sizes > 0.5), np.ones(1), 1.0)
+    (largest,) = _largest(lambda sizes: (sizes < 0.2) | (sizes > 0.5), 1, 1.0)
     assert largest == pytest.approx(0.2, rel=0.01)
 
 
@@ -197,14 +197,14 @@ def test_the_largest_size_is_just_below_the_first_that_is_not_survived(threshold
         def survived(sizes, beyond=2.2 * threshold, island=island):
             return (sizes < threshold) | ((sizes > beyond) & (sizes < beyond + island))
 
-        found = _largest(survived, np.ones(2), 1.0)
+        found = _largest(survived, 2, 1.0)
         assert np.all(found <= threshold)
         np.testing.assert_allclose(found, threshold, rtol=0.01)
 
 
 def test_the_largest_size_is_all_that_was_tried_or_nothing():
-    np.testing.assert_array_equal(_largest(lambda x: x >= 0.0, np.ones(3), 0.5), 0.5)
-    np.testing.assert_array_equal(_largest(lambda x: x < 0.0, np.ones(3), 0.5), 0.0)
+    np.testing.assert_array_equal(_largest(lambda x: x >= 0.0, 3, 0.5), 0.5)
+    np.testing.assert_array_equal(_largest(lambda x: x < 0.0, 3, 0.5), 0.0)
 
 
 @pytest.mark.parametrize(

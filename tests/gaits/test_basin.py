@@ -71,7 +71,7 @@ def walked(name, slope, gaits, angle, rate, near=1e-4):
     for index, gait in enumerate(gaits):
         state = gait.state
         for _ in range(gait.period):
-            places.append((index, walker_map.chart(walker_map.points_at(state))[0]))
+            places.append((index, walker_map.points(state).chart[0]))
             state = stride(name, slope, state, tolerance=1e-12).state
     state = state_at(name, slope, angle, rate)
     for count in range(300):
@@ -79,7 +79,7 @@ def walked(name, slope, gaits, angle, rate, near=1e-4):
         if end.outcome != Outcome.HEELSTRIKE:
             return count, FELL, end.outcome
         state = end.state
-        u = walker_map.chart(walker_map.points_at(state))[0]
+        u = walker_map.points(state).chart[0]
         for index, place in places:
             if np.abs(u - place).max() < near:
                 return count + 1, index, Outcome.HEELSTRIKE
@@ -190,3 +190,12 @@ def test_a_million_cells_take_a_minute_or_so():
     basin = basin_of_attraction("lab", 0.036, resolution=1000)
     assert basin.settled.size == 10**6
     assert 0.1 < basin.walks.mean() < 0.2
+
+
+def test_a_gait_stands_for_its_map_in_analyses():
+    gait = find_gait("E", 0.01, "short")
+    assert largest_push(gait) == largest_push("E", 0.01, gait=gait)
+    found = find_gait(gait, guess=gait.state)
+    np.testing.assert_array_equal(found.state, find_gait("E", 0.01, guess=gait.state).state)
+    given, named = (basin_of_attraction(x, 0.01, resolution=5, strides=20) for x in (gait, "E"))
+    np.testing.assert_array_equal(given.settled, named.settled)

@@ -38,8 +38,8 @@ def gait_of(name):
     """A preset's long-step gait and its derivatives."""
     walker, slope = WALKERS[name], SLOPES[name]
     stride_map = StrideMap.of(walker)
-    u = stride_map.chart(stride_map.points_at(find_gait(walker, slope).state))[0]
-    return sensitivity(Place(stride_map, slope, u), BY[name])
+    point = stride_map.points(find_gait(walker, slope).state)
+    return sensitivity(Place(point, slope), BY[name])
 
 
 def multiplier_changes(map_derivative, change):
@@ -141,7 +141,7 @@ def test_where_the_knee_stop_turns_the_swing_foot_up_its_height_is_followed_ther
     walker, slope = tune("C"), 0.05
     stride_map = StrideMap.of(walker)
     known = find_gait(walker, slope)
-    place = Place(stride_map, slope, stride_map.chart(stride_map.points_at(known.state))[0])
+    place = Place(stride_map.points(known.state), slope)
     gait = sensitivity(place, ("slope", "shank_com"))
     _, gradient = QUANTITIES["clearance"](gait)
     for column in (0, 1):
@@ -180,5 +180,4 @@ def test_the_conditions_of_a_circle_change_as_their_derivatives_say():
 
 def test_states_of_a_place_are_the_gait_s():
     gait = gait_of("lab").place
-    state = gait.stride_map.states_at(gait.stride_map.from_chart(gait.u[None]))[0]
-    np.testing.assert_allclose(state, find_gait("lab", 0.036).state, rtol=1e-11)
+    np.testing.assert_allclose(gait.point.states[0], find_gait("lab", 0.036).state, rtol=1e-11)

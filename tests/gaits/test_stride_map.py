@@ -217,10 +217,12 @@ def test_the_verge_of_a_strike_is_the_same_in_any_units():
 
 
 def test_logarithmic_coordinates_come_back_and_have_exact_derivatives():
-    points = np.abs(np.random.default_rng(3).standard_normal((5, 4)))
     section = StrideMap.of("lab")
-    np.testing.assert_allclose(section.from_chart(section.chart(points)), points, rtol=1e-14)
-    both = section.in_chart(points, section.by_chart(points))
+    points = section.at(np.abs(np.random.default_rng(3).standard_normal((5, 4))))
+    back = section.from_chart(points.chart)
+    np.testing.assert_allclose(back.values, points.values, rtol=1e-14)
+    assert back.chart is points.chart  # rounded once only
+    both = points.in_chart(points.by_chart)
     np.testing.assert_allclose(both, np.broadcast_to(np.eye(4), (5, 4, 4)), atol=1e-14)
 
 
@@ -282,3 +284,11 @@ def test_points_of_another_shape_are_refused(shape):
     for method in (stride_map.apply, stride_map.linearize):
         with pytest.raises(ValueError, match=re.escape(f"shape (n, 3), got {shape}")):
             method(np.zeros(shape))
+
+
+@pytest.mark.parametrize("strides", [0, -1, 1.5])
+def test_a_map_is_applied_at_least_once(strides):
+    walker_map, slope, points = beside_each("lab", 1)
+    for method in (walker_map.apply, walker_map.linearize):
+        with pytest.raises(ValueError, match="strides must be a whole number from 1 on"):
+            method(points, slope, strides=strides)

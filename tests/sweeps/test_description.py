@@ -170,6 +170,14 @@ def test_a_column_is_measured_by_the_walker_s_mass_length_and_gravity(column, un
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
+def test_an_ankle_torque_of_the_simplest_walker_is_over_its_weight_and_length():
+    heavy = dataclasses.replace(gpw.WALKERS["D"], hip_mass=2.0 * gpw.WALKERS["D"].hip_mass)
+    (found,) = sizes("ankle_torque", "gait", [{"walker": heavy, "slope": 0.01}])
+    assert found == pytest.approx(heavy.total_mass * heavy.gravity * heavy.leg_length)
+    (gravity,) = sizes("gravity", "gait", [{"walker": heavy, "slope": 0.01}])
+    assert gravity == 1.0
+
+
 def test_the_fastest_gait_of_a_family_has_the_family_s_largest_speed():
     lab = gpw.WALKERS["lab"]
     row = ANALYSES["family"](walker=lab, slope_min=0.02, slope_max=0.04)
