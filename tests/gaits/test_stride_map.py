@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome, find_gait, stride, stride_jacobian
-from gym_passive_walker.gaits.actuation import Actuation
+from gym_passive_walker.gaits.actuation import Actuation, actuation_units
 from gym_passive_walker.gaits.dense_stride import states_at
 from gym_passive_walker.gaits.newton import newton
 from gym_passive_walker.gaits.passage import Change
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.units import growth, units_of
+from gym_passive_walker.units import growth, unit_of, units_of
 from gym_passive_walker.walkers import PARAMETERS
 from tests.before_impact import just_before
 from tests.physics.examples import LONG_GAITS
@@ -292,3 +292,20 @@ def test_a_map_is_applied_at_least_once(strides):
     for method in (walker_map.apply, walker_map.linearize):
         with pytest.raises(ValueError, match="strides must be a whole number from 1 on"):
             method(points, slope, strides=strides)
+
+
+@pytest.mark.parametrize("name", ["lab", "D"])
+def test_units_of_an_actuation_are_those_of_its_parameters(name):
+    walker = replace(WALKERS[name], gravity=3.0)
+    units = actuation_units(units_of(walker))._asdict()
+    assert units == {part: unit_of(walker, part) for part in units}
+
+
+def test_a_gait_is_a_point_of_its_map():
+    gait = find_gait("C", 0.05)
+    point = gait.point
+    np.testing.assert_allclose(point.states, gait.state[None], rtol=1e-15)
+    np.testing.assert_array_equal(point.values, gait.stride_map.points_at(gait.state))
+    np.testing.assert_allclose(point.chart[0, 0], np.log(gait.stance_angle), rtol=1e-15)
+    ends = gait.stride_map.apply(point.values).ends
+    np.testing.assert_allclose(gait.stride_map.at(ends).chart, point.chart, rtol=1e-9)
