@@ -266,10 +266,10 @@ export class Player {
       const others = ["walker", "policy", "ground"].some((name) => before[name] !== this.settings[name]);
       if (others || this.settings.start || (again && this.walk.over)) await this.begin();
       else if (key.some((name) => !same(before[name], this.settings[name]))) this.#changed();
-      this.#tell("");
+      this.#announce("");
     } catch (error) {
       this.settings = before;
-      this.#tell(error.message);
+      this.#announce(error.message);
     }
     this.#show();
     this.#remember();
@@ -328,7 +328,7 @@ export class Player {
     this.rest = 0;
     this.last = null;
     this.action = null;
-    this.#tell("");
+    this.#announce("");
     this.#show();
     this.#seek();
     this.draw();
@@ -384,7 +384,7 @@ export class Player {
     this.drag = null;
   }
 
-  #tell(text) {
+  #announce(text) {
     this.said.textContent = text;
   }
 
@@ -405,9 +405,9 @@ export class Player {
     this.#remember();
     try {
       await navigator.clipboard.writeText(location.href);
-      this.#tell("The link is copied.");
+      this.#announce("The link is copied.");
     } catch {
-      this.#tell("The address of this page has the settings.");
+      this.#announce("The address of this page has the settings.");
     }
   }
 
@@ -466,7 +466,7 @@ export class Player {
   #ended() {
     this.rest = 0;
     const { outcome } = this.walk;
-    this.#tell(`${ENDINGS[outcome] ?? "The episode ended."} It begins again in a moment, or by “Begin again”.`);
+    this.#announce(`${ENDINGS[outcome] ?? "The episode ended."} It begins again in a moment, or by “Begin again”.`);
   }
 
   #measure() {
@@ -604,8 +604,8 @@ export class Player {
     const short = (x) => (Math.abs(x) < 1e-6 ? "0" : digits(x, 3).replace("-", "−"));
     const text = gait.multipliers.map(([re, im]) => `${short(re)}${im ? `${im < 0 ? " − " : " + "}${short(Math.abs(im))} i` : ""}`);
     const stable = gait.multipliers.every(([re, im]) => Math.hypot(re, im) < 1);
-    const whose = this.settings.policy ? "The passive gait" : "The gait";
-    this.multipliers.textContent = `${whose} is ${stable ? "stable" : "unstable"}: ${text.join(", ")}.`;
+    const owner = this.settings.policy ? "The passive gait" : "The gait";
+    this.multipliers.textContent = `${owner} is ${stable ? "stable" : "unstable"}: ${text.join(", ")}.`;
   }
 
   /** Runs until the element leaves the page. */
