@@ -4,7 +4,7 @@
 //     play(document.querySelector("#walker"), { walker: "lab", slope: 0.036 });
 //     play(document.querySelector("#walker"), { system: "torso" }); // one of Python's web.build
 
-import { checkWalker, create, createSystem, library, loadPolicy, readFile } from "./passive-walker.js";
+import { checkScene, checkWalker, create, createSystem, library, loadPolicy, readFile } from "./passive-walker.js";
 
 const TORQUE = 0.05; // m g l: the hip torque of the action 1
 const TRAIL = 900; // frames in the phase portrait
@@ -65,6 +65,16 @@ const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 
 /** A slope, or the middle of a range of slopes. */
 const middle = (slope = 0) => (Array.isArray(slope) ? 0.5 * (slope[0] + slope[1]) : slope);
+
+/** Whether a scene can run in a page, at the middle of its slopes; some arguments are available in Python only. */
+function runs(scene, data) {
+  try {
+    checkScene({ ...scene, slope: middle(scene.slope) }, checkWalker(scene.walker ?? "C", data), data);
+    return true;
+  } catch {
+    return false;
+  }
+}
 
 /** A player in an element; `play` makes it. */
 export class Player {
@@ -161,7 +171,7 @@ export class Player {
   fields() {
     const { settings, data } = this;
     const walkers = Object.entries(data.walkers).map(([name, { about }]) => [name, `${name}: ${about}`]);
-    const policies = Object.keys(data.policies).map((name) => [`policy ${name}`, `policy ${name}`]);
+    const policies = Object.keys(data.policies).filter((name) => runs(data.policies[name].scene, data)).map((name) => [`policy ${name}`, `policy ${name}`]);
     this.walkerChoice = choice(walkers, settings.walker, (value) => this.#choose(value));
     this.controllers = choice(
       [["passive", "passive"], ["torque", "held hip torque"], ...policies],
