@@ -87,7 +87,7 @@ function likeness(a, b) {
 }
 
 /** A message on unknown names, with similar known ones; null if all are known. */
-function unknown(names, known, who) {
+function unknown(names, known, owner) {
   const strange = names.filter((name) => !known.includes(name));
   if (!strange.length) return null;
   const said = strange.map((name) => {
@@ -95,7 +95,7 @@ function unknown(names, known, who) {
     const [score, near] = scored.reduce((a, b) => (b[0] > a[0] ? b : a));
     return score >= 0.6 ? `${name} (${near}?)` : name;
   });
-  return `${who} has no ${said.join(", ")}; it has ${known.join(", ")}`;
+  return `${owner} has no ${said.join(", ")}; it has ${known.join(", ")}`;
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -615,8 +615,8 @@ export class PassiveWalker {
   /** Sets the engine's options; `fromSection` is for strides. */
   setTolerance(tolerance, scuff, fromSection) {
     const block = this.#block;
-    const told = block.notes.options[short(tolerance)];
-    ["tolerance", "landing", "doubt", "first_step", "fineness"].forEach((name, i) => block.set(`options.${name}`, told[i]));
+    const chosen = block.notes.options[short(tolerance)];
+    ["tolerance", "landing", "doubt", "first_step", "fineness"].forEach((name, i) => block.set(`options.${name}`, chosen[i]));
     block.set("options.scuff", scuff ? 1 : 0);
     block.set("options.from_section", fromSection ? 1 : 0);
   }
@@ -1356,11 +1356,11 @@ export class SystemWalker {
   }
 
   #tolerate(tolerance) {
-    const block = this.#block, told = block.notes.options[short(tolerance)];
-    if (!told) {
+    const block = this.#block, chosen = block.notes.options[short(tolerance)];
+    if (!chosen) {
       throw new SceneError(`tolerance must be one of ${Object.keys(block.notes.options).join(", ")}, not ${shown(tolerance)}`);
     }
-    ["tolerance", "landing", "doubt", "first_step", "fineness"].forEach((name, i) => block.set(`options.${name}`, told[i]));
+    ["tolerance", "landing", "doubt", "first_step", "fineness"].forEach((name, i) => block.set(`options.${name}`, chosen[i]));
     block.set("options.scuff", 0);
   }
 

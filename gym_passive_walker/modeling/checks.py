@@ -63,11 +63,11 @@ class Checks:
         self.count = count
 
     def error(self, function: str, said: str) -> StatementError:
-        """The error of a function of the system."""
+        """Return the error with which a function of the system is refused."""
         return StatementError(f"{function} of system {self.system.name!r} {said}")
 
     def tried(self, name: str, function: Callable[..., Any], *arguments: Any) -> Any:
-        """The result of a function of the system; an error that it raises names it."""
+        """Return the result of a function; an exception becomes an error that names it."""
         try:
             return function(*arguments)
         except StatementError:
@@ -76,7 +76,7 @@ class Checks:
             raise self.error(name, f"fails: {type(error).__name__}: {error}") from error
 
     def numbers(self, name: str, values: Any, count: int | None = None) -> NDArray[np.float64]:
-        """The result of a function as finite numbers, as many as there have to be."""
+        """Return results as an array of finite numbers, (count,); refuse all others."""
         try:
             found = np.array([float(x) for x in values])
         except (TypeError, ValueError) as error:
@@ -325,7 +325,7 @@ def _check_energies(checks: Checks, equations: hybrid.System, state: Any) -> Non
 
 
 def _tied(phase: Phase, state: Any) -> list[Any]:
-    """A state in which coordinates that do not move by themselves go with the last that does."""
+    """Return a state in which coordinates that are tied move with the last free one."""
     half = len(state) // 2
     return [part[min(i, phase.links - 1)] for part in (state[:half], state[half:])
             for i in range(half)]  # fmt: skip
@@ -429,7 +429,7 @@ def _check_resets(checks: Checks, equations: hybrid.System, phase: Phase, state:
 
 
 def _on_guard(checks: Checks, phase: Phase, value: Any, state: Any) -> Any:
-    """A state nearby in which a guard is zero, by Newton's method; None where it finds none."""
+    """Return a state nearby at which a guard is zero, by Newton's method; None if it fails."""
     count, links, here = checks.count, phase.links, np.array(state, dtype=float)
     for _ in range(_ITERATIONS):
         height, *slopes = np.array(Derived(value)(checks.body, type(state)(*here)), dtype=float)

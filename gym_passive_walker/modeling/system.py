@@ -1,4 +1,4 @@
-"""A walker of one's own: a hybrid system stated by the positions of its masses, or by equations."""
+"""A user's walker: a hybrid system stated by the positions of its masses, or by equations."""
 
 from __future__ import annotations
 
@@ -56,17 +56,17 @@ def _falls_of(equations: hybrid.System) -> dict[str, Callable[[Any, Any], Any]]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class System(Mechanism):
-    """A walker of one's own: by the positions of its masses and its landing foot, or by equations.
+    """A user's walker, stated by the positions of its masses and its landing foot, or by equations.
 
     From `links`, `landing`, `relabel` and `falls` follow equations of motion, the plastic impact at
     heelstrike, energies and all derivatives. `System.of` takes given equations instead. Choose
-    units of length and mass as you like; gravity is 1, so that the unit of time is sqrt(l/g). All
-    functions are plain arithmetic with `gym_passive_walker.math`. They take the `body` and the
+    any units of length and mass; gravity is 1, so the unit of time is sqrt(l/g). All functions are
+    plain arithmetic with `gym_passive_walker.math`. They take the `body` and the
     state, both named tuples. Positions are those of a frame at the stance foot: x along the ground
     in the walking direction (downhill), y up from the ground.
 
     Attributes:
-        name: What it is called.
+        name: Its name, for messages and pictures.
         body: Its parameters: an instance of a named tuple.
         State: Named tuple of up to eight coordinates, and of their rates in the same order.
         links: Function of body and state: the masses, a `Link` for each rigid body or point mass.
@@ -88,9 +88,9 @@ class System(Mechanism):
         travel: Function of the state: for each control the coordinate that it moves, as a
             `Control`. Its torque acts along that coordinate.
         start: A state just after heelstrike near a gait, (2 m,), with which searches begin.
-        limits: By the name of a control, its largest size: what the action 1 of an environment
-            does. Of other controls it is the scene's `max_hip_torque` times the system's weight.
-        pose: Function of body and state: what pictures show, lines of points (x, y). None draws a
+        limits: By the name of a control, its largest torque: that of the action 1 of an
+            environment. For other controls it is the scene's `max_hip_torque` times the weight.
+        pose: Function of body and state: lines of points (x, y) for pictures. None draws a
             line from the foot to each mass, or to the centre of mass.
         equations: The hybrid system that was given to `of`; None otherwise. `State`, `Control`,
             `travel` and `falls` are then those of the equations.

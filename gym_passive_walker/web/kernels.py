@@ -1,4 +1,4 @@
-"""What a WebAssembly module runs: strides of one walker, and its episodes in a scene.
+"""Kernels of a WebAssembly module: strides of one walker, and its episodes in a scene.
 
 All data of the walker is in one block of memory, a `WALK`. The functions are those of the
 environments, for a batch of one.
@@ -37,7 +37,7 @@ SHAPE = np.dtype([
     ("angles", "f8", (3,)),  # of stance leg, thigh and shank from the normal of the slope
     ("tilt", "f8"),  # of the foothold beyond the slope
 ])  # fmt: skip
-"""What the positions of a walker's joints depend on."""
+"""Quantities that determine the positions of a walker's joints."""
 
 POINTS = (
     "hip",
@@ -96,7 +96,7 @@ _KEY, _LEDGER, _RULES, _DISTURBANCE, _SETTINGS = (
 _AT = {name: int(place[1]) for name, place in WALK.fields.items()}  # type: ignore[union-attr]
 (
     _KEYS, _LANES, _SLOPES, _GAITS, _DRAWS, _ACTIONS, _REWARDS, _TERMINATED, _TRUNCATED,
-    _OBSERVATIONS, _RECORD, _BLANK, _BODIES, _RADII, _ROW, _BLANK_ROW, _SCENE_RULES, _TOLD,
+    _OBSERVATIONS, _RECORD, _BLANK, _BODIES, _RADII, _ROW, _BLANK_ROW, _SCENE_RULES, _OPTIONS_AT,
     _WALKS_DISTURBANCE, _SCENE_SETTINGS, _PENDING, _SPREAD, _TILE, _HISTORY,
 ) = (
     _AT[name] for name in (
@@ -109,7 +109,7 @@ _HEAD = np.dtype([(name, WALK[name]) for name in WALK.names[: WALK.names.index("
 _NOISE = _AT["reset_noise_scale"]
 
 ADVANCE, BEGIN, STEP = range(3)
-"""What `run` does."""
+"""Numbers of the kernels, for `run`."""
 
 
 def advance(base):
@@ -119,7 +119,7 @@ def advance(base):
         view(base + _RECORD, (1, 1), RECORD),
         view(base + _BODIES, (1, 1, head.constants), _NUMBER),
         view(head.phases, (head.count,), PHASE),
-        view(base + _TOLD, (1,), OPTIONS),
+        view(base + _OPTIONS_AT, (1,), OPTIONS),
         view(base + _TILE, (1,), TILE),
         view(base + _HISTORY, (1,), HISTORY),
     )
@@ -170,7 +170,7 @@ def step(base):
         view(base + _RECORD, (1, 1), RECORD),
         view(base + _BODIES, (1, 1, head.constants + ROOM), _NUMBER),
         view(base + _ROW, (1,), _LEDGER), rules, view(head.phases, (head.count,), PHASE),
-        view(base + _TOLD, (1,), OPTIONS), view(base + _TILE, (1,), TILE),
+        view(base + _OPTIONS_AT, (1,), OPTIONS), view(base + _TILE, (1,), TILE),
         view(base + _HISTORY, (1,), HISTORY), view(base + _WALKS_DISTURBANCE, (1,), _DISTURBANCE),
         view(base + _PENDING, (1, head.late, count), _NUMBER),
         view(base + _SCENE_SETTINGS, (1,), _SETTINGS), view(head.hooks, (head.count,), HOOK),

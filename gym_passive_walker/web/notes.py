@@ -1,4 +1,4 @@
-"""What a page knows besides compiled code: layouts, walkers, gaits to start from, policies."""
+"""Data of a page besides compiled code: layouts, walkers, gaits to start from, policies."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def of_system(system: Mechanism, end: int, variants: Sequence[System], gait: Gai
 def _noted(
     system: System, end: int, content: dict[str, Any], block: np.dtype = kernels.WALK
 ) -> bytes:
-    """Return notes with what every module says: where fields are, and the engine's options."""
+    """Return notes with what all modules share: places of fields, and options of the engine."""
     left = {"tile", "history"}
     shared = {
         "version": __version__,
@@ -115,7 +115,7 @@ def _noted(
         },
         "links": [phase.links for phase in system.phases],
         "options": {
-            f"{tolerance:g}": [options(tolerance)[name].item() for name in _TOLD]
+            f"{tolerance:g}": [options(tolerance)[name].item() for name in _OPTIONS]
             for tolerance in TOLERANCES
         },
     }
@@ -123,7 +123,7 @@ def _noted(
 
 
 def _rules(kind: System) -> dict[str, list[float]]:
-    """Return the rules of a passive walker of a kind: what a page leaves as it is."""
+    """Return the rules of a passive walker of a kind that a page does not change."""
     name = next(name for name, walker in WALKERS.items() if kind_of(walker) == kind.name)
     rules = rules_of(make_scene({"walker": name}), kind, 0.0)[0]
     left = ("tick", "step_limit")  # infinite here or in a page
@@ -134,11 +134,11 @@ def _rules(kind: System) -> dict[str, list[float]]:
     }
 
 
-_TOLD = ("tolerance", "landing", "doubt", "first_step", "fineness")
+_OPTIONS = ("tolerance", "landing", "doubt", "first_step", "fineness")
 
 
 def of_all() -> dict[str, Any]:
-    """Return what all modules share."""
+    """Return the data that all modules share."""
     return {
         "version": __version__,
         "parameters": PARAMETERS,

@@ -1,4 +1,4 @@
-"""What the WebAssembly module of a user's system runs: strides, control steps, pushes, footholds.
+"""Kernels of the WebAssembly module of a user's system: strides, control steps, pushes, ground.
 
 All data of the walker is in one block of memory, of `block_for` the system's layout. Its constants
 and the footholds of a terrain are behind the block.
@@ -27,7 +27,7 @@ from gym_passive_walker.envs.constraints import HOOK
 from gym_passive_walker.gaits.terrain import ground_at
 
 ADVANCE, LAY_GROUND, PUSH = range(3)
-"""What `run` does."""
+"""Numbers of the kernels, for `run`."""
 
 _HEAD = np.dtype([
     # Addresses of the phases and of their native functions, and how many phases there are.

@@ -2,7 +2,7 @@
 
 const SHORTEST = 100; // ms between two reports to Python
 
-/** What Python knows of a walk, by the names of the widget's traits. */
+/** State of a walk for Python, by the names of the widget's traits. */
 function reported({ walk, settings, running }) {
   const own = (x, i) => (settings.system || i < 3 ? x : x / walk.timeUnit);
   return {

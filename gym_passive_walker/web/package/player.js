@@ -4,7 +4,7 @@
 //     play(document.querySelector("#walker"), { walker: "lab", slope: 0.036 });
 //     play(document.querySelector("#walker"), { system: "torso" }); // one of Python's web.build
 
-import { checkWalker, create, createSystem, library, loadPolicy, readFile } from "./passive-walker.js";
+import { checkScene, checkWalker, create, createSystem, library, loadPolicy, readFile } from "./passive-walker.js";
 
 const TORQUE = 0.05; // m g l: the hip torque of the action 1
 const TRAIL = 900; // frames in the phase portrait
@@ -65,6 +65,16 @@ const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 
 /** A slope, or the middle of a range of slopes. */
 const middle = (slope = 0) => (Array.isArray(slope) ? 0.5 * (slope[0] + slope[1]) : slope);
+
+/** Whether a scene can run in a page, at the middle of its slopes; some arguments are available in Python only. */
+function runs(scene, data) {
+  try {
+    checkScene({ ...scene, slope: middle(scene.slope) }, checkWalker(scene.walker ?? "C", data), data);
+    return true;
+  } catch {
+    return false;
+  }
+}
 
 /** A player in an element; `play` makes it. */
 export class Player {
@@ -161,7 +171,7 @@ export class Player {
   fields() {
     const { settings, data } = this;
     const walkers = Object.entries(data.walkers).map(([name, { about }]) => [name, `${name}: ${about}`]);
-    const policies = Object.keys(data.policies).map((name) => [`policy ${name}`, `policy ${name}`]);
+    const policies = Object.keys(data.policies).filter((name) => runs(data.policies[name].scene, data)).map((name) => [`policy ${name}`, `policy ${name}`]);
     this.walkerChoice = choice(walkers, settings.walker, (value) => this.#choose(value));
     this.controllers = choice(
       [["passive", "passive"], ["torque", "held hip torque"], ...policies],
@@ -266,10 +276,10 @@ export class Player {
       const others = ["walker", "policy", "ground"].some((name) => before[name] !== this.settings[name]);
       if (others || this.settings.start || (again && this.walk.over)) await this.begin();
       else if (key.some((name) => !same(before[name], this.settings[name]))) this.#changed();
-      this.#tell("");
+      this.#announce("");
     } catch (error) {
       this.settings = before;
-      this.#tell(error.message);
+      this.#announce(error.message);
     }
     this.#show();
     this.#remember();
@@ -328,7 +338,7 @@ export class Player {
     this.rest = 0;
     this.last = null;
     this.action = null;
-    this.#tell("");
+    this.#announce("");
     this.#show();
     this.#seek();
     this.draw();
@@ -384,7 +394,7 @@ export class Player {
     this.drag = null;
   }
 
-  #tell(text) {
+  #announce(text) {
     this.said.textContent = text;
   }
 
@@ -405,9 +415,9 @@ export class Player {
     this.#remember();
     try {
       await navigator.clipboard.writeText(location.href);
-      this.#tell("The link is copied.");
+      this.#announce("The link is copied.");
     } catch {
-      this.#tell("The address of this page has the settings.");
+      this.#announce("The address of this page has the settings.");
     }
   }
 
@@ -466,7 +476,7 @@ export class Player {
   #ended() {
     this.rest = 0;
     const { outcome } = this.walk;
-    this.#tell(`${ENDINGS[outcome] ?? "The episode ended."} It begins again in a moment, or by “Begin again”.`);
+    this.#announce(`${ENDINGS[outcome] ?? "The episode ended."} It begins again in a moment, or by “Begin again”.`);
   }
 
   #measure() {
@@ -604,8 +614,8 @@ export class Player {
     const short = (x) => (Math.abs(x) < 1e-6 ? "0" : digits(x, 3).replace("-", "−"));
     const text = gait.multipliers.map(([re, im]) => `${short(re)}${im ? `${im < 0 ? " − " : " + "}${short(Math.abs(im))} i` : ""}`);
     const stable = gait.multipliers.every(([re, im]) => Math.hypot(re, im) < 1);
-    const whose = this.settings.policy ? "The passive gait" : "The gait";
-    this.multipliers.textContent = `${whose} is ${stable ? "stable" : "unstable"}: ${text.join(", ")}.`;
+    const owner = this.settings.policy ? "The passive gait" : "The gait";
+    this.multipliers.textContent = `${owner} is ${stable ? "stable" : "unstable"}: ${text.join(", ")}.`;
   }
 
   /** Runs until the element leaves the page. */
