@@ -109,7 +109,7 @@ def sweep(
     """
     branch, retry = boolean(branch, "branch"), boolean(retry, "retry")
     if out is None and not is_file(analysis):
-        raise ValueError("out must be a folder to keep the sweep in: a file's name is lacking")
+        raise ValueError("out must be a folder; only a description in a file has a default")
     description = _described(analysis, described)
     folder = Path(analysis).with_suffix("") if out is None else Path(out)  # type: ignore[arg-type]
     trust = check_trust(description.analysis, trust or _is_function(analysis))
@@ -129,7 +129,7 @@ def sweep(
     except KeyboardInterrupt:
         store.flush()
         said = f"{len(store.done)} of {len(description.tasks)} tasks are kept in {folder}"
-        print(f"\nstopped: {said}; the same call goes on", file=sys.stderr)
+        print(f"\nstopped: {said}; repeat the call to continue", file=sys.stderr)
         raise
     finally:
         store.close()

@@ -142,7 +142,7 @@ class Workers:
         self._stillborn += not worker.ready
         if self._stillborn >= STILLBORN:
             raise RuntimeError(
-                f"worker processes end before they begin (exit code {code}): a script that sweeps "
+                f"worker processes end before they start (exit code {code}): a script that sweeps "
                 'does so below `if __name__ == "__main__":`'
             )
         took = time.monotonic() - worker.since

@@ -251,7 +251,7 @@ def test_a_description_that_is_none_is_refused(copy, text):
 def test_tensors_that_do_not_fit_together_are_refused(name, shape):
     tensors = read_tensors(policy_folder("level-ppo") / TENSORS)
     tensors[name] = np.zeros(shape, np.float32)
-    with pytest.raises(ValueError, match=r"fit|follow|noise|observations"):
+    with pytest.raises(ValueError, match=r"fit|match|noise|observations"):
         Network(tensors, algo="ppo", activation="ReLU", normalizer={"epsilon": 1e-8, "clip": 10.0})
 
 

@@ -96,7 +96,9 @@ def test_a_machine_of_another_version_is_refused(odd, cluster, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(elsewhere), prepend=":")
     cluster.add_node(num_cpus=1)
     over = {"x": list(range(500))}
-    with pytest.raises(ValueError, match=r"of the cluster has version .* install that one there"):
+    with pytest.raises(
+        ValueError, match=r"of the cluster has version .* install that version there"
+    ):
         gpw.sweep("odd_tasks:noted", odd / "out", trust=True, over=over, given={"folder": str(odd)},
                   ray=cluster.address)  # fmt: skip
 
