@@ -1,4 +1,4 @@
-"""An ONNX file acts as the policy that wrote it, and files of other programs act as they do."""
+"""An ONNX file acts like its policy; files of other programs act as they do there."""
 
 import json
 import pickle

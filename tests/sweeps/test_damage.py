@@ -1,4 +1,4 @@
-"""Files of a sweep that were damaged are named, left as they are, and what was computed is kept."""
+"""Damaged files of a sweep are named and not changed, and computed rows are kept."""
 
 import json
 import os
@@ -30,7 +30,7 @@ def squares(folder):
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
-    """A sweep that is over, and one that was killed with all its rows in the journal."""
+    """A finished sweep, and one that was killed with all its rows in the journal."""
     root = tmp_path_factory.mktemp("swept")
     (root / "odd_tasks.py").write_text(ODD)
     with pytest.MonkeyPatch.context() as during:
@@ -46,20 +46,20 @@ def swept(tmp_path_factory):
 
 @pytest.fixture
 def finished(odd, swept):
-    """A folder with a copy of the sweep that is over."""
+    """A folder with a copy of the finished sweep."""
     shutil.copytree(swept / "finished" / "out", odd / "out")
     return odd
 
 
 @pytest.fixture
 def stopped(odd, swept):
-    """A folder with a copy of the one that was killed."""
+    """A folder with a copy of the killed sweep."""
     shutil.copytree(swept / "stopped" / "out", odd / "out")
     return odd
 
 
 def whole(folder, before=None):
-    """Assert that a sweep goes on to its end, and that it does none of its tasks once more."""
+    """Assert that a sweep continues to its end, and repeats none of its tasks."""
     found = squares(folder).columns()
     assert found["square"].tolist() == SQUARES
     if before is not None:
@@ -67,7 +67,7 @@ def whole(folder, before=None):
 
 
 def seconds(folder):
-    """How long each task took, by the journal."""
+    """Duration of each task, by the journal."""
     rows = map(json.loads, (folder / "out" / "journal.jsonl").read_text().splitlines())
     return [row["seconds"] for row in sorted(rows, key=lambda row: row["task"])]
 
@@ -77,7 +77,7 @@ def contents(folder):
 
 
 def refused(folder, said):
-    """Assert that a sweep is refused by these words, and that its folder is as it was."""
+    """Assert that a sweep raises this error, and that its folder does not change."""
     before = contents(folder / "out")
     for _ in range(2):  # also by the process that was refused before
         with pytest.raises(ValueError, match=said):

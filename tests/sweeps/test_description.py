@@ -1,4 +1,4 @@
-"""A description says which tasks there are, or why it is none."""
+"""A description determines the tasks, or raises an error with the reason."""
 
 import dataclasses
 import json

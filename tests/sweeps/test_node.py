@@ -1,4 +1,4 @@
-"""Code is compiled once on a machine, by whichever worker is first."""
+"""One worker of each machine compiles the code."""
 
 import threading
 import time

@@ -72,7 +72,7 @@ def test_a_task_is_tried_twice_before_it_is_given_up(odd):
 
 @pytest.mark.parametrize(("over", "at"), [("times", 0), ("time_out", 5)])
 def test_tasks_that_were_sent_to_a_lost_worker_are_done_in_their_order(over, at, odd):
-    """Tasks are sent several at a time once they are quick; only the one being done is lost."""
+    """Short tasks are sent several at a time; only the running one is lost."""
     crew = Workers("odd_tasks:square", 1, None)
     try:
         (worker,) = crew._crew
