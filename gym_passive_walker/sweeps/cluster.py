@@ -166,11 +166,11 @@ class Cluster:
 
     def _fill(self) -> None:
         """Create watchers for free CPUs; they join once Ray has started them."""
-        crew = len(self._joining) + len(self._at_work) + len(self._idle)
-        if crew and time.monotonic() < self._looked + _LOOK:
+        started = len(self._joining) + len(self._at_work) + len(self._idle)
+        if started and time.monotonic() < self._looked + _LOOK:
             return
         self._looked = time.monotonic()
-        for _ in range(self._room() - crew):
+        for _ in range(self._room() - started):
             watcher = self._made.remote(*self._given)
             self._joining[watcher.join.remote(self._computing)] = watcher
 

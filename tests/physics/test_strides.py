@@ -54,7 +54,7 @@ def test_a_stride_is_what_an_independent_integration_says(gait, torque):
     assert expected.outcome == Outcome.HEELSTRIKE
 
 
-def kicked(rng: np.random.Generator, name: str):
+def thrown(rng: np.random.Generator, name: str):
     """A walker of some kind with its slope, a random state and a torque."""
     walker = WALKERS[name]
     if not walker.massless_legs and rng.random() < 0.5:
@@ -74,7 +74,7 @@ def test_a_thrown_walker_ends_as_an_independent_integration_says(name):
     """Falls, over-rotations and strides."""
     rng = np.random.default_rng(3)
     for _ in range(8):
-        assert_same_stride(*kicked(rng, name), atol=1e-9)
+        assert_same_stride(*thrown(rng, name), atol=1e-9)
 
 
 def lowest_clearance(walker, walk: oracle.Walk) -> float:
@@ -94,7 +94,7 @@ def test_a_toe_is_stubbed_just_where_the_locked_leg_is_below_the_ground(name):
     rng = np.random.default_rng(5)
     stubbed = 0
     for _ in range(15):
-        walker, slope, state, torque = kicked(rng, name)
+        walker, slope, state, torque = thrown(rng, name)
         free = stride(walker, slope, state, hip_torque=torque)
         ruled = stride(walker, slope, state, hip_torque=torque, end_on_toe_stub=True)
         lowest = lowest_clearance(walker, oracle.walk(walker, slope, state, torque=torque))
@@ -125,7 +125,7 @@ def test_a_foot_that_sinks_while_the_hip_is_behind_it_has_not_struck(name):
 def test_two_hundred_thrown_walkers_end_as_an_independent_integration_says(name):
     rng = np.random.default_rng(4)
     for _ in range(200):
-        assert_same_stride(*kicked(rng, name), atol=1e-8)
+        assert_same_stride(*thrown(rng, name), atol=1e-8)
 
 
 @pytest.mark.parametrize("gait", GAITS, ids=str)

@@ -73,21 +73,21 @@ def test_a_task_is_tried_twice_before_it_is_given_up(odd):
 @pytest.mark.parametrize(("over", "at"), [("times", 0), ("time_out", 5)])
 def test_tasks_that_were_sent_to_a_lost_worker_are_done_in_their_order(over, at, odd):
     """Short tasks are sent several at a time; only the running one is lost."""
-    crew = Workers("odd_tasks:square", 1, None)
+    pool = Workers("odd_tasks:square", 1, None)
     try:
-        (worker,) = crew._crew
+        (worker,) = pool._pool
         waiting = deque([(9, {"x": 9})])
         worker.tasks.extend((number, {"x": number}) for number in range(at, at + 3))
         if over == "times":
             worker.process.kill()
-            assert crew._lost(worker, waiting, Counter()) is None
+            assert pool._lost(worker, waiting, Counter()) is None
             assert [number for number, _ in waiting] == [0, 1, 2, 9]
         else:
-            crew._replace(worker, waiting)
+            pool._replace(worker, waiting)
             assert [number for number, _ in waiting] == [6, 7, 9]
-        assert crew._crew[0] is not worker and not crew._crew[0].tasks
+        assert pool._pool[0] is not worker and not pool._pool[0].tasks
     finally:
-        crew.close()
+        pool.close()
 
 
 def test_a_task_that_hangs_or_fails_is_a_row_and_stops_no_other(odd):
