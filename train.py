@@ -184,11 +184,13 @@ def train(args: argparse.Namespace) -> int:
     except OSError as error:
         print(run.first_walks())
         raise ConfigError(
-            f"stopped after {run.steps:,} steps: {error}; once there is room go on with: python "
-            f"train.py --resume {folder}"
+            f"stopped after {run.steps:,} steps: {error}; free some space, then continue "
+            f"with: python train.py --resume {folder}"
         ) from None
     if not finished:
-        print(f"Stopped after {run.steps:,} steps; go on with: python train.py --resume {folder}")
+        print(
+            f"Stopped after {run.steps:,} steps; continue with: python train.py --resume {folder}"
+        )
     text, rows = evaluation.evaluate_policy(folder)
     print(text)
     print(run.first_walks())

@@ -121,7 +121,7 @@ class Config:
         try:
             values = yaml.safe_load(path.read_text(encoding="utf-8"))
             if not isinstance(values, dict):
-                raise ConfigError("it maps no names to values")
+                raise ConfigError("it is not a mapping of names to values")
             if said := unknown(values, [f.name for f in fields(cls)], "a run"):
                 raise ConfigError(said)
             if lacking := [f.name for f in fields(cls) if f.name not in values]:

@@ -40,7 +40,7 @@ class Schedule(BaseCallback):
         super().__init__()
         shares = sorted(log_std)
         if not shares:
-            raise ValueError("log_std must say the noise at one share of the steps or more")
+            raise ValueError("log_std must have the noise at one share of the steps or more")
         if energy is not None:
             make_scene(energy=energy)  # raises an error for an unknown value
         self.shares, self.values = np.array([shares, [log_std[share] for share in shares]], float)
@@ -105,4 +105,4 @@ def explorers(algo: str, arguments: Mapping[str, Any] | None) -> list[BaseCallba
     try:
         return [] if arguments is None else [_EXPLORERS[algo](**arguments)]
     except (AttributeError, TypeError, ValueError) as error:
-        raise ConfigError(f"{algo.upper()} cannot explore so: {reason(error)}") from None
+        raise ConfigError(f"{algo.upper()} cannot explore in this way: {reason(error)}") from None

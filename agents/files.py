@@ -46,7 +46,7 @@ def reading(path: Path) -> Iterator[None]:
         raise
     except Exception as error:  # random bytes raise anything
         raise ConfigError(
-            f"{path} is damaged, or does not fit the run's {CONFIG} ({reason(error)}): put back a "
+            f"{path} is damaged, or does not fit the run's {CONFIG} ({reason(error)}): restore a "
             "whole copy, or start again elsewhere"
         ) from None
 
@@ -59,7 +59,7 @@ def read_arrays(path: Path) -> dict[str, NDArray]:
     """
     with reading(path), path.open("rb") as file:
         if not zipfile.is_zipfile(file):  # numpy's error would mention pickles
-            raise ValueError("it is no NPZ file")
+            raise ValueError("it is not an NPZ file")
         with np.load(file) as arrays:
             return dict(arrays)
 
@@ -85,7 +85,7 @@ def new_run(folder: Path | None, name: str) -> Path:
         folder = next(path for path in free if not path.exists())
     elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(
-            f"{folder} is taken: go on with it by --resume {folder}, or choose another --out"
+            f"{folder} contains a run: continue it with --resume {folder}, or choose another --out"
         )
     folder.mkdir(parents=True, exist_ok=True)
     return folder
@@ -99,7 +99,7 @@ def latest_run() -> Path:
     """
     found = [path for path in RUNS.glob("*") if (path / CONFIG).is_file()]
     if not found:
-        raise ConfigError(f"there is no run to go on with under {RUNS.resolve()}")
+        raise ConfigError(f"there is no run to resume under {RUNS.resolve()}")
     return max(found, key=lambda path: max(p.stat().st_mtime for p in [path, *path.iterdir()]))
 
 

@@ -234,7 +234,7 @@ def learned(name: str | Path) -> tuple[Config, Policy]:
             return kept, Network(read_tensors(folder / TENSORS), **_acting(kept))
         policy = load_exported(name)
         if not isinstance(policy, TrainedPolicy):
-            raise ValueError("its file does not say how it was trained")
+            raise ValueError("its file lacks the configuration of its training")
         return Config(**policy.trained), policy
     except (KeyError, TypeError, ValueError) as error:
         raise ConfigError(f"{name} is neither a run nor an exported policy: {error}") from None

@@ -27,7 +27,7 @@ UNSEEN = FAULTS / "unseen"
 
 NOT_MOTION = {
     "fingerprint", "cache_directory", "_bases", "_private", "found", "keep", "_warn", "_name",
-    "load_overload", "save_overload", "aligned", "in_parts", "_crew", "_machine", "_kept",
+    "load_overload", "save_overload", "aligned", "in_parts", "_pool", "_machine", "_kept",
     "object_code", "loaded", "_parsed", "_call", "__post_init__", "_check_masses",
     "_check_places",
 }  # fmt: skip

@@ -215,15 +215,15 @@ def report() -> str:
     ]  # fmt: skip
     return f"""{table(heads, cells)}
 
-Walker {walker} at slope {slope} on a penalty contact: relative errors of the mean of the last
-{SETTLED} of {STRIDES} strides, and the scatter from stride to stride; times in √(l/g). Both are
-the same model: straight legs, feet that roll, a swing foot that meets the ground only once it is
-above it in front, a trailing foot that lets go as the other lands. MuJoCo's contact is as stiff as
-its time step allows, and a landing falls anywhere within a time step: so strides scatter, and
-multipliers are a linear fit through {SAMPLES} strides, from up to {SPREAD} around the fixed point
-at mid-stance, the width with which MuJoCo does best. Of its integrators implicitfast is the more
-accurate: RK4 costs more, and its
-step period does not converge on a contact this stiff."""
+Walker {walker} at slope {slope} on a penalty contact. The columns are relative errors of the mean
+of the last {SETTLED} of {STRIDES} strides, and the scatter from stride to stride; times are in
+√(l/g). Both models have straight legs and rolling feet. The swing foot meets the ground only after
+it has been above it in front, and the trailing foot is released at the landing of the other one.
+MuJoCo's contact is as stiff as its time step permits. A landing may occur at any time within a time
+step, so strides scatter. Multipliers are therefore a linear fit through {SAMPLES} strides, from up
+to {SPREAD} around the fixed point at mid-stance. This width gives MuJoCo's smallest errors. Of
+MuJoCo's integrators, implicitfast is the more accurate one. RK4 takes more time, and its step
+period does not converge on a contact this stiff."""
 
 
 def main() -> None:

@@ -146,11 +146,11 @@ def _call() -> float:
 
     ray.init("local", num_cpus=2, include_dashboard=False, log_to_driver=False)
     try:
-        crew: Any = [ray.remote(num_cpus=1)(Echo).remote() for _ in range(2)]
+        actors: Any = [ray.remote(num_cpus=1)(Echo).remote() for _ in range(2)]
         tasks = [(i, {f"parameter_{j}": 0.5 for j in range(10)}) for i in range(20)]
-        ray.get([each.hear.remote(tasks) for each in crew])
+        ray.get([each.hear.remote(tasks) for each in actors])
         began = time.process_time()
-        ray.get([crew[i % 2].hear.remote(tasks) for i in range(2000)])
+        ray.get([actors[i % 2].hear.remote(tasks) for i in range(2000)])
         return (time.process_time() - began) / 2000
     finally:
         ray.shutdown()

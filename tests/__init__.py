@@ -1,1 +1,1 @@
-"""What walkers do, as statements that can fail."""
+"""Tests of the package, its agents, benchmarks and documentation."""

@@ -1,4 +1,4 @@
-"""Settings for every test."""
+"""Settings for all tests."""
 
 import os
 import re
@@ -33,7 +33,7 @@ FOLDERS_NEED = ("torch", "stable_baselines3")
 
 
 def lacking(report: Any) -> str | None:
-    """The library for which something is skipped, if that may not be."""
+    """The library for which a test is skipped, if that library is required."""
     if not (STRICT and report.outcome == "skipped"):
         return None
     found = re.search(r"could not import '([\w.]+)'", str(report.longrepr))
@@ -42,7 +42,7 @@ def lacking(report: Any) -> str | None:
 
 
 def pytest_configure() -> None:
-    """Refuse to test with whole folders left out."""
+    """Raise an error if whole folders of tests would be omitted."""
     absent = [name for name in FOLDERS_NEED if STRICT and find_spec(name) is None]
     if absent:
         raise pytest.UsageError(f"FAIL_ON_SKIP is set, and {', '.join(absent)} is not installed")
@@ -70,7 +70,7 @@ OF_LIBRARIES = ("pymp-", "torchinductor_", "pytest-of-", ".ses")
 
 @pytest.fixture(scope="session")
 def temporary_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The temporary directory of all tests and of the processes that they start: a private one."""
+    """A private temporary directory of all tests and of the processes that they start."""
     folder = tmp_path_factory.mktemp("temporary")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TMPDIR", str(folder))
@@ -98,7 +98,7 @@ def pytest_make_collect_report() -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def _no_figures_left() -> Iterator[None]:
-    """Let each test begin without pyplot's figures of the one before."""
+    """Close pyplot's figures before each test."""
     yield
     if pyplot := sys.modules.get("matplotlib.pyplot"):
         pyplot.close("all")

@@ -1,4 +1,4 @@
-"""In the gate a test that lacks a library fails, instead of being skipped for ever."""
+"""With FAIL_ON_SKIP=1, a test that lacks a library fails instead of being skipped."""
 
 import os
 import subprocess
@@ -13,7 +13,7 @@ STATED = "import pytest\n\ndef test_one():\n    pytest.skip('there is no device'
 
 
 def outcome(text, tmp_path, **environment):
-    """How pytest ends on a test file, and what it says."""
+    """Exit status and output of pytest for a test file."""
     (tmp_path / "conftest.py").write_text((Path(__file__).parent / "conftest.py").read_text())
     (tmp_path / "test_it.py").write_text(text)
     usual = {name: x for name, x in os.environ.items() if name != "FAIL_ON_SKIP"}

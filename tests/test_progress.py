@@ -1,4 +1,4 @@
-"""What long work says of itself."""
+"""Progress reports of long work."""
 
 import io
 import time
@@ -13,22 +13,22 @@ from gym_passive_walker.progress import compiling, progress
 
 
 class Terminal(io.StringIO):
-    """A standard error that someone looks at."""
+    """Standard error that claims to be a terminal, or not."""
 
     def isatty(self):
-        """Whether there is someone."""
+        """Whether this is a terminal."""
         return True
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _compiled():
-    """What these tests walk with is compiled, and has nothing more to say of that."""
+    """Compile the code of these tests, so that no notice of it appears."""
     gpw.gait_family("D", 0.005, 0.01)
 
 
 @pytest.fixture
 def terminal(monkeypatch):
-    """Someone who looks on, and sees each bar at once."""
+    """A terminal on which each bar appears at once."""
     seen = Terminal()
     monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=seen))
     monkeypatch.setattr(module, "_UNSEEN", 0.0)
@@ -37,7 +37,7 @@ def terminal(monkeypatch):
 
 
 def pictures(seen):
-    """What has stood on the line, one after the other."""
+    """Successive contents of the line."""
     return [text.rstrip() for text in seen.getvalue().split("\r")[1:]]
 
 

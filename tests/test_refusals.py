@@ -1,4 +1,4 @@
-"""Every public function refuses invalid input by a message that names the argument."""
+"""Each public function rejects invalid input with a message that names the argument."""
 
 import json
 import re

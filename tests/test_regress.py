@@ -1,4 +1,4 @@
-"""Two commits side by side: what is refused, and what counts as another walk."""
+"""Comparison of two commits: invalid input, and the definition of a changed walk."""
 
 import pytest
 
@@ -6,13 +6,13 @@ from benchmarks.regress import differing, main, turns
 
 
 class Steady:
-    """A side of the comparison with work that takes a known time."""
+    """A side of the comparison with work of known duration."""
 
     def __init__(self, seconds):
         self.taken, self.done = seconds, []
 
     def seconds(self, piece):
-        """Take as long as it is said to."""
+        """Return the given duration."""
         self.done.append(piece)
         return self.taken
 

@@ -1,4 +1,4 @@
-"""What a walker is: which parameters make one, which do not, and how walkers come of others."""
+"""Parameters of walkers: validation, presets, tuning, interpolation and assembly."""
 
 from __future__ import annotations
 

@@ -30,11 +30,11 @@ def _struck(angle: ArrayLike, rate: ArrayLike) -> NDArray:
     return np.stack([angle, rate, np.cos(2.0 * angle) * rate], axis=1)
 
 
-def _starts(kicks: ArrayLike) -> NDArray:
-    """The gait's points with their angular velocities multiplied by `kicks`, (n, 3)."""
+def _starts(factors: ArrayLike) -> NDArray:
+    """The gait's points with their angular velocities multiplied by `factors`, (n, 3)."""
     walks = gait("D", _SLOPE)
     rate = walks.state[3] * WALKERS["D"].time_unit
-    return _struck(np.full(np.shape(kicks), walks.stance_angle), rate * np.asarray(kicks))
+    return _struck(np.full(np.shape(factors), walks.stance_angle), rate * np.asarray(factors))
 
 
 def _walk(
@@ -71,21 +71,21 @@ def _walk(
 
 def foot_placement() -> Iterator[Row]:
     """Rows on a hip torque per stride, which places the foot and so sets the next speed."""
-    decays, kicks = (0.0, 0.2, 0.5, 0.8), _starts([0.97, 1.02, 1.05, 1.08, 1.12])
+    decays, starts = (0.0, 0.2, 0.5, 0.8), _starts([0.97, 1.02, 1.05, 1.08, 1.12])
     spent = []
     for decay in decays:
         law = _law(decay)
-        _, speeds, works = _walk(law, kicks, np.full(60, _SLOPE))
+        _, speeds, works = _walk(law, starts, np.full(60, _SLOPE))
         off = speeds - law.speed
         spent.append(works.sum(axis=0))
         said = f"{_BHOUNSULE} | what a stride leaves of a deviation of the mid-stance speed"
         yield number(
             f"{said} | {decay:g}", float((off[1] / off[0]).mean()), within=1e-9, digits=10,
-            remark="Five kicks, of −3 % to 12 % of the rates.",
+            remark="Five velocity perturbations, of −3 % to 12 %.",
         )  # fmt: skip
     yield claim(
-        f"{_BHOUNSULE} | work of the hip until a kick has died out, decays 0, 0.2, 0.5, 0.8 | "
-        "least in one step",
+        f"{_BHOUNSULE} | work of the hip until a velocity perturbation has decayed, decays 0, 0.2, "
+        "0.5, 0.8 | least in one step",
         listed(np.mean(spent, axis=1), ".3f"),
         np.all(np.diff(spent, axis=0) > 0.0),
         remark="Mean of the five, each of which grows so; absolute, per foot mass over g l.",

@@ -32,7 +32,7 @@ from gym_passive_walker.engine.compile_notice import announce
 
 if config.DISABLE_JIT:  # type: ignore[attr-defined]
     raise ImportError(
-        "gym_passive_walker walks by compiled code alone, and NUMBA_DISABLE_JIT forbids numba to "
+        "gym_passive_walker requires compiled code, and NUMBA_DISABLE_JIT does not permit numba to "
         "compile: unset it, or set it to 0"
     )
 

@@ -205,7 +205,7 @@ def options(
 
 
 @lru_cache(maxsize=1)
-def _crew(threads: int) -> ThreadPoolExecutor:
+def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="walkers")
 
 
@@ -231,7 +231,7 @@ def in_parts(job: Callable[[int, int], object], count: int, threads: int | None 
         for first, last in bounds:  # shared by all threads: a free thread takes the next piece
             job(first, last)
 
-    helpers = [_crew(os.cpu_count() or 1).submit(work) for _ in range(threads - 1)]
+    helpers = [_pool(os.cpu_count() or 1).submit(work) for _ in range(threads - 1)]
     work()  # in this thread too, as waking another takes as long as hundreds of walkers
     for helper in helpers:
         if not helper.cancel():

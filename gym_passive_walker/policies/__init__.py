@@ -49,9 +49,9 @@ class TrainedPolicy(Network):
             self.trained: dict[str, Any] = _names(description.get("trained", {}), "trained")
             super().__init__(read_tensors(folder / TENSORS), **acting)
         except KeyError as error:
-            raise PolicyError(f"{folder} is no policy: it says nothing of {error}") from None
+            raise PolicyError(f"{folder} is not a policy: it lacks {error}") from None
         except (TypeError, ValueError) as error:
-            raise PolicyError(f"{folder} is no policy: {error}") from None
+            raise PolicyError(f"{folder} is not a policy: {error}") from None
 
     def to_onnx(self, path: str | Path) -> None:
         """Write the policy as an ONNX file, with its observation normalizer.
@@ -147,7 +147,7 @@ def _description(path: Path) -> dict[str, Any]:
     except (OSError, ValueError, RecursionError) as error:
         raise PolicyError(f"{path} is damaged: {error}") from None
     if not isinstance(description, dict):
-        raise PolicyError(f"{path} is damaged: it describes no policy")
+        raise PolicyError(f"{path} is damaged: it does not describe a policy")
     return description
 
 

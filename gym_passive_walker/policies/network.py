@@ -95,10 +95,10 @@ class Network:
             self._log_std = np.asarray(tensors["log_std"], np.float32)
             sizes = [self._mean[1].shape, self._log_std.shape]
         if sizes[0] != sizes[1]:
-            raise ValueError("its noise is not that of its actions")
+            raise ValueError("the size of its noise differs from that of its actions")
         for (_, before), (weight, _) in pairwise(layers):
             if weight.shape[1] != len(before):
-                raise ValueError("the sizes of its layers do not follow from each other")
+                raise ValueError("the sizes of consecutive layers do not match")
         self._size = layers[0][0].shape[1]
         self.moments: tuple[NDArray, NDArray, float] | None = None
         if normalizer is not None:
@@ -106,7 +106,7 @@ class Network:
                 np.asarray(tensors[f"normalizer.obs_rms.{name}"]) for name in ("mean", "var")
             )
             if mean_seen.shape != (self._size,) or variance.shape != (self._size,):
-                raise ValueError("its normalizer is of other observations")
+                raise ValueError("the size of its normalizer differs from that of its observations")
             if not isinstance(normalizer, Mapping):
                 raise ValueError(f"normalizer must have epsilon and clip, not {shown(normalizer)}")
             epsilon = number(normalizer["epsilon"], "epsilon", least=0.0)

@@ -148,7 +148,7 @@ class OnnxPolicy:
             try:
                 self.scene = make_scene(found["scene"], **json.loads(found.get("env", "{}")))
             except (TypeError, ValueError) as error:
-                raise PolicyError(f"the scene that {path} names is none: {error}") from None
+                raise PolicyError(f"{path} names an invalid scene: {error}") from None
 
     def _open(self) -> None:
         """Prepare the evaluation."""
@@ -170,7 +170,7 @@ class OnnxPolicy:
             )
         except Exception as error:  # onnxruntime's errors have no common class
             said = str(error).splitlines()[0]
-            raise PolicyError(f"{self.path} is no ONNX file that can be read: {said}") from None
+            raise PolicyError(f"{self.path} is not a readable ONNX file: {said}") from None
         inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
         if len(inputs) != 1 or inputs[0].type not in _TYPES or len(inputs[0].shape) != 2:
             has = ", ".join(f"{x.name} {x.type} {x.shape}" for x in inputs)

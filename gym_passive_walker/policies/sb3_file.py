@@ -67,7 +67,7 @@ class Sb3Policy(Network):
             reason = "it is none of PPO, A2C and SAC"
             reason = reason if isinstance(error, StopIteration) else str(error) or repr(error)
             raise PolicyError(
-                f"{path} is no policy that can be read from its file ({reason}): load it by its "
+                f"{path} is not a policy that this package can read ({reason}): load it by its "
                 "own library, as PPO.load(path), and give the model"
             ) from None
 

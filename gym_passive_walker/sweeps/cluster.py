@@ -48,7 +48,7 @@ class Watcher:
         if self._version != computing:
             raise ValueError(
                 f"the machine {platform.node()} of the cluster has version {self._version}, the "
-                f"sweep is computed by {computing}: install that one there"
+                f"sweep is computed by {computing}: install that version there"
             )
 
     def outcomes(self, tasks: Sequence[Task]) -> list[Outcome]:
@@ -119,7 +119,9 @@ class Cluster:
                 if ended:
                     break
             if not ended and not self._at_work:
-                raise RuntimeError("the cluster has no room for a worker: is all of it busy?")
+                raise RuntimeError(
+                    "the cluster has no free CPU for a worker: wait until other programs end"
+                )
             for each in ended:
                 if each in self._joining:
                     self._join(each)
@@ -164,11 +166,11 @@ class Cluster:
 
     def _fill(self) -> None:
         """Create watchers for free CPUs; they join once Ray has started them."""
-        crew = len(self._joining) + len(self._at_work) + len(self._idle)
-        if crew and time.monotonic() < self._looked + _LOOK:
+        started = len(self._joining) + len(self._at_work) + len(self._idle)
+        if started and time.monotonic() < self._looked + _LOOK:
             return
         self._looked = time.monotonic()
-        for _ in range(self._room() - crew):
+        for _ in range(self._room() - started):
             watcher = self._made.remote(*self._given)
             self._joining[watcher.join.remote(self._computing)] = watcher
 

@@ -67,16 +67,20 @@ class Description:
         over = {name: _kept(name, values) for name, values in self.over.items()}
         object.__setattr__(self, "over", over)
         if not self.over:
-            raise ValueError("over must name what changes, as in slope: [0.02, 0.03]")
+            raise ValueError("over must name what varies, as in slope: [0.02, 0.03]")
         if both := sorted(self.over.keys() & self.given.keys()):
-            raise ValueError(f"{', '.join(both)} cannot both change and be given")
+            raise ValueError(
+                f"{', '.join(both)} must be either in `over` or in `given`, not in both"
+            )
         if taken := {*self.over, *self.given} & {*RESERVED} - {"seed"}:
             raise ValueError(f"{', '.join(sorted(taken))} is a column of every sweep's: rename it")
         whole(self.seed, "seed", 0, 2**63 - 1)
         if self.time_out is not None:
             number(self.time_out, "time_out", above=0.0)
         if (self.how in _SAMPLERS) != (self.samples is not None):
-            raise ValueError("samples says how many of a sobol or latin-hypercube sample, only so")
+            raise ValueError(
+                "samples is the size of a sobol or latin-hypercube sample; omit it otherwise"
+            )
         self._check_values()
 
     def _check_values(self) -> None:
@@ -111,7 +115,7 @@ class Description:
             content = read_content(content)
         known = tuple(f.name for f in fields(cls))
         if not isinstance(content, Mapping) or not {"analysis", "over"} <= content.keys():
-            raise ValueError("a sweep names its analysis, and over what it goes")
+            raise ValueError("a sweep needs an analysis, and `over` for what varies")
         if said := unknown(content, known, "a sweep"):
             raise ValueError(said)
         return cls(**content)

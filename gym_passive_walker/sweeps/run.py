@@ -109,7 +109,7 @@ def sweep(
     """
     branch, retry = boolean(branch, "branch"), boolean(retry, "retry")
     if out is None and not is_file(analysis):
-        raise ValueError("out must be a folder to keep the sweep in: a file's name is lacking")
+        raise ValueError("out must be a folder; only a description in a file has a default")
     description = _described(analysis, described)
     folder = Path(analysis).with_suffix("") if out is None else Path(out)  # type: ignore[arg-type]
     trust = check_trust(description.analysis, trust or _is_function(analysis))
@@ -124,12 +124,12 @@ def sweep(
     try:
         left = [pair for pair in enumerate(description.tasks) if pair[0] not in store.done]
         if left:
-            _work(_crew(description, computing, len(left), workers, ray), store, left)
+            _work(_create_workers(description, computing, len(left), workers, ray), store, left)
         store.flush(last=True)
     except KeyboardInterrupt:
         store.flush()
         said = f"{len(store.done)} of {len(description.tasks)} tasks are kept in {folder}"
-        print(f"\nstopped: {said}; the same call goes on", file=sys.stderr)
+        print(f"\nstopped: {said}; repeat the call to continue", file=sys.stderr)
         raise
     finally:
         store.close()
@@ -157,7 +157,7 @@ def _described(analysis: Any, rest: dict[str, Any]) -> Description:
     return Description.of({"analysis": analysis, **rest})
 
 
-def _crew(
+def _create_workers(
     description: Description, computing: str, tasks: int, workers: int | None, ray: str | None
 ) -> Workers | Cluster:
     """Create the workers: on a Ray cluster, or as processes on this machine."""
@@ -167,12 +167,12 @@ def _crew(
     return Workers(analysis, min(workers or os.cpu_count() or 1, tasks), time_out)
 
 
-def _work(crew: Workers | Cluster, store: Store, left: list[Task]) -> None:
+def _work(workers: Workers | Cluster, store: Store, left: list[Task]) -> None:
     """Do the remaining tasks and store their rows."""
     failures, began, given = 0, time.monotonic(), dict(left)
     try:
         with progress("tasks", len(left)) as advance:
-            for count, outcome in enumerate(crew.outcomes(left), 1):
+            for count, outcome in enumerate(workers.outcomes(left), 1):
                 row = {**given[outcome.task], **outcome._asdict()}
                 store.add(row, row.pop("results"))
                 failures += outcome.status != DONE
@@ -180,4 +180,4 @@ def _work(crew: Workers | Cluster, store: Store, left: list[Task]) -> None:
                 rest = (len(left) - count) / rate
                 advance(note=f"{rate:.3g}/s, {failures} failed, {rest:.0f} s left")
     finally:
-        crew.close()
+        workers.close()

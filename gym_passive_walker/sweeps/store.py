@@ -81,7 +81,7 @@ class Store:
                 self._held.enter_context(locked(self.folder / "lock", wait=False))
             except BlockingIOError:
                 raise ValueError(
-                    f"another process is at the sweep in {self.folder}: wait for it"
+                    f"another process uses the sweep in {self.folder}: wait until it ends"
                 ) from None
         self._manifest = {"description": description.content, "columns": None, **self._same}
         if (self.folder / _MANIFEST).exists():
@@ -122,14 +122,14 @@ class Store:
             ValueError: if it is not.
         """
         if not self._parquet.read_schema(path).equals(self._schema):
-            raise ValueError("it has other columns than the sweep")
+            raise ValueError("it has columns that differ from the sweep's")
         table = self._parquet.read_table(path, columns=["task", "sweep", "version", "status"])
         tasks, sweeps, versions, statuses = (column.to_pylist() for column in table.columns)
         if {*sweeps, *versions} - {*self._same.values()}:
             raise ValueError("it has rows of another sweep, or of another version")
         known = {*statuses} <= {DONE, FAILED, TIMED_OUT}
         if not known or not all(0 <= task < self._count for task in tasks):
-            raise ValueError("it has rows of tasks that there are not")
+            raise ValueError("it has rows of unknown tasks")
 
     def _journal_rows(self) -> list[dict[str, Any]]:
         """Return the rows of the journal; an incomplete last line is ignored.
@@ -149,13 +149,13 @@ class Store:
             except (ValueError, RecursionError):
                 if (number, line) == written[-1]:
                     continue
-                wrong = "it is no JSON"
+                wrong = "it is not JSON"
             else:
                 wrong = self._wrong(row)
             if wrong:
                 raise ValueError(
-                    f"line {number} of {journal} is no row of this sweep ({wrong}): mend that line,"
-                    " or remove it, and its task is done once more; nothing was changed"
+                    f"line {number} of {journal} is not a row of this sweep ({wrong}): correct "
+                    "that line, or remove it to repeat its task; nothing was changed"
                 )
             rows.append(row)
         return rows
@@ -163,7 +163,7 @@ class Store:
     def _wrong(self, row: Any) -> str | None:
         """Return the reason why a row of the journal is invalid; None if it is valid."""
         if not isinstance(row, dict):
-            return "it is no mapping"
+            return "it is not a mapping"
         lacking = [name for name in ("task", "sweep", "version", "status") if name not in row]
         if lacking:
             return f"it lacks {', '.join(lacking)}"
@@ -222,10 +222,10 @@ class Store:
             yield
         except OSError as error:
             named = f": {error.filename}" if error.filename else ""
-            remedy = "make room" if error.errno in _FULL else "see to that"
+            remedy = "free some space" if error.errno in _FULL else "correct that"
             raise OSError(
                 f"the sweep in {self.folder} cannot be written ({error.strerror or error}{named}): "
-                f"what was computed is kept; {remedy}, and the same call goes on"
+                f"computed rows are kept; {remedy}, and repeat the call to continue"
             ) from error
 
     def add(self, row: dict[str, Any], results: Mapping[str, Any]) -> None:
@@ -290,9 +290,9 @@ class Store:
 
 
 _REMEDIES = {
-    "manifest": "put back a whole copy, or give another folder; its rows can still be read",
-    "journal": "put back a whole copy, or move it elsewhere, and its tasks are done once more",
-    "part": "move it elsewhere, and the same call does its tasks once more",
+    "manifest": "restore a whole copy, or give another folder; its rows can still be read",
+    "journal": "restore a whole copy, or move it elsewhere to repeat its tasks",
+    "part": "move it elsewhere, and repeat the call to repeat its tasks",
 }
 """Advice for the user, by the kind of file that cannot be read."""
 
@@ -320,11 +320,13 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """
     path = folder / _MANIFEST
     if not path.exists():
-        raise ValueError(f"{folder} holds no sweep, since it has no {_MANIFEST}: give another one")
+        raise ValueError(
+            f"{folder} does not contain a sweep, since it has no {_MANIFEST}: give another folder"
+        )
     with _reading(path, "manifest"):
         found = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(found, dict):
-            raise ValueError("it is no mapping")
+            raise ValueError("it is not a mapping")
         for name, kind in (("description", dict), ("sweep", str), ("version", str)):
             if not isinstance(found.get(name), kind):
                 raise ValueError(f"it has no {name}")
@@ -357,7 +359,7 @@ def read_columns(folder: Path) -> dict[str, NDArray]:
         import pyarrow.parquet  # type: ignore[import-not-found]
     paths = sorted((folder / "rows").glob("*.parquet"))
     if not paths:
-        raise ValueError(f"the sweep in {folder} has found nothing yet")
+        raise ValueError(f"the sweep in {folder} has no results yet")
     tables: list[Any] = []
     for path in paths:
         with _reading(path, "part"):
@@ -396,12 +398,12 @@ def _check(folder: Path, description: Description, version: str) -> None:
                 raise ValueError("its description has another digest")
         raise ValueError(
             f"{folder} holds a sweep with another {' and '.join(changed)}: give another folder, or "
-            "let it branch into one of its own (branch=True, --branch)"
+            "use a new folder beside it (branch=True, --branch)"
         )
     if there["version"] != version:
         raise ValueError(
-            f"{folder} was computed by version {there['version']}, this is {version}: go on with "
-            "that version, or give another folder"
+            f"{folder} was computed by version {there['version']}, this is {version}: use that "
+            "version, or give another folder"
         )
 
 

@@ -50,7 +50,7 @@ def gait(
     """Search for a gait of a kind at a slope; return its stability and its measures."""
     held = Actuation(hip_torque, ankle_torque, push_off)
     if controller is not None and any(held):
-        raise ValueError(f"motors follow {controller}: leave torques and push-off out")
+        raise ValueError(f"{controller} determines the actuation: omit torques and push-off")
     strides = stride_map(walker, slope, controller=controller or held, scene=scene, terrain=terrain)
     sought = strides.chosen(slope), gait_kind(kind)
     found = seek(strides, *sought, period=whole(period, "period")).gait
@@ -227,7 +227,7 @@ def check_trust(analysis: str, trust: bool) -> bool:
     if not trust and analysis not in ANALYSES and ":" in analysis:
         raise ValueError(
             f"the analysis {analysis!r} is a function that is not the package's, and could do "
-            "anything: if you trust it, say so by --trust (trust=True in Python); the package has "
+            "anything: if you trust it, add --trust (trust=True in Python); the package has "
             f"{', '.join(ANALYSES)}"
         )
     return trust
@@ -254,7 +254,7 @@ def function(analysis: str) -> Callable[..., Any]:
     except (ImportError, AttributeError, ValueError) as error:
         raise ValueError(f"the analysis {analysis!r} cannot be found: {error}") from None
     if not callable(found):
-        raise ValueError(f"the analysis {analysis!r} is no function")
+        raise ValueError(f"the analysis {analysis!r} is not a function")
     return found
 
 
@@ -273,7 +273,7 @@ def task(analysis: str, given: Mapping[str, Any]) -> Callable[[], Any]:
     if "walker" in takes or "changes" in takes:
         parts = {name: rest.pop(name) for name in _WALKER if name in rest and name not in takes}
         if parts and "walker" not in rest:
-            raise ValueError(f"{', '.join(parts)} of which walker? Give one, as in walker: lab")
+            raise ValueError(f"{', '.join(parts)} needs a walker, as in walker: lab")
         if "walker" in rest:
             rest["walker"] = replace(as_walker(rest["walker"]), **parts)
     if "changes" in takes:

@@ -86,7 +86,7 @@ class Workers:
 
     def __init__(self, analysis: str, count: int, time_out: float | None) -> None:
         self._analysis, self._time_out, self._count = analysis, time_out, count
-        self._crew = [_Worker(analysis) for _ in range(count)]
+        self._pool = [_Worker(analysis) for _ in range(count)]
         self._stillborn = 0
 
     def outcomes(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
@@ -96,14 +96,14 @@ class Workers:
             RuntimeError: if no worker can be started.
         """
         waiting, tried, pace = deque(tasks), Counter(), Pace(self._count)
-        while waiting or any(worker.tasks for worker in self._crew):
-            for worker in self._crew:
+        while waiting or any(worker.tasks for worker in self._pool):
+            for worker in self._pool:
                 if worker.ready and not worker.tasks and waiting:
                     worker.send(pace.take(waiting))
-            pipes = wait([worker.pipe for worker in self._crew], self._patience())
+            pipes = wait([worker.pipe for worker in self._pool], self._patience())
             show()
             for pipe in pipes:
-                worker = next(each for each in self._crew if each.pipe is pipe)
+                worker = next(each for each in self._pool if each.pipe is pipe)
                 try:
                     outcome = worker.hear()
                 except (EOFError, OSError):
@@ -112,7 +112,7 @@ class Workers:
                     self._stillborn = 0
                     pace.note(outcome)
                     yield outcome
-            for worker in [each for each in self._crew if self._overdue(each)]:
+            for worker in [each for each in self._pool if self._overdue(each)]:
                 late, took = worker.tasks[0][0], time.monotonic() - worker.since
                 self._replace(worker, waiting)
                 said = f"given up after {self._time_out:g} s"
@@ -120,12 +120,12 @@ class Workers:
 
     def close(self) -> None:
         """Kill all processes."""
-        for worker in self._crew:
+        for worker in self._pool:
             worker.end()
 
     def _patience(self) -> float:
         """Return the seconds to the next time-out or the next report of progress."""
-        since = [worker.since for worker in self._crew if worker.tasks]
+        since = [worker.since for worker in self._pool if worker.tasks]
         if self._time_out is None or not since:
             return _LOOK
         return max(0.0, min(_LOOK, min(since) + self._time_out - time.monotonic()))
@@ -142,7 +142,7 @@ class Workers:
         self._stillborn += not worker.ready
         if self._stillborn >= STILLBORN:
             raise RuntimeError(
-                f"worker processes end before they begin (exit code {code}): a script that sweeps "
+                f"worker processes end before they start (exit code {code}): a script that sweeps "
                 'does so below `if __name__ == "__main__":`'
             )
         took = time.monotonic() - worker.since
@@ -159,7 +159,7 @@ class Workers:
         """Replace a worker; tasks that it had not begun go back to the queue."""
         waiting.extendleft(reversed(list(worker.tasks)[1:]))
         worker.end()
-        self._crew[self._crew.index(worker)] = _Worker(self._analysis)
+        self._pool[self._pool.index(worker)] = _Worker(self._analysis)
 
 
 class _Worker:

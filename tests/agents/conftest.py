@@ -1,4 +1,4 @@
-"""What the tests of agents share."""
+"""Fixtures of the tests of agents."""
 
 from importlib.util import find_spec
 
@@ -10,7 +10,7 @@ collect_ignore_glob = [] if find_spec("stable_baselines3") else ["*"]
 
 @pytest.fixture(scope="session", autouse=True)
 def _one_thread():
-    """Learn as `train.py` does; more threads only wait for each other."""
+    """Limit torch to one thread, as `train.py` does; more threads only wait for each other."""
     import train
 
     train.keep_to_one_thread()

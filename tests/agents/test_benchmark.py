@@ -1,4 +1,4 @@
-"""Everyone beside everyone."""
+"""The benchmark of agents: scores, tables, perturbations and rough ground."""
 
 import json
 import math
@@ -21,7 +21,7 @@ from tests.control.in_environment import walked
 
 
 def score(agent="ppo", seed=0, scene="level", **changes):
-    """A made-up score."""
+    """An invented score."""
     values = {name: 0.1 for name in benchmark.SCORES} | {"endings": {"walked on": 9, "stalled": 1}}
     return {"scene": scene, "agent": agent, "seed": seed} | values | changes
 
@@ -259,7 +259,7 @@ def test_feedback_over_all_torques_goes_farther_on_rough_ground():
 
 
 class Looking:
-    """A policy that pushes by the slope that it sees, and a little by chance of where it is."""
+    """A policy with torques by the observed slope, and a little by the state."""
 
     def predict(self, observation, state=None, episode_start=None, deterministic=True):
         """Brake downhill, drive uphill."""
@@ -268,7 +268,7 @@ class Looking:
 
 @pytest.mark.parametrize(("policy", "name"), [(Passive(), "steep"), (Looking(), "lab")])
 def test_over_rough_ground_each_walker_goes_as_it_would_alone(policy, name):
-    """Each meets its own slopes, sees them, and makes no more strides once it has fallen."""
+    """Each walker has its own slopes and observes them; after a fall it makes no more strides."""
     scene, walkers, seed = make_scene(name, control="stride"), 5, 3
     rng, made = np.random.default_rng(seed), []
     slopes = rng.normal(scene.slope, benchmark.ROUGHNESS, (400, walkers))

@@ -1,4 +1,4 @@
-"""Milestones, and the wish to stop."""
+"""Milestones and stop requests."""
 
 import io
 import os
@@ -11,7 +11,7 @@ from agents.callbacks import Milestones, StopRequest
 
 
 class Model:
-    """As much of an algorithm as the callbacks see."""
+    """The attributes of an algorithm that callbacks read."""
 
     num_timesteps = 0
     logger = None
@@ -34,7 +34,7 @@ def noting(model, every, stop=None):
 
 
 def rollouts(milestones, model, steps):
-    """Go through updates after which the model has made these steps."""
+    """Simulate updates after which the model has made these numbers of steps."""
     for made in steps:
         model.num_timesteps = made
         milestones.on_rollout_start()

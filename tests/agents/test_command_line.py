@@ -1,4 +1,4 @@
-"""What `train.py` makes of its arguments."""
+"""Arguments of `train.py`."""
 
 import csv
 import shutil
@@ -22,7 +22,7 @@ TINY = ["--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
-    """A run of two small updates, with all that is said of it."""
+    """A run of two small updates, with its printed output."""
     folder = tmp_path_factory.mktemp("runs") / "steep"
     arguments = ["--scene", "steep", "--algo", "sac", "--out", str(folder), *TINY]
     assert train.main(arguments) == 0

@@ -1,4 +1,4 @@
-"""A run's configuration: presets, and what the user puts over them."""
+"""Configuration of a run: presets, and the user's changes."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Evaluations, and what is said of them."""
+"""Evaluations and their reports."""
 
 import csv
 
@@ -17,7 +17,7 @@ from gym_passive_walker.evaluation.walks import WALKED_ON, Walks, evaluate, tabl
 
 
 def made_up(**changes):
-    """Three walks."""
+    """Three invented walks."""
     values = {
         "seeds": np.arange(3),
         "slopes": np.zeros(3),
@@ -111,15 +111,15 @@ def test_episodes_are_the_same_for_every_agent_and_every_batch():
 
 
 class Wavering:
-    """Torques that depend on what is seen, and on nothing else."""
+    """Torques that depend on the observation alone."""
 
     def predict(self, observation, state=None, episode_start=None, deterministic=True):
-        """Push where the legs are, brake where they go."""
+        """Torque by the angles, less by the angular velocities."""
         return 0.3 * np.sin(20.0 * observation[..., :1] + observation[..., 3:4]), state
 
 
 def test_an_evaluation_tells_what_each_episode_would_be_alone():
-    """Some end soon and some late; nobody's next episode counts."""
+    """Episodes end at different times; a following episode of a walker is not counted."""
     arguments = {"scene": "rolling", "energy": "positive", "max_episode_steps": 150}
     walks = evaluate(Wavering(), gymnasium.make_vec(envs.ID, num_envs=8, **arguments), seed=40)
     world = gymnasium.make(envs.ID, **arguments)

@@ -1,4 +1,4 @@
-"""Noise by schedule, and walkers of different boldness."""
+"""Scheduled noise, and noise that differs from walker to walker."""
 
 import numpy as np
 import pytest

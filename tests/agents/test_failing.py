@@ -1,4 +1,4 @@
-"""What cannot be read or written ends with a sentence, and costs nothing that was there."""
+"""A file that cannot be read or written raises one sentence, and existing files stay unchanged."""
 
 import json
 import os
@@ -18,7 +18,7 @@ CHECKPOINT = "checkpoints/000000000128"
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    """A run of SAC, which keeps all that a run may keep."""
+    """A finished run of SAC, with all its files."""
     folder = tmp_path_factory.mktemp("runs") / "steep"
     reported = ["--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
     assert train.main(["--scene", "steep", "--algo", "sac", "--out", str(folder), *reported]) == 0
@@ -36,7 +36,7 @@ def contents(folder):
 
 
 def refused(capsys, *arguments):
-    """The one sentence with which the program refuses, after what it prints."""
+    """The one sentence of the error, after other output."""
     capsys.readouterr()
     assert train.main([str(argument) for argument in arguments]) == 2
     said = capsys.readouterr()
@@ -46,7 +46,7 @@ def refused(capsys, *arguments):
 
 @contextmanager
 def full_disk(size):
-    """No file can be written beyond some bytes."""
+    """Limit the size of files to some bytes."""
     resource = pytest.importorskip("resource", reason="limits of files are POSIX")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
@@ -84,7 +84,7 @@ def test_a_damaged_file_is_named_and_everything_left_as_it_is(run, name, damage,
 
 
 def rewritten(path, change):
-    """Change what a file of arrays or of JSON says, so that it is as whole as before."""
+    """Change the content of a file of arrays or of JSON, as a valid file."""
     if path.suffix == ".json":
         content = json.loads(path.read_text())
         change(content)

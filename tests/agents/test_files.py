@@ -1,4 +1,4 @@
-"""A run's folder: its checkpoints appear whole or not at all."""
+"""A run's folder: checkpoints appear complete or not at all."""
 
 import os
 import time

@@ -1,4 +1,4 @@
-"""Learning by exact gradients: the backward sweep, and what is made of it."""
+"""Learning by exact gradients: the backward sweep, and its use."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from gym_passive_walker.torch import rollout
 
 
 def drawn(steps=12, count=3, seed=0):
-    """Steps, a policy and a critic of any numbers, stable enough for a dozen steps."""
+    """Random steps, a policy and a critic, stable enough for a dozen steps."""
     rng = np.random.default_rng(seed)
     linear = Linear(
         states_by_state=0.3 * rng.normal(size=(steps, count, 6, 6)),
@@ -30,7 +30,7 @@ def drawn(steps=12, count=3, seed=0):
 
 
 def returned(linear, policy, critic, start, extra, gamma):
-    """What linear walkers return under a linear policy: forwards, by the definition."""
+    """Returns of linear walkers under a linear policy, by the definition."""
     state, total = start, 0.0
     for t in range(len(extra)):
         action = (policy[t] * state).sum(1) + extra[t]
@@ -81,7 +81,7 @@ def test_costates_mix_as_lambda_returns_do():
 
 @pytest.mark.parametrize("scene", ["level", "rolling", "steep", "lab"])
 def test_the_sweep_over_walkers_is_what_autograd_says_of_their_walk(scene):
-    """Two derivations: steps noted in the environment, and operations of torch one by one."""
+    """Two derivations: recorded steps of the environment, and single operations of torch."""
     torch.manual_seed(1)
     policy = torch.nn.Sequential(
         torch.nn.Linear(8, 16), torch.nn.Tanh(), torch.nn.Linear(16, 1)

@@ -1,4 +1,4 @@
-"""Critics that keep their scale."""
+"""Critics with a bounded scale."""
 
 import numpy as np
 import torch
@@ -37,6 +37,6 @@ def test_the_optimiser_and_the_target_know_the_normed_critics():
 
 
 def built():
-    """SAC as the preset of the level has it, untrained."""
+    """Untrained SAC with the preset of `level`."""
     config = configure("sac", "level", n_envs=1)
     return build(config, training_envs(config), buffer_size=10)

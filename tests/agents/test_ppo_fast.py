@@ -1,4 +1,4 @@
-"""PPO on tensors: what it computes, beside the library that it is to be like."""
+"""PPO on tensors against PPO of stable-baselines3."""
 
 import dataclasses
 import sys
@@ -20,7 +20,7 @@ from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 
 
 def made(scene="level", **changes):
-    """An untrained agent of eight walkers that is about to learn, and its callbacks."""
+    """An untrained agent of eight walkers before its first update, and its callbacks."""
     config = dataclasses.replace(configure("ppo-fast", scene, n_envs=8), episode_steps=45)
     hyperparams = {"n_steps": 100, "batch_size": 200} | changes
     model = build(
@@ -31,7 +31,7 @@ def made(scene="level", **changes):
 
 
 def drawn(steps=20, count=5):
-    """Rewards, values and endings of any kind."""
+    """Random rewards, values and ends of episodes."""
     generator = torch.Generator().manual_seed(0)
     rewards, values = torch.randn((2, steps, count), generator=generator)
     return rewards, values, torch.rand((steps, count), generator=generator) < 0.2
@@ -39,7 +39,7 @@ def drawn(steps=20, count=5):
 
 @pytest.mark.parametrize("gae_lambda", [0.0, 0.9, 1.0])
 def test_advantages_are_those_of_the_library(gae_lambda):
-    """Two derivations: there a time limit's value is part of the reward."""
+    """Two derivations: in the library, the value at a time limit is part of the reward."""
     rewards, values, ended = drawn()
     last, final = torch.randn((2, 5), generator=torch.Generator().manual_seed(1))
     after = torch.where(ended, torch.zeros(()), torch.cat([values[1:], last[None]]))
@@ -71,7 +71,7 @@ def test_chances_are_a_gaussians_but_for_a_constant():
 @pytest.mark.parametrize("units", ACTIVATIONS)
 @pytest.mark.parametrize("scene", ["level", "push-off"])
 def test_the_gradient_is_that_of_the_loss_by_autograd(scene, units):
-    """Two derivations: written out, and by torch from the loss as it is printed."""
+    """Two derivations: written out, and by autograd from the printed loss."""
     _, model, _ = made(scene, policy_kwargs={"activation_fn": f"nn.{units}", "net_arch": [16, 9]})
     net, torques = model.policy, len(model.policy.log_std)
     generator = torch.Generator().manual_seed(0)
@@ -97,7 +97,7 @@ def test_the_gradient_is_that_of_the_loss_by_autograd(scene, units):
 
 @pytest.mark.parametrize("scene", ["level", "steep", "push-off"])
 def test_a_rollout_is_the_walk_that_the_library_would_have_seen(scene):
-    """The same walkers and actions: observations, endings, and all that is learned of scales."""
+    """For equal actions: observations, ends of episodes, and moments of the normalizer."""
     config, model, callback = made(scene)
     ours, theirs = (
         model.get_vec_normalize_env(),

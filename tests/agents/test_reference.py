@@ -1,7 +1,7 @@
-"""Both learners beside a plain reference: the value at a time limit, and clipping of gradients.
+"""Both learners against a plain reference: the value at a time limit, and clipping of gradients.
 
 The reference loops over steps and walkers. The value after a fall is zero. A walker at its time
-limit would have walked on, so the critic gives the value of the rest.
+limit would have continued, so the critic gives the value of the rest.
 """
 
 import dataclasses
@@ -32,7 +32,7 @@ def untrained(algo, **hyperparams):
 
 
 def walked(actions, seed):
-    """What became of walkers: seen before and after each step, rewards, falls, ends of time."""
+    """Observations before and after each step, rewards, falls and time limits of walkers."""
     env = PassiveWalkerVecEnv(
         WALKERS, "level", max_episode_steps=LIMIT, reset_noise_scale=0.8, max_hip_torque=0.3
     )
@@ -69,7 +69,7 @@ def returns(rewards, values, after, fell, late):
 
 
 def worth(model, seen):
-    """What the critic says of observations, (..., 8) to (...)."""
+    """Values of the critic for observations, (..., 8) to (...)."""
     net = model.policy
     with torch.no_grad():
         said = net.value_net(net.mlp_extractor.value_net(torch.as_tensor(seen)))
@@ -101,7 +101,7 @@ def test_shac_s_walkers_are_worth_what_comes_after_the_time_limit_and_nothing_af
 
 
 def slopes(function, seen):
-    """How a network's answer changes with the six numbers that move, one observation at a time."""
+    """Derivatives of a network's output by the six state variables, one observation at a time."""
     found = np.zeros((*seen.shape[:2], 6))
     for t, i in np.ndindex(seen.shape[:2]):
         leaf = torch.tensor(seen[t, i], requires_grad=True)
@@ -142,7 +142,7 @@ def test_shac_s_gradients_go_through_the_time_limit_to_the_critic_and_through_a_
 
 
 def clipped(gradient, norm):
-    """The gradient, or as much of it as has the norm."""
+    """The gradient, shortened to a norm if it is longer."""
     size = float(np.sqrt(np.sum(gradient**2)))
     return gradient if size <= norm else gradient * (norm / size)
 
@@ -153,7 +153,7 @@ def flat(parameters):
 
 @pytest.mark.parametrize("share", [0.01, 0.9, 1.1, 100.0])
 def test_ppo_s_gradients_are_only_ever_made_smaller(share, monkeypatch):
-    """The norm at which they are clipped is that share of their own."""
+    """The norm at which they are clipped is a share of their own norm."""
     model, callback = untrained("ppo-fast", n_epochs=1)
     rollout = model.walk(callback)
     differentiate, kept = type(model).differentiate, {}

@@ -1,4 +1,4 @@
-"""Runs: learned in one piece, in several, stopped, spoilt."""
+"""Training runs: uninterrupted, resumed, stopped, and with damaged files."""
 
 import dataclasses
 import os
@@ -55,7 +55,7 @@ def weights(run: Run) -> np.ndarray:
 
 @pytest.fixture(autouse=True)
 def _short_exams(monkeypatch):
-    """Let evaluations while training cost little."""
+    """Make evaluations during training short."""
 
     def short(config, count):
         scene = envs.scene_of(config)
@@ -67,7 +67,7 @@ def _short_exams(monkeypatch):
 
 
 def varied(steps):
-    """SAC in short episodes of walkers that vary; its memory is soon full, its actions random."""
+    """SAC in short episodes of varied walkers, with a small replay buffer and random actions."""
     config = dataclasses.replace(
         small("sac", steps),
         episode_steps=7,
@@ -121,7 +121,7 @@ def test_a_resumed_run_goes_on_as_if_uninterrupted(tmp_path, config):
 
 
 def draws(run):
-    """What each source of random numbers in a training draws next."""
+    """The next numbers of each random generator of a training."""
     envs = run.model.env.unwrapped
     return [
         torch.rand(3).tolist(), np.random.random(3).tolist(),  # noqa: NPY002
@@ -140,7 +140,7 @@ def test_a_checkpoint_brings_back_every_source_of_random_numbers(tmp_path, algo)
 
 
 def test_a_checkpoint_brings_back_all_that_an_agent_remembers(tmp_path):
-    """A memory that has been full for long, of episodes that a fall or the time limit ended."""
+    """The replay buffer is full, of episodes that ended by a fall or by the time limit."""
     run = Run(varied(256), tmp_path)
     run.train(progress=False)
     again = Run(varied(256), tmp_path)
@@ -166,7 +166,7 @@ def exams(monkeypatch, rewards, record):
 
 
 def test_training_keeps_the_policy_that_did_best_in_its_evaluations(tmp_path, monkeypatch):
-    """Whenever that was, and though the run was interrupted since."""
+    """At any time of the training, and also after an interruption."""
     seen = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 8)).astype(np.float32)
     acted = {}
 

@@ -30,7 +30,7 @@ NAMES = [command.__name__ for command in COMMANDS]
 
 @pytest.fixture
 def reported(capsys):
-    """What a command prints as JSON."""
+    """Output of a command as JSON."""
 
     def run(*words):
         assert main([*map(str, words), "--json"]) == 0
@@ -41,7 +41,7 @@ def reported(capsys):
 
 @pytest.fixture
 def mine(tmp_path, monkeypatch):
-    """A file with a walker, the laboratory's at half its size, in a folder with one more."""
+    """A folder with a file of a walker, the laboratory's at half its size, and one more."""
     monkeypatch.chdir(tmp_path)
     lab = asdict(gpw.WALKERS["lab"])
     for name in lab:
@@ -53,7 +53,7 @@ def mine(tmp_path, monkeypatch):
 
 
 def examples(command):
-    """What a command's help shows as examples, a list of words each."""
+    """Examples in a command's help, a list of words each."""
     lines = [line.strip() for line in command.__doc__.splitlines()]
     return [shlex.split(line)[1:] for line in lines if line.startswith("passive-walker ")]
 
@@ -103,7 +103,7 @@ def test_the_examples_of_the_help_work(line, tmp_path, monkeypatch, capsys):
 
 
 def described_in_the_help():
-    """The sweep that the help prints."""
+    """The sweep in the help of the command."""
     return textwrap.dedent(sweep.__doc__.partition("lab.yaml contains:\n")[2])
 
 
@@ -270,7 +270,7 @@ def test_a_table_has_names_and_units(capsys):
 
 @pytest.mark.parametrize("suffix", ["json", "yaml"])
 def test_a_walker_of_one_s_own_walks_by_the_laws_of_size(suffix, mine, reported):
-    """Half as large, the same angles in 1/√2 of the time."""
+    """At half the size, the angles are equal and the time is shorter by 1/√2."""
     file = mine
     if suffix == "yaml":
         yaml = pytest.importorskip("yaml")

@@ -1,4 +1,4 @@
-"""What cannot be written or read ends with a sentence that names it, and leaves nothing behind."""
+"""A file that cannot be written or read is named in one sentence, and no partial file remains."""
 
 import json
 
@@ -29,7 +29,7 @@ LINES = {
 
 @pytest.fixture
 def odd_files(tmp_path, monkeypatch):
-    """A folder to work in: a file, a folder, files that were torn, and policies that are none."""
+    """A working folder with a file, a folder, truncated files and invalid policies."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     (tmp_path / "a-file").write_text("kept")

@@ -1,4 +1,4 @@
-"""Numbers of printed tables are those of Python, to the digits that are printed."""
+"""Numbers in printed tables equal those of Python, to the printed digits."""
 
 import re
 

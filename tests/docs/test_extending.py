@@ -1,4 +1,4 @@
-"""That a walker is extended where it is stated: the change in docs/extending.md, applied."""
+"""The change in docs/extending.md, applied to a copy of the package."""
 
 import os
 import re

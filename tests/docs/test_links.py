@@ -1,4 +1,4 @@
-"""Links of the documentation lead somewhere, and its pages are near the first one."""
+"""Links of the documentation resolve, and each page is near the first one."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the documentation says can be done, can be done."""
+"""The Python code of the documentation runs."""
 
 import os
 import re

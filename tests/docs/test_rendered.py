@@ -1,4 +1,4 @@
-"""Pages that are made of other sources are those of today's sources."""
+"""Generated pages equal those of the present sources."""
 
 import json
 import re

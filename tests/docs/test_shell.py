@@ -1,4 +1,4 @@
-"""Every shell command of the documentation is understood, and the cheap ones are run."""
+"""Each shell command of the documentation is parsed, and the cheap ones are run."""
 
 import argparse
 import json

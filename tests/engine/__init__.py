@@ -1,1 +1,1 @@
-"""The engine's machinery."""
+"""Tests of the engine."""

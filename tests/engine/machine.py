@@ -1,4 +1,4 @@
-"""Native code called from a test, made for any processor, and expressions in plain Python."""
+"""Native code called from a test, for any CPU, and expressions evaluated in plain Python."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ _PLAIN: dict[str, Callable[..., Any]] = {
 
 
 def entries(*names: str) -> tuple[Expression, ...]:
-    """Places that are read."""
+    """Places in memory that are read."""
     known: dict = {}
     return tuple(read(known, name) for name in names)
 

@@ -1,4 +1,4 @@
-"""Compiled code is kept on disk, shared by processes, and never stale."""
+"""Compiled code is cached on disk, shared by processes, and never stale."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ for name in {names!r}:
 
 
 def python(code: str, **variables: str) -> str:
-    """What a fresh process prints, without other settings of caches."""
+    """Output of a new process without other settings of caches."""
     inherited = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
     done = subprocess.run(
         [sys.executable, "-c", code],
@@ -33,7 +33,7 @@ def python(code: str, **variables: str) -> str:
 
 
 def run(names: str, folder: object) -> dict[str, str]:
-    """Gaits of some walkers as a fresh process with that kernel cache finds them."""
+    """Gaits of some walkers, computed by a new process with this kernel cache."""
     lines = python(STRIDE.format(names=names), NUMBA_CACHE_DIR=str(folder)).splitlines()
     return dict(line.split(" ", 1) for line in lines)
 
@@ -103,7 +103,7 @@ def test_code_that_one_process_has_compiled_another_only_loads(tmp_path):
 
 
 def test_to_look_at_the_package_makes_no_folder(tmp_path):
-    """It is made for kernels, when they are first needed."""
+    """The folder is created for kernels, at their first use."""
     given = {"XDG_CACHE_HOME": str(tmp_path)}
     python(
         "import gym_passive_walker as gpw; print(gpw.WALKERS, gpw.stride, gpw.find_gait)", **given
@@ -236,19 +236,19 @@ def _sum_of_digits(number):
 
 
 def _bookkeeping():
-    """What numba compiles."""
+    """Names of the code that numba compiles."""
     assert Kernel(_sum_of_digits)(1234) == 10
 
 
 def _equations():
-    """What is written as native code."""
+    """Names of the native code of equations."""
     code = machinery.kept("simplest", lambda: machinery.written(simplest.SYSTEM))
     assert code.get_function_address("place")
 
 
 @pytest.fixture
 def kept_in(tmp_path, monkeypatch):
-    """A cache of the test's own, where nothing has been warned of yet."""
+    """A cache for this test, without earlier warnings."""
     monkeypatch.setattr(cache, "cache_directory", lambda: tmp_path)
     cache._warn.cache_clear()
     return tmp_path

@@ -1,4 +1,4 @@
-"""Derivatives that ride along with a walker are those of the stride map."""
+"""Derivatives of a walker that are integrated with it are those of the stride map."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ INPUTS = ["stance", "stance rate", "thigh rate", "shank rate", "slope", "torque"
 
 
 def results(records) -> np.ndarray:
-    """All results of records in a row, (..., results)."""
+    """All results of records in one row, (..., results)."""
     parts = [records[name] for name in RESULTS]
     lead = records.shape
     return np.concatenate([part.reshape(*lead, -1) for part in parts], axis=-1)
@@ -166,7 +166,7 @@ def test_the_derivative_by_a_parameter_is_that_of_the_map(name, parameter):
 
 
 def test_absolute_hip_work_has_its_derivative_where_the_hip_turns_back():
-    """The lab's walker first closes its legs a little: what it turns is more than what it opens."""
+    """The lab walker first closes its legs a little: the total rotation exceeds the opening."""
     values = start("lab")
     found = end("lab", values, np.eye(6))
     assert found[0, TURNED] > 1.02 * abs(found[0, MOVED])
@@ -184,7 +184,7 @@ def test_absolute_hip_work_has_its_derivative_where_the_hip_turns_back():
 
 
 def test_a_walk_that_is_stopped_follows_the_moment_when_it_is():
-    """A later end is further along the motion; the others' ends do not move."""
+    """A later time limit is further along the motion; other ends do not move."""
     walker, gait = WALKERS["lab"], LONG_GAITS["lab"]
     state = statements.dimensionless(walker, gait.state)[None]
     own = np.array(body_of(walker))[None, None]

@@ -1,4 +1,4 @@
-"""What the search for events within a step is made of: quintics and their roots."""
+"""Parts of event location within a step: quintics and their roots."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ ENDS = ("before", "rate_before", "bend_before", "after", "rate_after", "bend_aft
 
 
 def history(ends, i: int = 0) -> np.ndarray:
-    """A guard's value, rate and bend at both ends of a step."""
+    """A guard's value and two time derivatives at both ends of a step."""
     histories = np.zeros(1, HISTORY)
     for name, value in zip(ENDS, ends, strict=True):
         histories[name][0, i] = value
@@ -76,7 +76,7 @@ def test_a_quintic_has_the_values_slopes_and_curvatures_it_is_made_from(h):
 
 
 def test_a_root_is_found_between_ends_of_different_sign():
-    """However the polynomial bends there: Newton's steps may lead astray, bisection does not."""
+    """For any polynomial: Newton's steps may diverge, bisection does not."""
     rng = np.random.default_rng(2)
     for ends in rng.normal(size=(2000, 6)) * [1.0, 30.0, 100.0, 1.0, 30.0, 100.0]:
         ends[3] = -np.sign(ends[0]) * abs(ends[3])
@@ -118,7 +118,7 @@ def test_a_guard_is_followed_a_little_beyond_the_step():
 
 @pytest.mark.parametrize("name", ["lab", "C", "A", "E"])
 def test_a_hip_that_turns_back_twice_has_gone_every_way(name):
-    """However short the steps in which one looks: its motor is paid for all that it turned."""
+    """For steps of any length: the absolute work includes each reversal."""
     random, walker, count = np.random.default_rng(0), WALKERS[name], 2000
     states = random.uniform(-0.3, 0.3, (count, 6))
     states[:, 4] = states[:, 3] + random.uniform(-0.003, 0.003, count)  # the hip hardly turns
@@ -145,7 +145,7 @@ def test_a_hip_that_turns_back_twice_has_gone_every_way(name):
     ("name", "slope", "most"), [("lab", 0.036, 18), ("A", 0.03, 9), ("D", 0.009, 9)]
 )
 def test_steps_end_on_strikes_and_few_are_made_again(name, slope, most):
-    """Every strike is foreseen: steps are not many, and errors no larger than a tenth allowed."""
+    """Each impact is predicted: few steps, with errors of at most a tenth of the allowed one."""
     walker, count = WALKERS[name], 64
     state = units_of(walker).to_dimensionless(find_gait(walker, slope).state)
     states = state * (1.0 + 0.01 * np.random.default_rng(1).uniform(-1.0, 1.0, (count, 6)))
@@ -166,7 +166,7 @@ def test_steps_end_on_strikes_and_few_are_made_again(name, slope, most):
 
 @pytest.mark.parametrize("name", ["lab", "A", "D"])
 def test_a_step_that_ends_near_a_strike_goes_on_to_it(name):
-    """A walk integrated in pieces; the last piece ends anywhere beside the strike."""
+    """A walk is integrated in pieces; the last piece ends near the impact."""
     walker = WALKERS[name]
     gait = LONG_GAITS[name]
     state = units_of(walker).to_dimensionless(gait.state)[None]

@@ -1,4 +1,4 @@
-"""Numbers that remember how they were computed, and how they change."""
+"""Symbolic expressions, their values and their derivatives."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tests.physics import statements  # noqa: F401 - SymPy's sine and cosine
 
 
 class Kit:
-    """What expressions and SymPy's symbols call by different names."""
+    """Functions that have different names for expressions and for symbols of SymPy."""
 
     def __init__(self, root, pick, larger) -> None:
         self.root, self.pick, self.larger = root, pick, larger
@@ -72,7 +72,7 @@ NUMBER = st.floats(-2.0, 2.0).filter(lambda x: abs(x) > 1e-2)
 
 
 def value_of(x: Expression | None, values) -> float:
-    """An expression's value; zero for the derivative of what does not change."""
+    """An expression's value; zero for the derivative of a constant."""
     return 0.0 if x is None else float(evaluate(x, values))
 
 
@@ -95,7 +95,7 @@ def test_every_operation_has_the_value_and_the_derivative_that_sympy_says(name, 
 
 @st.composite
 def formulas(draw, depth: int = 3):
-    """A function of two numbers, smooth but for absolute values and choices."""
+    """A function of two numbers, smooth except for absolute values and choices."""
     if depth == 0:
         return draw(st.sampled_from([lambda x, y: x, lambda x, y: y]))
     kind = draw(st.integers(0, 9))
@@ -173,7 +173,7 @@ def test_what_does_not_move_has_no_derivative():
 
 @pytest.mark.parametrize("bends", [(0.3, -0.4, 0.7), (None, None, None)], ids=["bent", "plain"])
 def test_a_function_of_the_state_is_followed_along_the_motion(bends):
-    """Its rate and its second derivative, which needs accelerations: those of a foot's height."""
+    """First and second time derivative of a foot's height; the second one needs accelerations."""
     system, body = kneed.SYSTEM, body_of(WALKERS["lab"])
     known: dict = {}
     angles, rates = ([read(known, kind, i) for i in range(3)] for kind in ("angle", "rate"))

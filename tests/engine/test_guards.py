@@ -1,4 +1,4 @@
-"""What ends a phase: guards fall through zero where they say, and walkers land on them."""
+"""Events end a phase where their guard falls through zero."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def phases_whose_strikes_do_nothing(system):
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-10, 1e-14])
 @pytest.mark.parametrize(("system", "index"), PHASES)
 def test_a_walker_lands_where_its_guard_is_zero(system, index, tolerance):
-    """To rounding at the finest tolerance; else to a share of it, on this side or the other."""
+    """To rounding at the finest tolerance; else to a share of the tolerance, on either side."""
     rng, walker, count = np.random.default_rng(1), EXAMPLES[system.name], 200
     states = np.array(INSIDE) + rng.normal(size=(count, 6)) * [0.1, 0.1, 0.1, 1.5, 1.5, 1.5]
     if system.phases[index].links == 2:

@@ -1,4 +1,4 @@
-"""Walkers side by side: each walks bitwise as it does alone, on any processor."""
+"""Each walker of a batch moves as it does alone, to the last bit and on any CPU."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from tests.physics.examples import LONG_GAITS, random_walker
 
 
 def many(name: str, count: int, seed: int = 0):
-    """Slopes, states and torques of many walkers of a kind: strides, falls, throws, rests."""
+    """Slopes, states and torques of walkers: strides, falls, extreme and resting states."""
     rng = np.random.default_rng(seed)
     walker, gait = WALKERS[name], LONG_GAITS[name]
     states = gait.state * (1.0 + rng.normal(size=(count, 6)) * rng.choice([0.02, 0.5], (count, 1)))
@@ -155,7 +155,7 @@ def test_one_shape_given_once_or_to_each_is_the_same():
 
 
 def test_a_walker_that_has_arrived_is_left_alone_by_ticks_of_the_others():
-    """Records start again only where they are asked to."""
+    """Records restart only where this is requested."""
     walker, gait = WALKERS["lab"], LONG_GAITS["lab"]
     state = statements.dimensionless(walker, gait.state)[None]
     records = new_records(np.repeat(state, 3, axis=0), gait.slope, end=[0.1, 1.0, 100.0])
@@ -204,7 +204,7 @@ def test_each_vector_of_a_tile_lies_in_one_line_of_the_cache():
 
 @pytest.mark.parametrize("name", ["lab", "A", "D"])
 def test_it_does_not_matter_what_a_lane_held_before(name):
-    """As on a device, where it may be anything."""
+    """On a GPU the memory may hold any values."""
     slopes, states, _ = many(name, 60)
     walker, rng, found = WALKERS[name], np.random.default_rng(1), []
     for garbage in (0.0, 1.0, 30.0):
@@ -250,7 +250,7 @@ def walk(name: str, derivatives: bool) -> bytes:
 )
 @pytest.mark.skipif(len(PROCESSORS) < 3, reason="this processor does not understand their code")
 def test_a_walk_is_the_same_to_the_last_bit_on_another_processor(processor, name, derivatives):
-    """With vectors half as wide; with no fused instruction at all."""
+    """With vectors of half the width, and without fused instructions."""
     done = subprocess.run(
         [sys.executable, "-c", DIGEST.format(name=name, derivatives=derivatives)],
         env={**os.environ, "NUMBA_CPU_NAME": processor},

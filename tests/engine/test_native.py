@@ -1,4 +1,4 @@
-"""Native code computes what the plain statements say, in every lane, on every processor alike."""
+"""Native code computes the models in plain Python, in every lane and equally on every CPU."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NUMBERS = np.random.default_rng(1).normal(size=(3, 200)) * 10.0 ** np.random.def
 
 
 def inverse_root_in_plain(x: float, order: int) -> float:
-    """By Python's own view of a number's bits."""
+    """The estimate from the bits of a number, in Python."""
     whole = read({}, "x")
     return evaluate(inverse_root(whole, order), {whole: x})
 
@@ -108,7 +108,7 @@ def test_a_product_that_others_need_too_is_rounded_once_for_all(processor):
 
 
 def formula(x, y, z):
-    """Something of everything."""
+    """A formula with each operation."""
     sine, cosine = sine_cosine(x * y + z)
     root = square_root(1.0 + z * z) if hasattr(z, "op") else np.sqrt(1.0 + z * z)
     return [sine * x - cosine / root, abs(cosine - y) * root, x * y + sine * (y - 3.0 * z)]
@@ -208,7 +208,7 @@ every_phase = pytest.mark.parametrize(("system", "index"), PHASES)
 
 
 class Filled:
-    """A tile full of random walkers, one in each lane, and what the statements take."""
+    """A tile full of random walkers, one in each lane, and the arguments of the models."""
 
     def __init__(self, system: System, index: int, seed: int, tangents: int = 0) -> None:
         rng, phase = np.random.default_rng(seed), system.phases[index]
@@ -413,7 +413,7 @@ STENCIL = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 
 
 def rate_at(function, state: State, bends, time: float) -> float:
-    """How fast a function of the state changes, some time along its motion of second order."""
+    """Time derivative of a function of the state, some time along its motion of second order."""
     angles, rates, bends = np.array(state[:3]), np.array(state[3:]), np.array(bends)
     then = rates + time * bends
     there = angles + time * (rates + 0.5 * time * bends)
@@ -481,7 +481,7 @@ STRIKES = [
 
 
 def strike(code, outcome, record, body, scuff=0.0) -> None:
-    """Have a strike happen to a record."""
+    """Apply an impact to a record."""
     body, tangents = np.ascontiguousarray(body, dtype=float), len(record) - 1
     call(code["resets"][outcome], record, body, 0, 0.0, scuff, tangents=tangents)
 
@@ -522,7 +522,7 @@ def test_a_strike_does_to_a_record_what_is_stated(system, index, outcome):
 
 @pytest.mark.parametrize(("system", "index", "outcome"), STRIKES)
 def test_derivatives_pass_through_a_strike(system, index, outcome):
-    """All that a strike writes, against complex numbers through the plain statement."""
+    """All values that an impact writes, against complex numbers in the plain model."""
     tangents, rng, tiny = 3, np.random.default_rng(9), 1e-100j
     code = compiled(system.name, derived=True)[index]
     reset = system.phases[index].resets[outcome]
@@ -571,7 +571,7 @@ def test_derivatives_pass_through_a_strike(system, index, outcome):
 
 
 def test_no_phase_begins_where_it_is_refused():
-    """STUBBED_TOE only if scuffing is a rule, and before KNEE_NOT_LOCKED."""
+    """STUBBED_TOE only with `end_on_toe_stub`, and before KNEE_NOT_LOCKED."""
     system, rng = SYSTEMS["kneed"], np.random.default_rng(10)
     code, reset = compiled("kneed")[0], system.phases[0].resets[Outcome.KNEESTRIKE]
     met = []

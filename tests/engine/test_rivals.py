@@ -1,4 +1,4 @@
-"""Rival events in one integration step: the earliest wins, however long the step is."""
+"""Several events in one integration step: the earliest ends the phase, for any step length."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COUNT = 600
 
 
 def thrown(walker, seed=0, count=COUNT):
-    """Starts so fast that one step of a coarse tolerance reaches several events."""
+    """Initial states so fast that one step of a coarse tolerance contains several events."""
     rng = np.random.default_rng(seed)
     angles = rng.uniform([0.05, -0.6, -0.2], [0.4, 0.0, 0.0], (count, 3))
     angles[:, 2] += angles[:, 1]
@@ -29,7 +29,7 @@ def thrown(walker, seed=0, count=COUNT):
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
 @pytest.mark.parametrize("walker", ["lab", "C", "A", "D"])
 def test_of_events_in_one_step_the_earliest_ends_the_phase(walker, tolerance):
-    """As with steps so short that there is but one event in each."""
+    """As with steps so short that each contains one event only."""
     states = thrown(walker)
     coarse, fine = (stride(walker, 0.02, states, tolerance=x) for x in (tolerance, 1e-13))
     apart = np.flatnonzero(coarse.outcome != fine.outcome)
@@ -44,7 +44,7 @@ def test_of_events_in_one_step_the_earliest_ends_the_phase(walker, tolerance):
 
 @pytest.mark.parametrize("walker", ["lab", "C", "A"])
 def test_no_walker_goes_on_beyond_a_bound(walker):
-    """All that a stride passes through before its end lies inside all bounds of its phase."""
+    """All states of a stride before its end lie within all bounds of its phase."""
     body, system = body_of(WALKERS[walker]), system_of(WALKERS[walker])
     units, states = units_of(WALKERS[walker]), thrown(walker, seed=1, count=150)
     found = stride(walker, 0.02, states, tolerance=1e-6)

@@ -1,4 +1,4 @@
-"""Pairs of Runge-Kutta methods are data; the one in use is what its paper says it is."""
+"""Runge-Kutta pairs are data, and the pair in use has the published properties."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_a_step_integrates_polynomials_of_time_exactly(power):
 
 
 def trees(order: int) -> list[tuple]:
-    """The rooted trees with as many vertices: each is the tuple of its branches."""
+    """The rooted trees with this number of vertices: each is the tuple of its branches."""
     smaller = [(size, tree) for size in range(1, order) for tree in trees(size)]
 
     def forests(left: int, first: int) -> list[tuple]:
@@ -47,7 +47,7 @@ def trees(order: int) -> list[tuple]:
 
 
 def weights_of(tree: tuple) -> np.ndarray:
-    """What a tree's order condition asks of each stage."""
+    """Weights of each stage in a tree's order condition."""
     values = np.ones(VERNER.stages, np.longdouble)
     for branch in tree:
         values = values * (MATRIX @ weights_of(branch))

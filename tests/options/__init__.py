@@ -1,1 +1,1 @@
-"""Tests that every option makes the difference that it is there for."""
+"""Tests that each option has an effect."""

@@ -1,9 +1,9 @@
-"""What it takes to test that options are heard: calls with one option changed, and comparison.
+"""Tools to test that options have an effect: calls with one option changed, and comparison.
 
 A table holds, for each function, arguments to call it with and another value for each of its
-parameters; one that is called in several ways stands there as "name, way". A parameter that the
-table lacks fails `missing`, so a new option needs an entry. Values that are slow to compute, or
-that need compiled code, stand in the table as `Later`.
+parameters. A function that is called in several ways has the entries "name, way". `missing` reports
+a parameter that the table lacks, so a new option needs an entry. Values that are slow to compute,
+or that need compiled code, are entered as `Later`.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def cases(table: Mapping[str, Call]) -> list[tuple[str, str]]:
 
 
 def missing(table: Mapping[str, Call], public: Iterable[str]) -> list[str]:
-    """What a table lacks, a sentence each, and what it has of functions that are no more."""
+    """Sentences on parameters that a table lacks, and on entries of removed functions."""
     public, tested = set(public), {name.split(",")[0] for name in table}
     said = [f"{name} has no test that its options are heard" for name in public - tested]
     said += [f"{name} is tested, and is not there" for name in tested - public]
@@ -104,7 +104,7 @@ def missing(table: Mapping[str, Call], public: Iterable[str]) -> list[str]:
 
 
 def check(call: Call, option: str) -> None:
-    """Call a function with and without an option changed, and demand the difference."""
+    """Call a function with and without the changed option, and require a difference."""
     to = call.other[option]
     to = to if isinstance(to, To) else To(to)
     base = {**call.base, **to.among}
@@ -130,7 +130,7 @@ def _now(arguments: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """A result as something that compares bit for bit, NaN equal to NaN."""
+    """A result in a form that compares bit for bit, NaN equal to NaN."""
     if value is None or isinstance(value, bool | int | str | bytes | type):
         return value
     if isinstance(value, float):

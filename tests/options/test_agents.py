@@ -1,4 +1,4 @@
-"""Every option of what learns makes a difference: learners, presets, runs, `train.py`."""
+"""Each option of learners, presets, runs and `train.py` has an effect."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ from tests.options.heard import Call, To, cases, check, missing, plain
 
 @pytest.fixture(scope="module", autouse=True)
 def _one_thread():
-    """Learn as `train.py` does; more threads only wait for each other."""
+    """Limit torch to one thread, as `train.py` does; more threads only wait for each other."""
     train.keep_to_one_thread()
 
 
 class Enough(Exception):
-    """What a test wants to know is known."""
+    """Raised when a test has its result."""
 
 
 # Learners: what is learned in two updates of a few walkers.
@@ -61,7 +61,7 @@ def weights(model):
 
 
 def what(model):
-    """What an option may show in: weights, what is looked back at, and where is logged."""
+    """Results in which an option may have an effect: weights, rollouts and logs."""
     return weights(model), model._stats_window_size, model.verbose
 
 
@@ -133,7 +133,7 @@ class Lines:
 
 
 def taught(**options):
-    """What a second round of learning leaves."""
+    """Results of a second round of learning."""
     model = learned(FastPPO, **TWO)
     dumped = []
     with pytest.MonkeyPatch.context() as patched:
@@ -240,7 +240,7 @@ def test_all_that_a_preset_says_reaches_the_learner(algo, scene):
 
 
 def of_a_run(config):
-    """What decides how a run goes: its walkers, its learner and its explorer."""
+    """The parts of a run that an option may affect: environments, learner and explorer."""
     training = envs.training_envs(config, 2)
     model = build(config, training, n_steps=32, batch_size=64)
     seen = training.scene, training.batch.rules["step_limit"], envs.scene_of(config)
@@ -335,7 +335,7 @@ def test_the_schedule_s_noise_and_charge_are_those_of_the_share_of_the_steps():
 
 @pytest.fixture
 def short_exams(monkeypatch):
-    """Let evaluations while training cost little."""
+    """Make evaluations during training short."""
 
     def short(config, count):
         return gymnasium.make_vec(
@@ -385,7 +385,7 @@ def test_a_bar_and_logs_change_nothing_that_is_learned(tmp_path, capsys):
 
 
 def asked(words, monkeypatch):
-    """What a training is set up with, by words."""
+    """The configuration of a training from words of the command line."""
     found = {}
 
     class Noted:
@@ -474,7 +474,7 @@ def test_a_search_is_asked_for_by_words(tmp_path, monkeypatch, capsys):
 
 
 def of_parser(run, monkeypatch):
-    """The options of a command, which makes its parser when it runs."""
+    """The options of a command, which creates its parser when it runs."""
     found = []
 
     def noted(parser, *_, **__):
@@ -534,7 +534,7 @@ def test_every_option_of_optimal_is_heard(capsys, monkeypatch):
 
 
 class aside:
-    """Instead of a file's replacement, one that is thrown away."""
+    """A replacement of a file's writer that discards the file."""
 
     def __init__(self, path):
         self.path = path

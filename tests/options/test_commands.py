@@ -1,4 +1,4 @@
-"""Every option of every command makes a difference: of `passive-walker`, `train.py`, the viewer."""
+"""Each option of each command has an effect: `passive-walker`, `train.py`, the viewer."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NEAR = "--state 0.3 -0.3 -0.3 -1.2 -0.8 -1.0"
 
 
 def motors(before, after="", walker="E", at="0.01"):
-    """What works the motors of a command, of point feet and of the lab walker."""
+    """Options for the actuators of a command, for point feet and for the lab walker."""
     base, lab = f"{walker} {at} {after}".strip(), f"lab {before} {after}".strip()
     return {
         "torque": (base, f"{base} --torque 0.001"),
@@ -249,7 +249,7 @@ KNOWN: dict[tuple[str, str], tuple] = {}
 
 
 def answer(name: str, words: str, folder: Path, monkeypatch) -> tuple:
-    """What a command has to say, to people and to programs, and the files that it writes."""
+    """Output of a command for people and for programs, and its files."""
     if (name, words) not in KNOWN:
         folder.mkdir()
         monkeypatch.chdir(folder)
@@ -267,7 +267,7 @@ CASES = [(name, option) for name, (_, other) in TABLE.items() for option in othe
 
 
 def noted(name: str, folder: Path) -> Path:
-    """Instead of a figure, its name."""
+    """A replacement of a figure: its name."""
     folder.mkdir(exist_ok=True)
     path = folder / f"{name}.png"
     path.write_text(name)
@@ -306,7 +306,7 @@ def test_an_option_of_a_command_is_heard(name, option, tmp_path, monkeypatch):
 
 
 def test_a_walk_is_simulated_as_the_words_say(capsys):
-    """By each option, what Python computes of the same."""
+    """For each option, against the same computation in Python."""
     words = (
         f"lab 0.03 --strides 3 {NEAR} --torque 0.1 --terrain rough:height_std=1e-3 --terrain-seed 5"
     )

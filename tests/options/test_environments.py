@@ -1,7 +1,7 @@
-"""Every argument of every environment makes a difference in each, or none where it must not.
+"""Each argument of each environment has an effect, or none where it must not.
 
-The arguments of a scene reach single and vector environments, that of stable-baselines3, that on
-tensors, and trainers, each by a way of its own.
+The arguments of a scene reach single and vector environments, the ones of stable-baselines3, of
+tensors and of trainers, each in a different way.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def rates(step):
 
 
 def late(step):
-    """An ending."""
+    """A termination function."""
     return step.steps > 10.5
 
 
@@ -88,13 +88,13 @@ STEPS = 90
 
 
 def pushing(count, of):
-    """Actions that differ from step to step, from walker to walker, and between motors."""
+    """Actions that differ between steps, walkers and actuators."""
     draws = np.random.default_rng(0).uniform(-0.7, 1.0, (STEPS, count, of))
     return draws.astype(np.float32)
 
 
 def alone(*, scene="level", render_mode=None, seed=3, steps=STEPS, limit=None, **changes):
-    """What a single environment reports on its way."""
+    """Results of a single environment."""
     env = gym.make(
         "PassiveWalker-v0",
         max_episode_steps=limit,
@@ -115,7 +115,7 @@ def alone(*, scene="level", render_mode=None, seed=3, steps=STEPS, limit=None, *
 
 
 def crowded(env, seed=3, steps=STEPS):
-    """What a vector environment reports."""
+    """Results of a vector environment."""
     reported = [env.reset(seed=seed)[0]]
     for actions in pushing(env.num_envs, env.single_action_space.shape[0])[:steps]:
         *rest, infos = env.step(actions)
@@ -183,7 +183,7 @@ def test_a_scene_by_name_is_its_arguments(name):
 
 
 def rest(table, of):
-    """What an environment takes besides its scene."""
+    """Arguments of an environment besides its scene."""
     return {
         name: value for name, value in table.items() if name in inspect.signature(of).parameters
     }

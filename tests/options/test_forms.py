@@ -1,4 +1,4 @@
-"""Every public function takes a walker, ground and a controller in each form that it may have."""
+"""Each public function accepts a walker, ground and a controller in every allowed form."""
 
 from __future__ import annotations
 

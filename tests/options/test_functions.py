@@ -1,4 +1,4 @@
-"""Every option of every public function makes a difference, or none where it must not."""
+"""Each option of each public function has an effect, or none where it must not."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ STEEP = Later(lambda: LinearFeedback("steep"))
 
 
 def explained(env):
-    """What is printed."""
+    """The printed output."""
     with redirect_stdout(StringIO()) as said:
         gpw.explain(env)
     return said.getvalue()
@@ -59,7 +59,7 @@ def shown_by_play(film=None, picture=None, **options):
 
 
 def mapped(**options):
-    """A stride of a map, from where walks begin."""
+    """A stride of a map, from the initial state of walks."""
     strides = gpw.stride_map(**options)
     start = gpw.find_gait(strides.walker, 0.036).state
     return strides.slope, strides.apply(strides.points_at(start))

@@ -1,4 +1,4 @@
-"""What objects are made of and asked for makes a difference: walkers, ground, policies."""
+"""Arguments of constructors and methods have an effect: walkers, ground, policies."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ RESULTS = set(
     "StatementError Stride Swept TrainedPolicy Trajectory Transition TuningErrors "
     "VelocityPerturbations WalkerError".split()
 )
-"""Classes that functions make, not users: what stands in them is for the functions' tests."""
+"""Classes of results, which users do not construct; the tests of functions cover their content."""
 
 D = gpw.WALKERS["D"]
 
@@ -53,7 +53,7 @@ def closed():
 
 
 def walks(**parameters):
-    """The stride of a walker of these parameters."""
+    """The stride of a walker with these parameters."""
     return gpw.stride(gpw.Walker(**parameters), 0.03, [0.3, -0.3, -0.4, -1.3, -0.6, -0.3])
 
 
@@ -63,7 +63,7 @@ def drives(**parameters):
 
 
 def stands(**parameters):
-    """The ground that some walks meet."""
+    """The ground of some walks."""
     return gpw.Terrain(**parameters).ground(7, np.arange(6))
 
 
@@ -82,7 +82,7 @@ def exported(path):
 
 
 def acts(policy):
-    """What a policy does after two strikes and in between."""
+    """Actions of a policy after two heelstrikes and in between."""
     seen = np.array(
         [
             [0.1946, -0.1946, -0.1946, -0.203, -0.1878, -0.1878, 1.0, 0.0],
@@ -102,7 +102,7 @@ def made(of):
 
 
 def stated(**statement):
-    """What a system is asked for: a stride, a fall, forces of controls, a guess for searches."""
+    """Results of a system: a stride, a fall, forces of controls, a guess for searches."""
     system = gpw.System(**statement)
     body, state = system.body, system.State(*COMPASS.start)
     still = system.hybrid.phases[0].accelerations
@@ -407,7 +407,7 @@ def test_an_option_of_an_object_is_heard(name, option):
 
 
 def public():
-    """Classes that users make, and methods with arguments of all classes of the package."""
+    """Classes that users construct, and methods with arguments of all classes of the package."""
     found = set()
     for name in gpw.__all__:
         of = getattr(gpw, name)

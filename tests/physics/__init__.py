@@ -1,1 +1,1 @@
-"""The engine against independent mechanics."""
+"""Tests of the models and the engine against independent mechanics."""

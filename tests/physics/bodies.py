@@ -1,9 +1,11 @@
 """A walker as rigid bodies with three degrees of freedom each, joined by constraints.
 
-Nothing here is reduced to a stance and a swing angle beforehand: energies are sums over bodies, and
-a collision is the smallest change of all their velocities, in the metric of their masses, that
-satisfies every joint and the new contact. Points and velocities are complex numbers, forward plus
-i times up from the ground; a leg at angle 0 hangs along -i.
+Nothing is reduced to a stance and a swing angle beforehand: energies are sums over bodies. A
+collision is the smallest change of all velocities, in the metric of the masses, that satisfies
+every joint and the new contact.
+
+Points and velocities are complex numbers, forward plus i times up from the ground; a leg at angle 0
+hangs along -i.
 """
 
 from __future__ import annotations
@@ -165,7 +167,7 @@ def potential_energy(walker: Walker, slope: float, angles) -> float:
 
 
 class Struck(NamedTuple):
-    """A collision: rates of stance leg, thigh and shank after it, and what it cost."""
+    """A collision: angular velocities of all links after it, and the lost energy."""
 
     rates: np.ndarray
     loss: float
@@ -192,9 +194,10 @@ def kneestrike(walker: Walker, stance: float, swing: float, rates) -> Struck:
 
 
 def heelstrike(walker: Walker, stance: float, rates) -> Struck:
-    """The swing foot sticks to the ground; the old one is let go, and its knee if it has one.
+    """The swing foot sticks to the ground; the old foot and its knee are free afterwards.
 
-    The rates returned are those after the exchange of roles; bodies keep their old names.
+    The angular velocities returned are those after the exchange of roles; bodies keep their old
+    names.
     """
     bodies = Bodies(walker, (stance, -stance, -stance))
     before = bodies.velocities(rates)

@@ -61,7 +61,7 @@ LONG_GAITS = {gait.walker: gait for gait in reversed(GAITS)}
 
 
 def random_walker(rng: np.random.Generator, *, knees: bool, gravity: float | None = None) -> Walker:
-    """Some walker of ordinary proportions in odd units: masses on all sides, feet of all sizes."""
+    """A random walker of ordinary proportions in odd units, with masses on all sides."""
     size, mass = rng.uniform(0.2, 5.0), rng.uniform(0.1, 20.0)
     thigh, shank = size * rng.uniform(0.3, 0.7), size * rng.uniform(0.3, 0.7)
     foot = rng.uniform(0.0, 0.6) * shank
@@ -97,7 +97,7 @@ def fitted(walker: Walker, spring=0.05, friction=0.004, knee=0.01) -> Walker:
 
 
 def random_state(rng: np.random.Generator, walker: Walker, *, locked: bool) -> np.ndarray:
-    """Any configuration in front of and behind the hip, moving at any pace."""
+    """A random configuration with random angular velocities."""
     state = np.concatenate([rng.uniform(-1.5, 1.5, 3), rng.normal(scale=1.5, size=3)])
     state[3:] /= walker.time_unit
     if locked:

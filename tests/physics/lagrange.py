@@ -1,10 +1,10 @@
-"""Equations of motion from Lagrange's, by SymPy, for a walker that floats until it is held down.
+"""Lagrange's equations of motion, by SymPy, for a floating walker with constraints.
 
 The coordinates are the stance foot's centre (x forward, y up from the ground) and the angles of
 stance leg, swing thigh and swing shank. Kinetic and potential energy are written from the positions
-of the bodies; the ground then holds the foot by y = R and x' = -R times the stance rate, and a
-locked knee makes both rates of the swing leg one. These constraints are linear in the velocities
-with constant coefficients, so the motion follows on the directions that they leave free.
+of the bodies. The ground holds the foot by y = R and x' = -R times the stance rate. A locked knee
+makes both rates of the swing leg equal. These constraints are linear in the velocities with
+constant coefficients, so the motion is projected on the directions that they permit.
 """
 
 from __future__ import annotations

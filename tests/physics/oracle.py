@@ -1,6 +1,6 @@
-"""Whole strides by SciPy's integrator on the independent equations, with independent collisions.
+"""Strides by SciPy's integrator on the independent equations, with independent collisions.
 
-Slow and plain: nothing of the engine is used but the conventions of a state.
+It is slow and simple. It uses nothing of the engine but the conventions of a state.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class Phase(NamedTuple):
 
 
 class Walk(NamedTuple):
-    """What the oracle says of a stride, in the walker's own units."""
+    """Results of the oracle's stride, in the walker's own units."""
 
     outcome: Outcome
     state: np.ndarray
@@ -199,7 +199,7 @@ def opening(state) -> float:
 
 
 def absolute_hip_travel(walk: Walk) -> float:
-    """How far the angle between the legs turned, to and fro."""
+    """Sum of the absolute changes of the angle between the legs."""
     total = 0.0
     for phase in walk.phases:
 

@@ -1,6 +1,7 @@
-"""The package's statements about one walker, in the walker's own units.
+"""The package's models of one walker, in the walker's own units.
 
-They are plain functions of dimensionless numbers; here they take what the oracles take.
+The models are plain functions of dimensionless numbers; here they take the arguments of the
+oracles.
 """
 
 from __future__ import annotations
@@ -34,14 +35,14 @@ def dimensionless(walker: Walker, state) -> np.ndarray:
 
 
 def equations(walker: Walker, *, locked: bool) -> ModuleType:
-    """Where the motion of a walker's free or straight swing leg is stated."""
+    """The module with the equations of a walker's free or straight swing leg."""
     if walker.massless_legs:
         return simplest
     return straight if locked else kneed
 
 
 def accelerations(walker: Walker, slope: float, state, torque: float, *, locked: bool):
-    """The angular accelerations stated at a state [angles, rates]."""
+    """Angular accelerations of the model at a state [angles, rates]."""
     units, s = units_of(walker), State(*dimensionless(walker, state))
     phase = system_of(walker).phases[-1 if locked else 0]
     found = phase.accelerations(body_of(walker), s, Control(torque / units.torque), ground(slope))
@@ -56,20 +57,20 @@ def kinetic_energy(walker: Walker, state, *, locked: bool) -> float:
 
 
 def foot_clearance(walker: Walker, angles, *, locked: bool) -> float:
-    """The height stated of the swing foot over the ground."""
+    """Height of the swing foot over the ground in the model."""
     clearance = equations(walker, locked=locked).foot_clearance
     return clearance(body_of(walker), State(*angles, 0.0, 0.0, 0.0)) * walker.leg_length
 
 
 def struck(walker: Walker, phase: int, outcome: Outcome, before: State):
-    """A state after a strike, and the energy lost, from a state in the walker's own units."""
+    """State after an impact, and the energy lost, from a state in the walker's own units."""
     units, reset = units_of(walker), system_of(walker).phases[phase].resets[outcome]
     after, loss, _ = reset.strike(body_of(walker), State(*dimensionless(walker, before)))
     return State(*units.to_own(np.array(after))), loss * units.energy
 
 
 def kneestrike(walker: Walker, stance: float, swing: float, rates):
-    """The rates stated after kneestrike, and the energy lost."""
+    """Angular velocities of the model after kneestrike, and the energy lost."""
     before = State(stance, swing, swing, *rates)
     after, loss = struck(walker, 0, Outcome.KNEESTRIKE, before)
     assert after[:3] == (stance, swing, swing)
@@ -77,7 +78,7 @@ def kneestrike(walker: Walker, stance: float, swing: float, rates):
 
 
 def heelstrike(walker: Walker, stance: float, rates):
-    """The rates stated after heelstrike and the exchange of legs, and the energy lost."""
+    """Angular velocities of the model after heelstrike, legs exchanged, and the energy lost."""
     before = legs.straight(stance, -stance, rates[0], rates[1])
     after, loss = struck(walker, -1, Outcome.HEELSTRIKE, before)
     assert after[:3] == (-stance, stance, stance)
@@ -85,7 +86,7 @@ def heelstrike(walker: Walker, stance: float, rates):
 
 
 def pushed(walker: Walker, state, impulse: complex, *, locked: bool) -> np.ndarray:
-    """The rates stated after an impulse on the hip, forward plus i times up from the ground."""
+    """Angular velocities of the model after an impulse on the hip, forward plus i times up."""
     units, s = units_of(walker), State(*dimensionless(walker, state))
     part = impulse / (units.force * units.time)
     phase = system_of(walker).phases[-1 if locked else 0]

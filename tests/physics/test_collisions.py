@@ -1,4 +1,4 @@
-"""Collisions conserve what they must, lose the rest, and agree with an impulse solve."""
+"""Collisions conserve angular momenta, lose energy, and agree with an impulse solution."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ def test_a_knee_that_closes_gently_costs_nothing(name):
 
 @pytest.mark.parametrize("name", STRAIGHT)
 def test_a_foot_that_lands_at_rest_costs_nothing(name):
-    """Feet together and both legs turning alike, the new foot already stands."""
+    """Feet together and both legs rotating equally: the new foot is at rest."""
     after, loss = statements.heelstrike(WALKERS[name], 0.0, [-1.0, -1.0, -1.0])
     np.testing.assert_allclose(after, -1.0, rtol=1e-14)
     assert loss == pytest.approx(0.0, abs=1e-28)

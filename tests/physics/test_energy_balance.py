@@ -1,4 +1,4 @@
-"""Every stride's ledger closes: no energy comes from nowhere, none goes missing."""
+"""The energy balance of each stride closes: energy is neither created nor lost."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from tests.physics.examples import GAITS, LONG_GAITS, MASSIVE, random_state
 TORQUES = [0.0, 0.01, -0.01, 0.02]
 
 
-def assert_ledger_closes(walker, start, found, within: float = 1e-11) -> None:
-    """What gravity and motor gave is in the motion or was lost in collisions."""
+def assert_balance_closes(walker, start, found, within: float = 1e-11) -> None:
+    """Work of gravity and actuators equals the gain of energy plus losses at collisions."""
     entries = [
         found.gravity_work,
         found.hip_work,
@@ -30,15 +30,15 @@ def assert_ledger_closes(walker, start, found, within: float = 1e-11) -> None:
 
 @pytest.mark.parametrize("torque", TORQUES)
 @pytest.mark.parametrize("gait", GAITS, ids=str)
-def test_the_ledger_of_a_stride_closes(gait, torque):
+def test_the_energy_balance_of_a_stride_closes(gait, torque):
     walker = WALKERS[gait.walker]
     state = gait.state * [1.0, 1.0, 1.0, 1.02, 1.01, 1.01]
     found = stride(walker, gait.slope, state, hip_torque=torque * units_of(walker).torque)
-    assert_ledger_closes(walker, state, found)
+    assert_balance_closes(walker, state, found)
 
 
 @pytest.mark.parametrize("name", WALKERS)
-def test_the_ledger_closes_as_well_as_the_motion_is_integrated(name):
+def test_the_energy_balance_closes_as_well_as_the_motion_is_integrated(name):
     """However hard the motor pushes; to rounding at the finest tolerances."""
     walker, gait, rng = WALKERS[name], LONG_GAITS[name], np.random.default_rng(1)
     for _ in range(20):
@@ -49,11 +49,11 @@ def test_the_ledger_closes_as_well_as_the_motion_is_integrated(name):
         torque = rng.uniform(-0.05, 0.05) * units_of(walker).torque
         for tolerance in (1e-6, 1e-9, 1e-14):
             found = stride(walker, gait.slope, state, hip_torque=torque, tolerance=tolerance)
-            assert_ledger_closes(walker, state, found, 10.0 * tolerance + 1e-14)
+            assert_balance_closes(walker, state, found, 10.0 * tolerance + 1e-14)
 
 
 @pytest.mark.parametrize("name", WALKERS)
-def test_the_ledger_of_a_fall_closes(name):
+def test_the_energy_balance_of_a_fall_closes(name):
     walker, gait = WALKERS[name], LONG_GAITS[name]
     outcomes = set()
     for push in (0.4, 2.5):
@@ -61,14 +61,14 @@ def test_the_ledger_of_a_fall_closes(name):
         torque = 0.01 * units_of(walker).torque
         found = stride(walker, gait.slope, state, hip_torque=torque, tolerance=1e-12)
         outcomes.add(found.outcome)
-        assert_ledger_closes(walker, state, found)
+        assert_balance_closes(walker, state, found)
         assert np.isnan(found.step_length)
         assert found.heelstrike_loss == 0.0
     assert outcomes <= {Outcome.FELL_BACKWARD, Outcome.FELL_FORWARD, Outcome.SWING_OVERROTATION}
 
 
 @pytest.mark.parametrize("name", WALKERS)
-def test_the_motion_in_the_ledger_is_that_of_the_bodies(name):
+def test_the_motion_in_the_energy_balance_is_that_of_the_bodies(name):
     walker, rng = WALKERS[name], np.random.default_rng(1)
     states = [random_state(rng, walker, locked=not walker.knees) for _ in range(20)]
     scaled = State(*statements.dimensionless(walker, states).T)
@@ -106,7 +106,7 @@ def test_hip_work_is_what_an_independent_integration_says(name, torque):
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
 @pytest.mark.parametrize("name", MASSIVE)
 def test_absolute_hip_work_does_not_need_a_fine_integration(name, tolerance):
-    """Steps end where the hip turns back, so long steps hide no turn."""
+    """Steps end where the hip reverses, so long steps contain no reversal."""
     walker, gait = WALKERS[name], LONG_GAITS[name]
     torque = 0.01 * units_of(walker).torque
     coarse = stride(walker, gait.slope, gait.state, hip_torque=torque, tolerance=tolerance)
@@ -136,7 +136,7 @@ def test_a_torque_that_drives_late_and_brakes_early_does_both():
 
 @pytest.mark.parametrize("name", MASSIVE)
 def test_reversing_the_torque_of_a_short_push_reverses_its_work(name):
-    """To first order: the same motion, driven or braked by next to nothing."""
+    """To first order: the same motion with a tiny positive or negative work."""
     walker, gait = WALKERS[name], LONG_GAITS[name]
     push = 1e-9 * units_of(walker).torque
     driven = stride(walker, gait.slope, gait.state, hip_torque=push)

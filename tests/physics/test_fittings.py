@@ -1,4 +1,4 @@
-"""Springs and friction at the joints: what they give, keep and take."""
+"""Springs and friction at the joints: their forces, energies and losses."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tests.physics.examples import GAITS, KNEED, LONG_GAITS, MASSIVE, fitted, ra
 
 
 def missing(walker: Walker, start, walk) -> float:
-    """What a stride's ledger lacks, over m g l."""
+    """Error of a stride's energy balance, over m g l."""
     units, system, body = units_of(walker), system_of(walker), body_of(walker)
 
     def kinetic(state):
@@ -50,7 +50,7 @@ def test_the_energy_balance_closes_with_springs_and_friction(name):
 
 
 def test_the_energy_balance_closes_however_a_walk_ends():
-    """A fall leaves springs stretched, and their energy is in the balance."""
+    """After a fall springs are stretched; their energy is in the balance."""
     rng, fell = np.random.default_rng(0), 0
     for i in range(60):
         walker = fitted(random_walker(rng, knees=i % 2 == 0), *rng.uniform(0.0, [0.2, 0.02, 0.02]))

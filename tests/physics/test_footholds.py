@@ -1,4 +1,4 @@
-"""Ground that is not smooth: strikes on footholds that are higher, lower or tilted."""
+"""Uneven ground: heelstrikes on footholds that are higher, lower or tilted."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def test_point_feet_take_a_step_down_for_a_steeper_slope(name, steeper):
 
 @pytest.mark.parametrize("gait", GAITS, ids=str)
 def test_smooth_ground_is_a_case_of_the_other(gait):
-    """Beside a foothold that is a hair higher: walks change in proportion."""
+    """The next foothold is slightly higher: strides change in proportion."""
     walker = WALKERS[gait.walker]
     level = stride(walker, gait.slope, gait.state, tolerance=1e-13)
     hair = stride(walker, gait.slope, gait.state, tolerance=1e-13, height_change=1e-14)
@@ -122,7 +122,7 @@ def test_smooth_ground_is_a_case_of_the_other(gait):
 
 @pytest.mark.parametrize("name", list(LONG_GAITS))
 def test_the_energy_balance_of_a_walk_on_rough_ground_closes(name):
-    """What gravity gives and strikes take is what the motion has more, stride by stride."""
+    """Work of gravity minus losses equals the gain of kinetic energy, stride by stride."""
     walker, gait = WALKERS[name], LONG_GAITS[name]
     system, body = SYSTEMS[f"{kind_of(walker)}-uneven"], body_of(walker)
     units, terrain, state, strides = units_of(walker), rough(2e-4, 1e-3), gait.state, 0
@@ -151,10 +151,10 @@ def test_the_energy_balance_of_a_walk_on_rough_ground_closes(name):
     ground=st.tuples(st.floats(-0.1, 0.2), st.floats(-0.15, 0.15), st.floats(-0.3, 0.3)),
     tolerance=st.sampled_from([1e-6, 1e-8, 1e-10, 1e-12]),
 )
-def test_a_strike_comes_with_legs_apart_and_closes_its_ledger(
+def test_a_strike_comes_with_legs_apart_and_closes_its_balance(
     name, angle, rates, ground, tolerance
 ):
-    """However a walker is thrown towards whatever foothold; and no motion is lost."""
+    """For any initial state and any foothold; no stride diverges."""
     walker, (slope, rise, turn) = WALKERS[name], ground
     system, body, units = system_of(walker, using=UNEVEN), body_of(walker), units_of(walker)
     start = State(angle, -angle, -angle, *rates)
@@ -197,7 +197,7 @@ def test_a_strike_comes_with_legs_apart_and_closes_its_ledger(
     ],
 )  # fmt: skip
 def test_legs_that_pass_each_other_near_the_ground_do_not_strike(name, slope, state, rise):
-    """At no tolerance, though the foot passes the height of the foothold just then."""
+    """At no tolerance, although the foot passes the height of the foothold there."""
     for tolerance in 10.0 ** np.arange(-6.0, -13.5, -1.0):
         found = stride(name, slope, state, height_change=rise, tolerance=tolerance)
         assert found.outcome == Outcome.FELL_FORWARD

@@ -1,7 +1,7 @@
-"""Forces are checked against the same walker as loose bodies held together by constraints.
+"""Forces against those of the same walker as loose bodies held together by constraints.
 
-Here every segment has its own position and angle, and joints, stops and the rolling foot are
-constraints with multipliers: the forces that are asked for. Geometry is read from Fig. 4.1 again.
+Each segment has its own position and angle. Joints, stops and the rolling foot are constraints with
+multipliers: the forces to compare. Geometry is read from Fig. 4.1 independently.
 """
 
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Accelerations, energies and geometry agree with mechanics derived elsewhere."""
+"""Accelerations, energies and geometry agree with independent derivations."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def test_a_mirror_image_accelerates_the_other_way(name, locked):
 
 @pytest.mark.parametrize(("name", "locked"), PHASES)
 def test_motion_looks_the_same_backwards_in_time(name, locked):
-    """Without a motor or a collision, accelerations are even in the rates."""
+    """Without an actuator or a collision, accelerations are even in the angular velocities."""
     rng = np.random.default_rng(9)
     walker = WALKERS[name]
     for _ in range(20):

@@ -1,4 +1,4 @@
-"""Push-off and ankle beside the hip: what they do to a walker, and what it costs."""
+"""Push-off and ankle torque: their effect on a walker, and their cost."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tests.physics.examples import GAITS, LONG_GAITS, MASSIVE, fitted, random_wa
 
 
 def missing(walker: Walker, start, walk) -> float:
-    """What a stride's ledger lacks, over m g l."""
+    """Error of a stride's energy balance, over m g l."""
     units, system, body = units_of(walker), system_of(walker), body_of(walker)
 
     def kinetic(state):
@@ -38,7 +38,7 @@ def missing(walker: Walker, start, walk) -> float:
 
 
 def everything(walker: Walker) -> dict[str, float]:
-    """All motors at once, as the walker's feet allow."""
+    """All actuators at once, as far as the walker has them."""
     units = units_of(walker)
     return {
         "hip_torque": 0.003 * units.torque,
@@ -137,7 +137,7 @@ def test_the_derivative_by_a_motor_is_that_of_the_map(name, wrt):
 
 @pytest.mark.parametrize("parameter", ["thigh_length", "gravity", "hip_mass"])
 def test_a_motor_keeps_its_strength_as_the_walker_changes(parameter):
-    """Derivatives by a parameter hold torques and impulses in the walker's own units."""
+    """Derivatives by a parameter hold torques and impulses constant in the walker's own units."""
     gait, walker = LONG_GAITS["E"], replace(WALKERS["E"], hip_mass=0.1)
     motors = everything(walker)
     by = stride_jacobian(walker, gait.slope, gait.state, wrt=parameter, **motors)[:, 0]

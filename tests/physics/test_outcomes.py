@@ -1,4 +1,4 @@
-"""However a walker is thrown, its stride ends: in time, in a known way, at a finite state."""
+"""A stride from any state ends in bounded time, with a known outcome and a finite state."""
 
 from __future__ import annotations
 
@@ -185,7 +185,7 @@ SLOPE = st.floats(-0.5 * math.pi, 0.5 * math.pi, exclude_min=True, exclude_max=T
 
 
 def assert_ends(walker, slope, start, torque, **options) -> None:
-    """A stride ends in a known way, at a finite state, in the time that it may take."""
+    """A stride has a known outcome, a finite state and a permitted duration."""
     found = stride(walker, slope, start, hip_torque=torque, **options)
     assert found.outcome in set(Outcome) - {Outcome.RUNNING, Outcome.KNEESTRIKE}
     assert np.all(np.isfinite(found.state))
@@ -219,7 +219,7 @@ def test_numbers_of_any_size_end(name, slope, start, torque):
 
 @st.composite
 def walkers(draw) -> Walker:
-    """Walkers of any shape, some of them grotesque."""
+    """Walkers of any shape, also unrealistic ones."""
     size, share, fraction = st.floats(1e-3, 1e3), st.floats(0.0, 1.0), st.floats(-2.0, 2.0)
     knees = draw(st.booleans())
     thigh, shank = draw(size), draw(size)

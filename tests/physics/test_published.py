@@ -1,4 +1,4 @@
-"""Numbers in print come out of the engine."""
+"""The engine reproduces printed numbers."""
 
 from __future__ import annotations
 

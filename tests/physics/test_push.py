@@ -1,4 +1,4 @@
-"""A push at the hip obeys the balance of momentum, and brings the work that it does."""
+"""A push at the hip conserves momentum, and its work is the gain of energy."""
 
 from __future__ import annotations
 

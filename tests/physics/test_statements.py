@@ -1,7 +1,7 @@
-"""A walker's statements are plain functions, of any kind of number, and agree with each other.
+"""The models are plain functions of any kind of number, and are consistent with each other.
 
-Motion, energies, collisions and the work of controls are written down one by one; mechanics
-connects them. SymPy differentiates here, with forty digits.
+Motion, energies, collisions and the work of controls are defined separately; mechanics connects
+them. SymPy differentiates here, with forty digits.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ MASSIVE_PHASES = [phase for phase in PHASES if phase.values[0].mass_matrix]
 
 
 def some_walker(rng: np.random.Generator, system: System):
-    """A walker that obeys a system: any one, unless its legs have no mass."""
+    """A random walker with the equations of a system, except legs without mass."""
     kind, *fittings = system.name.split("-")
     if kind == "simplest":
         walker = replace(WALKERS["D"], thigh_length=rng.uniform(0.2, 2.0))
@@ -55,7 +55,7 @@ def some_walker(rng: np.random.Generator, system: System):
 
 
 def energy_gain(system: System, body, start: State, end: State, slope: Ground):
-    """What gravity and springs gain from one state to another over the same contact."""
+    """Gain of potential energy of gravity and springs between two states over the same contact."""
     springs = system.spring_gain(body, start, end) if system.spring_gain else 0.0
     return system.potential_gain(body, start, end, slope) + springs
 
@@ -75,7 +75,7 @@ def exactly(numbers):
 
 
 def parts_of(system: System, index: int):
-    """Where a phase's mass matrix, forces and accelerations are stated."""
+    """Mass matrix, forces and accelerations of a phase."""
     return kneed if system.phases[index].links == 3 else straight
 
 
@@ -134,7 +134,7 @@ def test_a_statement_means_the_same_to_many_digits(system, index):
 
 
 def lagrange(system: System, body, links: int, state: State, control: Control, slope: Ground):
-    """What is left of Lagrange's equations when a phase moves as it is stated, link by link."""
+    """Residual of Lagrange's equations in the motion of a phase, link by link."""
     angles, rates = sp.symbols("a:3", real=True), sp.symbols("b:3", real=True)
     if links == 2:
         angles, rates = (*angles[:2], angles[1]), (*rates[:2], rates[1])
@@ -221,7 +221,7 @@ def test_the_simplest_hips_energy_gives_its_motion():
 
 @pytest.mark.parametrize(("system", "index"), PHASES)
 def test_power_is_the_control_times_what_it_moves(system, index):
-    """Energy changes by motor and friction alone; by the simplest walker's not at all."""
+    """Energy changes by actuators and friction alone; for the simplest walker, not at all."""
     rng, phase = np.random.default_rng(6), system.phases[index]
     tiny = 1e-100
     for _ in range(50):

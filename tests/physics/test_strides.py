@@ -1,4 +1,4 @@
-"""Whole strides agree with a slow, independent integration, and with the laws of mechanics."""
+"""Strides agree with a slow, independent integration and with the laws of mechanics."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from tests.physics.examples import GAITS, KNEED, LONG_GAITS, Gait, random_walker
 
 
 def units(walker) -> np.ndarray:
-    """What makes a state's rates dimensionless."""
+    """Factor that makes a state's angular velocities dimensionless."""
     return np.array([1.0] * 3 + [walker.time_unit] * 3)
 
 
 def assert_same_stride(walker, slope, state, torque, **precision) -> oracle.Walk:
-    """Compare every number of a stride with the oracle's, at the engine's best."""
+    """Compare all numbers of a stride with the oracle's, at the finest tolerance."""
     expected = oracle.walk(walker, slope, state, torque=torque, longest=100.0)
     found = stride(walker, slope, state, hip_torque=torque, tolerance=1e-14)
     time, energy = walker.time_unit, units_of(walker).energy
@@ -54,8 +54,8 @@ def test_a_stride_is_what_an_independent_integration_says(gait, torque):
     assert expected.outcome == Outcome.HEELSTRIKE
 
 
-def kicked(rng: np.random.Generator, name: str):
-    """A walker of some kind, thrown: a walker, its slope, its state and a torque."""
+def thrown(rng: np.random.Generator, name: str):
+    """A walker of some kind with its slope, a random state and a torque."""
     walker = WALKERS[name]
     if not walker.massless_legs and rng.random() < 0.5:
         walker = random_walker(rng, knees=walker.knees)
@@ -71,14 +71,14 @@ def kicked(rng: np.random.Generator, name: str):
 
 @pytest.mark.parametrize("name", WALKERS)
 def test_a_thrown_walker_ends_as_an_independent_integration_says(name):
-    """Falls, turns over the top and strides alike."""
+    """Falls, over-rotations and strides."""
     rng = np.random.default_rng(3)
     for _ in range(8):
-        assert_same_stride(*kicked(rng, name), atol=1e-9)
+        assert_same_stride(*thrown(rng, name), atol=1e-9)
 
 
 def lowest_clearance(walker, walk: oracle.Walk) -> float:
-    """How far above the ground the locked swing foot stays, in leg lengths."""
+    """Least height of the locked swing foot above the ground, in leg lengths."""
     if len(walk.phases) < 2:
         return np.inf
     *_, locked = walk.phases
@@ -94,7 +94,7 @@ def test_a_toe_is_stubbed_just_where_the_locked_leg_is_below_the_ground(name):
     rng = np.random.default_rng(5)
     stubbed = 0
     for _ in range(15):
-        walker, slope, state, torque = kicked(rng, name)
+        walker, slope, state, torque = thrown(rng, name)
         free = stride(walker, slope, state, hip_torque=torque)
         ruled = stride(walker, slope, state, hip_torque=torque, end_on_toe_stub=True)
         lowest = lowest_clearance(walker, oracle.walk(walker, slope, state, torque=torque))
@@ -125,7 +125,7 @@ def test_a_foot_that_sinks_while_the_hip_is_behind_it_has_not_struck(name):
 def test_two_hundred_thrown_walkers_end_as_an_independent_integration_says(name):
     rng = np.random.default_rng(4)
     for _ in range(200):
-        assert_same_stride(*kicked(rng, name), atol=1e-8)
+        assert_same_stride(*thrown(rng, name), atol=1e-8)
 
 
 @pytest.mark.parametrize("gait", GAITS, ids=str)
@@ -232,7 +232,7 @@ def test_a_walker_filmed_and_played_backwards_obeys_the_same_laws(name, stage):
 
 @pytest.mark.parametrize("name", WALKERS)
 def test_a_stride_in_ticks_is_a_stride(name):
-    """Stopping the clock ever so often changes nothing but the last digits."""
+    """Interruptions change nothing but the last digits."""
     walker, gait = WALKERS[name], LONG_GAITS[name]
     state = statements.dimensionless(walker, gait.state)[None]
     system, own = system_of(walker), bodies_as_numbers(walker)
@@ -256,7 +256,7 @@ def test_a_stride_in_ticks_is_a_stride(name):
 
 @pytest.mark.parametrize("gait", GAITS, ids=str)
 def test_units_do_not_matter(gait: Gait):
-    """A giant of another metal on another planet walks the same dimensionless walk."""
+    """Size, mass and gravity do not change the dimensionless walk."""
     walker = WALKERS[gait.walker]
     length, mass, gravity = 7.3, 0.19, 1.62 / 9.81
     lengths = {

@@ -1,4 +1,4 @@
-"""`tolerance` means what it says: the error of the next state, a hundred times it at most."""
+"""`tolerance` bounds the error of the next state, up to a factor of 100."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A policy in NumPy does what it does in stable-baselines3."""
+"""A policy in NumPy acts as in stable-baselines3."""
 
 import json
 import pickle
@@ -14,12 +14,12 @@ from gym_passive_walker.policies.network import ACTIVATIONS, Network
 from gym_passive_walker.policies.tensors import read_tensors
 
 ROUNDING = 2e-6
-"""Of actions: some roundings in single precision."""
+"""Tolerance of actions: some roundings in single precision."""
 
 
 @pytest.fixture(scope="module")
 def observations():
-    """What walkers may see, and some numbers beyond."""
+    """Observations of walkers, and some numbers beyond."""
     rng = np.random.default_rng(3)
     seen = rng.normal(0.0, 1.0, (200, 8)).astype(np.float32)
     seen[:5] *= 50.0
@@ -28,7 +28,7 @@ def observations():
 
 @pytest.fixture
 def exported(tmp_path):
-    """Makes an untrained policy, and what comes back of it from its files."""
+    """Export an untrained policy, and load it from its files."""
     pytest.importorskip("stable_baselines3")
     torch = pytest.importorskip("torch")
     from agents.config import configure
@@ -180,7 +180,7 @@ def test_a_policy_knows_its_scene_and_how_it_was_trained(tmp_path):
 
 @pytest.fixture
 def copy(tmp_path):
-    """A policy's folder, to be spoilt."""
+    """A copy of a policy's folder, to be damaged."""
     return shutil.copytree(policy_folder("level-ppo"), tmp_path / "copy")
 
 
@@ -251,7 +251,7 @@ def test_a_description_that_is_none_is_refused(copy, text):
 def test_tensors_that_do_not_fit_together_are_refused(name, shape):
     tensors = read_tensors(policy_folder("level-ppo") / TENSORS)
     tensors[name] = np.zeros(shape, np.float32)
-    with pytest.raises(ValueError, match=r"fit|follow|noise|observations"):
+    with pytest.raises(ValueError, match=r"fit|match|noise|observations"):
         Network(tensors, algo="ppo", activation="ReLU", normalizer={"epsilon": 1e-8, "clip": 10.0})
 
 

@@ -1,4 +1,4 @@
-"""An ONNX file acts as the policy that wrote it, and files of other programs act as they do."""
+"""An ONNX file acts like its policy; files of other programs act as they do there."""
 
 import json
 import pickle
@@ -200,7 +200,7 @@ def test_tensors_may_be_in_another_file(tmp_path, monkeypatch):
     again = pickle.loads(pickle.dumps(policy))
     assert again.predict(seen)[0] == pytest.approx(seen @ WEIGHT, rel=1e-5, abs=1e-6)
     (tmp_path / "other.onnx.data").unlink()
-    with pytest.raises(gpw.PolicyError, match="no ONNX file that can be read"):
+    with pytest.raises(gpw.PolicyError, match="not a readable ONNX file"):
         gpw.load_policy(path)
 
 
@@ -223,7 +223,7 @@ def test_files_that_are_no_policies_are_refused(tmp_path, monkeypatch):
     with pytest.raises(gpw.PolicyError, match=r"policy.onnx cannot be read: No such file"):
         gpw.load_policy(path)
     path.write_bytes(b"no model")
-    with pytest.raises(gpw.PolicyError, match="no ONNX file that can be read"):
+    with pytest.raises(gpw.PolicyError, match="not a readable ONNX file"):
         gpw.load_policy(path)
     node = onnx.helper.make_node
     twice = [node("Add", ["a", "b"], ["action"])]

@@ -1,4 +1,4 @@
-"""Files of stable-baselines3 act as the models that wrote them."""
+"""Files of stable-baselines3 act like their models."""
 
 import json
 import shutil
@@ -17,7 +17,7 @@ SHORT = {"PPO": {"n_steps": 8, "batch_size": 8}, "A2C": {}, "SAC": {"buffer_size
 
 
 def model_of(algo, scene="level", **options):
-    """An untrained model that acts."""
+    """An untrained model."""
     env = gym.make("PassiveWalker-v0", scene=scene)
     model = getattr(sb3, algo)("MlpPolicy", env, seed=3, device="cpu", **SHORT[algo], **options)
     with torch.no_grad():

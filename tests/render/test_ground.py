@@ -1,4 +1,4 @@
-"""Walkers stand on the uneven ground that pictures show, and land on it."""
+"""In pictures, walkers stand and land on the uneven ground."""
 
 import gymnasium as gym
 import numpy as np
@@ -21,12 +21,12 @@ WALKS = {"lab": 0.036, "C": 0.05, "D": 0.009, "A": 0.03}
 
 
 def postures(walk):
-    """Where the parts of a walker are all along its walk."""
+    """Positions of the parts of a walker along its walk."""
     return pose(walk.walker, walk.states, walk.contact_x, walk.contact_y, walk.tilts)
 
 
 def below(surface, feet):
-    """How deep the deepest point of each foot is under a surface."""
+    """Depth of the deepest point of each foot below a surface."""
     return (height(surface, feet[..., 0]) - feet[..., 1]).max(axis=-1)
 
 
@@ -107,12 +107,12 @@ def test_footholds_ahead_lie_as_those_of_a_usual_stride():
 
 
 class Listener:
-    """A screen that keeps what it was asked to draw."""
+    """A screen that records the arguments of `draw`."""
 
     seen = 2.0
 
     def draw(self, state, slope, contact_x, strides, **given):
-        """Keep it."""
+        """Record the arguments."""
         self.given = given
         self.posture = pose("C", state, contact_x, given["contact_y"], given["tilt"])
         self.slope, self.strides = slope, strides

@@ -1,4 +1,4 @@
-"""Panels show each multiplier and each leg where its numbers say."""
+"""Panels show each multiplier and each leg at its numerical position."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What objects say and draw of themselves is what the analysis found."""
+"""Text and plots of objects show the results of the analysis."""
 
 import csv
 import sys
@@ -47,7 +47,7 @@ def shown(gait, family):
 
 
 def drawn(one):
-    """All that an object's picture has of numbers: its lines, and the cells of meshes."""
+    """The numbers in a plot: its lines, and the cells of meshes."""
     axes = np.ravel(one.plot(OWN))
     meshes = [mesh for ax in axes for mesh in ax.collections if hasattr(mesh, "get_coordinates")]
     return [
@@ -68,7 +68,7 @@ ANALYSES = {
 
 @pytest.mark.parametrize("analysis", ANALYSES.values(), ids=ANALYSES)
 def test_pictures_are_the_same_whatever_the_size_of_the_walker(gait, analysis):
-    """What they draw is dimensionless: over leg length, total mass and gravity."""
+    """Plots are dimensionless: over leg length, total mass and gravity."""
     lengths = ("length", "offset", "gyration", "com", "radius")
     factors = {**dict.fromkeys(lengths, 20.0), "mass": 3.0}
     changed = {

@@ -1,4 +1,4 @@
-"""The drawn walker is the one of Fig. 4.1, and stands where the physics says."""
+"""The drawn walker is that of Fig. 4.1, at the position of the model."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Figures of a gait need no display, and show what was walked."""
+"""Figures of a gait need no display, and show the walk."""
 
 import subprocess
 import sys

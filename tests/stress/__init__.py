@@ -1,1 +1,1 @@
-"""Walkers in hard conditions."""
+"""Stress tests of walkers."""

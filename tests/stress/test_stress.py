@@ -1,4 +1,4 @@
-"""What holds of walkers holds in hard conditions too; `benchmarks.stress` prints the table."""
+"""The stress tests, with few trials; `benchmarks.stress` prints the table."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""A module of tasks that do odd things, where worker processes find it."""
+"""A module of unusual tasks, in a folder from which worker processes import it."""
 
 import sys
 
@@ -61,7 +61,7 @@ def changeable(x):
 
 @pytest.fixture
 def odd(tmp_path, monkeypatch):
-    """The folder where the module is."""
+    """The folder of the module."""
     (tmp_path / "odd_tasks.py").write_text(ODD)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=":")

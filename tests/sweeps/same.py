@@ -1,10 +1,10 @@
-"""When two sweeps have found the same."""
+"""Comparison of two sweeps."""
 
 import numpy as np
 
 
 def same(one, other):
-    """Whether two sweeps found the same, to the last bit; how long it took is nobody's promise."""
+    """Whether two sweeps have the same results, to the last bit, without durations."""
     one, other = one.columns(), other.columns()
     assert list(one) == list(other)
     for name in one.keys() - {"seconds", "version", "sweep"}:

@@ -1,4 +1,4 @@
-"""Files of a sweep that were damaged are named, left as they are, and what was computed is kept."""
+"""Damaged files of a sweep are named and not changed, and computed rows are kept."""
 
 import json
 import os
@@ -30,7 +30,7 @@ def squares(folder):
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
-    """A sweep that is over, and one that was killed with all its rows in the journal."""
+    """A finished sweep, and one that was killed with all its rows in the journal."""
     root = tmp_path_factory.mktemp("swept")
     (root / "odd_tasks.py").write_text(ODD)
     with pytest.MonkeyPatch.context() as during:
@@ -46,20 +46,20 @@ def swept(tmp_path_factory):
 
 @pytest.fixture
 def finished(odd, swept):
-    """A folder with a copy of the sweep that is over."""
+    """A folder with a copy of the finished sweep."""
     shutil.copytree(swept / "finished" / "out", odd / "out")
     return odd
 
 
 @pytest.fixture
 def stopped(odd, swept):
-    """A folder with a copy of the one that was killed."""
+    """A folder with a copy of the killed sweep."""
     shutil.copytree(swept / "stopped" / "out", odd / "out")
     return odd
 
 
 def whole(folder, before=None):
-    """Assert that a sweep goes on to its end, and that it does none of its tasks once more."""
+    """Assert that a sweep continues to its end, and repeats none of its tasks."""
     found = squares(folder).columns()
     assert found["square"].tolist() == SQUARES
     if before is not None:
@@ -67,7 +67,7 @@ def whole(folder, before=None):
 
 
 def seconds(folder):
-    """How long each task took, by the journal."""
+    """Duration of each task, by the journal."""
     rows = map(json.loads, (folder / "out" / "journal.jsonl").read_text().splitlines())
     return [row["seconds"] for row in sorted(rows, key=lambda row: row["task"])]
 
@@ -77,7 +77,7 @@ def contents(folder):
 
 
 def refused(folder, said):
-    """Assert that a sweep is refused by these words, and that its folder is as it was."""
+    """Assert that a sweep raises this error, and that its folder does not change."""
     before = contents(folder / "out")
     for _ in range(2):  # also by the process that was refused before
         with pytest.raises(ValueError, match=said):
@@ -118,9 +118,9 @@ def unreadable(path):
 
 
 MANIFESTS = {
-    "empty": (text(""), "sweep.json cannot be read .*put back a whole copy"),
+    "empty": (text(""), "sweep.json cannot be read .*restore a whole copy"),
     "half": (text('{"description": {"ana'), "sweep.json cannot be read"),
-    "a list": (text("[1, 2]"), "sweep.json cannot be read .it is no mapping.*whole copy"),
+    "a list": (text("[1, 2]"), "sweep.json cannot be read .it is not a mapping.*whole copy"),
     "nested": (text("[" * 100_000), "sweep.json cannot be read"),
     "random": (lambda path: path.write_bytes(bytes(range(255, 0, -1))), "sweep.json cannot be"),
     "a folder": (a_folder, "sweep.json cannot be read .Is a directory.*whole copy"),
@@ -165,11 +165,11 @@ def line(change):
 
 
 JOURNALS = {
-    "torn in its midst": (line(lambda row: '{"task": 3, "sta'), "line 3 of .*it is no JSON"),
+    "torn in its midst": (line(lambda row: '{"task": 3, "sta'), "line 3 of .*it is not JSON"),
     "of another encoding": (
-        lambda path: path.write_bytes(path.read_text().encode("utf-16")), "line 1 of .*no JSON",
+        lambda path: path.write_bytes(path.read_text().encode("utf-16")), "line 1 of .*not JSON",
     ),
-    "a number": (line(lambda row: "17"), "line 3 of .*it is no mapping.*mend that line"),
+    "a number": (line(lambda row: "17"), "line 3 of .*it is not a mapping.*correct that line"),
     "no task": (line(lambda row: row.pop("task") and None), "line 3 of .*it lacks task"),
     "no status": (line(lambda row: row.update(status=None)), "its status is None"),
     "no such task": (line(lambda row: row.update(task=9)), "there is no task 9"),
@@ -178,7 +178,7 @@ JOURNALS = {
     "no results": (line(lambda row: row.pop("square") and None), "its results are not those"),
     "a word": (line(lambda row: row.update(square="nine")), "square of another type"),
     "a time": (line(lambda row: row.update(seconds="long")), "seconds of another type"),
-    "nested": (line(lambda row: "[" * 100_000), "line 3 of .*it is no JSON"),
+    "nested": (line(lambda row: "[" * 100_000), "line 3 of .*it is not JSON"),
     "a folder": (a_folder, "journal.jsonl cannot be read .Is a directory.*move it elsewhere"),
     "unreadable": (unreadable, "journal.jsonl cannot be read .Permission denied"),
 }  # fmt: skip
@@ -218,9 +218,9 @@ def test_a_part_that_is_damaged_or_of_another_sweep_is_named_and_left(finished):
     part.write_bytes(kept)
     table, strange = parquet.read_table(part), folder / "strange.parquet"
     for change, said in (
-        (table.drop_columns(["square"]), "it has other columns"),
+        (table.drop_columns(["square"]), "it has columns that differ"),
         (table.set_column(1, "sweep", [["0" * 16] * 9]), "it has rows of another sweep"),
-        (table.set_column(0, "task", [[*range(9, 18)]]), "it has rows of tasks that there are not"),
+        (table.set_column(0, "task", [[*range(9, 18)]]), "it has rows of unknown tasks"),
     ):
         parquet.write_table(change, strange)
         refused(finished, f"strange.parquet cannot be read .{said}")
@@ -239,7 +239,7 @@ def test_a_file_where_a_folder_should_be_is_named_and_the_other_way_round(name, 
         path.mkdir()
     else:
         path.touch()
-    with pytest.raises((ValueError, OSError), match=f"{path}.*(give a folder|see to that)"):
+    with pytest.raises((ValueError, OSError), match=f"{path}.*(give a folder|correct that)"):
         squares(finished)
 
 
@@ -271,7 +271,7 @@ def test_a_function_that_is_not_the_packages_is_called_only_if_it_is_trusted(
         with pytest.raises(ValueError, match=f"{analysis}.* not the package's.*--trust"):
             gpw.sweep(given, odd / "out", **rest)
     assert main(["sweep", str(odd / "file.json"), "--out", str(odd / "out")]) == 2
-    assert "if you trust it, say so by --trust" in capsys.readouterr().err
+    assert "if you trust it, add --trust" in capsys.readouterr().err
     assert not (odd / "out").exists()
 
 

@@ -1,4 +1,4 @@
-"""A description says which tasks there are, or why it is none."""
+"""A description determines the tasks, or raises an error with the reason."""
 
 import dataclasses
 import json
@@ -76,18 +76,18 @@ def test_a_walker_in_a_description_is_its_parameters():
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ({"analysis": "gait"}, "names its analysis, and over what"),
+        ({"analysis": "gait"}, "needs an analysis, and `over`"),
         ({"analysis": "gait", "over": {"slope": [1]}, "sampels": 3}, "sampels \\(samples\\?\\)"),
         ({"analysis": "gait", "over": {"slope": 0.1}}, "over a list of values"),
-        ({"analysis": "gait", "over": {}}, "over must name what changes"),
+        ({"analysis": "gait", "over": {}}, "over must name what varies"),
         ({"analysis": "gait", "over": {"slope": [1]}, "how": "random"}, "how must be one of"),
-        ({"analysis": "gait", "over": {"slope": [0, 1]}, "how": "sobol"}, "samples says how many"),
+        ({"analysis": "gait", "over": {"slope": [0, 1]}, "how": "sobol"}, "samples is the size"),
         (
             {"analysis": "gait", "over": {"slope": [2, 1]}, "how": "sobol", "samples": 2},
             "sampled from \\[low, high\\]",
         ),
         ({"analysis": "gait", "over": {"a": [1], "b": [1, 2]}, "how": "list"}, "a has 1, b has 2"),
-        ({"analysis": "gait", "over": {"a": [1]}, "given": {"a": 2}}, "cannot both"),
+        ({"analysis": "gait", "over": {"a": [1]}, "given": {"a": 2}}, "not in both"),
         ({"analysis": "gait", "over": {"status": [1]}}, "status is a column"),
     ],
 )
@@ -104,7 +104,7 @@ def test_what_describes_no_sweep_is_refused_in_a_sentence(content, said):
         ("gait", {"slope": 0.03}, "gait needs a walker, or a controller"),
         ("gait", {"walker": "lab"}, "gait needs a slope, or a controller"),
         ("family", {"walker": "lab"}, "family needs slope_min, slope_max"),
-        ("gait", {"slope": 0.03, "foot_radius": 0.1}, "foot_radius of which walker"),
+        ("gait", {"slope": 0.03, "foot_radius": 0.1}, "foot_radius needs a walker"),
         ("gait", {"walker": "lab", "slop": 0.03}, "slop \\(slope\\?\\)"),
         ("evaluation", {"controller": "level-ppo", "max_hip": 1}, "max_hip_torque\\?"),
     ],
@@ -139,7 +139,7 @@ def test_a_controller_that_is_swept_is_that_of_the_stride_map():
     found = gpw.find_gait(gpw.stride_map(controller="steep-ppo"), 0.111)
     row = task("gait", of_policy)()
     assert row["found"] and row["multiplier"] == pytest.approx(abs(found.multipliers[0]))
-    with pytest.raises(ValueError, match="motors follow steep-ppo"):
+    with pytest.raises(ValueError, match="steep-ppo determines the actuation"):
         task("gait", {**of_policy, "hip_torque": 0.01})()
 
 

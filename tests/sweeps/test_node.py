@@ -1,4 +1,4 @@
-"""Code is compiled once on a machine, by whichever worker is first."""
+"""One worker of each machine compiles the code."""
 
 import threading
 import time
@@ -22,10 +22,10 @@ def test_of_workers_that_start_together_one_compiles_and_the_others_wait(tmp_pat
         node.compile_once()
         returned.append(time.monotonic())
 
-    crew = [threading.Thread(target=worker) for _ in range(4)]
-    for thread in crew:
+    threads = [threading.Thread(target=worker) for _ in range(4)]
+    for thread in threads:
         thread.start()
-    for thread in crew:
+    for thread in threads:
         thread.join()
     assert len(began) == 1 and min(returned) >= ended[0]
 

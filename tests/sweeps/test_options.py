@@ -1,4 +1,4 @@
-"""Every option of a sweep makes a difference, in Python and on the command line."""
+"""Each option of a sweep has an effect, in Python and on the command line."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ ON_RAY = {"ray"}  # `test_ray`
 
 
 def rows(found) -> dict[str, list[str]]:
-    """What a sweep has found, but for how long each task took."""
+    """Results of a sweep, without durations."""
     columns = found.columns()
     return {name: [*map(str, values)] for name, values in columns.items() if name != "seconds"}
 

@@ -1,4 +1,4 @@
-"""On a Ray cluster a sweep finds the same, whatever becomes of workers, machines and the head."""
+"""A sweep on a Ray cluster has the same results, also if workers, machines or the head are lost."""
 
 import subprocess
 import sys
@@ -20,7 +20,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # Ray's o
 
 @pytest.fixture
 def cluster(odd):
-    """A head and another machine, with a processor each, both on this machine."""
+    """A head and another machine with one CPU each, both on this machine."""
     head = {"num_cpus": 1, "include_dashboard": False}
     found = cluster_utils.Cluster(initialize_head=True, head_node_args=head)
     found.other = found.add_node(num_cpus=1)
@@ -29,7 +29,7 @@ def cluster(odd):
 
 
 def line(odd, count, address):
-    """A command that sweeps on a cluster, in a process of its own."""
+    """A command that sweeps on a cluster, in its own process."""
     script, options = odd / "script.py", {"over": {"x": list(range(count))}, "ray": address}
     options["given"] = {"folder": str(odd)}
     script.write_text(
@@ -96,7 +96,9 @@ def test_a_machine_of_another_version_is_refused(odd, cluster, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(elsewhere), prepend=":")
     cluster.add_node(num_cpus=1)
     over = {"x": list(range(500))}
-    with pytest.raises(ValueError, match=r"of the cluster has version .* install that one there"):
+    with pytest.raises(
+        ValueError, match=r"of the cluster has version .* install that version there"
+    ):
         gpw.sweep("odd_tasks:noted", odd / "out", trust=True, over=over, given={"folder": str(odd)},
                   ray=cluster.address)  # fmt: skip
 

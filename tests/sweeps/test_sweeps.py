@@ -72,22 +72,22 @@ def test_a_task_is_tried_twice_before_it_is_given_up(odd):
 
 @pytest.mark.parametrize(("over", "at"), [("times", 0), ("time_out", 5)])
 def test_tasks_that_were_sent_to_a_lost_worker_are_done_in_their_order(over, at, odd):
-    """Tasks are sent several at a time once they are quick; only the one being done is lost."""
-    crew = Workers("odd_tasks:square", 1, None)
+    """Short tasks are sent several at a time; only the running one is lost."""
+    pool = Workers("odd_tasks:square", 1, None)
     try:
-        (worker,) = crew._crew
+        (worker,) = pool._pool
         waiting = deque([(9, {"x": 9})])
         worker.tasks.extend((number, {"x": number}) for number in range(at, at + 3))
         if over == "times":
             worker.process.kill()
-            assert crew._lost(worker, waiting, Counter()) is None
+            assert pool._lost(worker, waiting, Counter()) is None
             assert [number for number, _ in waiting] == [0, 1, 2, 9]
         else:
-            crew._replace(worker, waiting)
+            pool._replace(worker, waiting)
             assert [number for number, _ in waiting] == [6, 7, 9]
-        assert crew._crew[0] is not worker and not crew._crew[0].tasks
+        assert pool._pool[0] is not worker and not pool._pool[0].tasks
     finally:
-        crew.close()
+        pool.close()
 
 
 def test_a_task_that_hangs_or_fails_is_a_row_and_stops_no_other(odd):
@@ -146,7 +146,7 @@ def test_a_sweep_that_was_stopped_does_the_rest_alone_and_ends_as_if_it_had_not(
     process.send_signal(sent)
     said = process.communicate()[1]
     assert process.returncode == (130 if sent == signal.SIGINT else -signal.SIGKILL)
-    assert ("tasks are kept in" in said and "goes on" in said) == (sent == signal.SIGINT)
+    assert ("tasks are kept in" in said and "to continue" in said) == (sent == signal.SIGINT)
     time.sleep(0.5)  # for workers that nobody watches any more to leave
     begun = (odd / "noted").read_text().count("\n")
     assert 10 <= begun < 120
@@ -189,7 +189,7 @@ def test_a_full_disk_loses_nothing_finished(odd, monkeypatch):
 
     monkeypatch.setattr(parquet, "write_table", fails)
     over, given = {"x": list(range(9))}, {"folder": str(odd)}
-    with pytest.raises(OSError, match=r"No space left on device.*make room.*goes on"):
+    with pytest.raises(OSError, match=r"No space left on device.*free some space.*to continue"):
         gpw.sweep("odd_tasks:noted", odd / "out", trust=True, over=over, given=given, workers=1)
     assert not list((odd / "out" / "rows").iterdir())
     full["write"] = False
@@ -201,7 +201,7 @@ def test_a_full_disk_loses_nothing_finished(odd, monkeypatch):
 
 def test_a_sweep_of_another_version_or_description_is_refused_or_branches(odd, monkeypatch):
     squares(odd / "out", workers=1)
-    with pytest.raises(ValueError, match="another over: give another folder, or let it branch"):
+    with pytest.raises(ValueError, match="another over: give another folder, or use a new folder"):
         squares(odd / "out", 5, workers=1)
     beside = squares(odd / "out", 5, workers=1, branch=True)
     assert beside.folder != odd / "out" and len(beside.columns()["x"]) == 5
@@ -215,7 +215,7 @@ def test_a_sweep_of_another_version_or_description_is_refused_or_branches(odd, m
 
 
 def test_a_folder_of_other_things_is_left_alone(odd):
-    with pytest.raises(ValueError, match="holds no sweep"):
+    with pytest.raises(ValueError, match="does not contain a sweep"):
         squares(odd)
 
 
@@ -286,7 +286,8 @@ def test_on_a_disk_that_fills_up_nothing_finished_is_lost(odd):
     if reported.returncode in (1, 77) and "first" not in reported.stdout:
         pytest.skip(f"no disk of one's own here: {reported.stderr}")
     assert (
-        "No space left on device" in reported.stderr and "the same call goes on" in reported.stderr
+        "No space left on device" in reported.stderr
+        and "repeat the call to continue" in reported.stderr
     )
     assert reported.returncode == 0 and "first 0" not in reported.stdout
     columns = run.Swept(odd / "kept", 5000, 0).columns()

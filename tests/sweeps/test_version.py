@@ -1,4 +1,4 @@
-"""The version in a row changes with what computes, and with nothing else."""
+"""The version in a row changes with the numerical code, and with nothing else."""
 
 import shutil
 from pathlib import Path

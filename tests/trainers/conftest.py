@@ -1,11 +1,11 @@
-"""What the tests of trainers share."""
+"""Fixtures of the tests of trainers."""
 
 import pytest
 
 
 @pytest.fixture
 def rsl_rl_configuration() -> dict:
-    """A PPO of rsl_rl in small."""
+    """A small configuration of PPO in rsl_rl."""
     network = {"class_name": "MLPModel", "hidden_dims": [64, 64], "activation": "relu"}
     noise = {"class_name": "GaussianDistribution", "init_std": 0.37}
     return {

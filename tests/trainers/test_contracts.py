@@ -1,4 +1,4 @@
-"""Trainers that live on tensors find what they expect of walkers."""
+"""The environments for trainers have the interfaces of their libraries."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ ROLLOUTS = 40
 
 @pytest.fixture(autouse=True)
 def _alone(tmp_path, monkeypatch):
-    """One thread, one seed, and a folder for what trainers leave behind."""
+    """One thread, one seed, and a folder for files that trainers write."""
     monkeypatch.chdir(tmp_path)
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
@@ -45,7 +45,7 @@ class Acting:
 
 
 def walks(act: Callable[[Tensor], Tensor]) -> Walks:
-    """Twenty walks of the environment's own length."""
+    """Twenty walks of the environment's own time limit."""
     arena = gymnasium.make_vec("PassiveWalker-v0", num_envs=20, scene="level")
     return evaluate(Acting(act), arena, seed=0)
 
@@ -53,13 +53,13 @@ def walks(act: Callable[[Tensor], Tensor]) -> Walks:
 def learns_to_walk(
     act: Callable[[Tensor], Tensor], last: nn.Module, train: Callable[[], object]
 ) -> None:
-    """Without a torque everyone falls; then most walk on, and earn what no constant torque does.
+    """Without a torque all walks end in falls; then most reach the time limit, with a high return.
 
     Args:
-        act: The mean torque for what is seen, (n, 8) to (n, 1).
-        last: The layer that it comes from. Drawn at random it may say a constant torque, by which
-            many walk; made to say nothing it is the passive walker.
-        train: Learns.
+        act: The mean torque for observations, (n, 8) to (n, 1).
+        last: The last layer of the network. With random weights it may give a constant torque with
+            which many walkers walk; set to zero it is the passive walker.
+        train: Function that trains.
     """
     for parameter in last.parameters():
         nn.init.zeros_(parameter)

@@ -1,4 +1,4 @@
-"""The validation pages: every row is judged, and the repository's pages are those computed."""
+"""The validation pages: each row is as expected, and the pages are those computed."""
 
 import re
 from pathlib import Path
@@ -31,7 +31,7 @@ def committed():
 
 
 def statements(rows):
-    """What a section says, without the digits that another processor may round otherwise."""
+    """The statements of a section, without digits that another CPU may round differently."""
     return [(row[0], row[1], row[2], row[5]) for row in rows]
 
 

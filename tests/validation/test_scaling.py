@@ -1,4 +1,4 @@
-"""How steps grow with slope: the powers of section 4.6.3, and where one gives way to another."""
+"""Scaling of steps with slope: the powers of section 4.6.3, and the transitions between them."""
 
 import numpy as np
 import pytest
