@@ -379,7 +379,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         begun = bool(saved.flags(state, "begun"))
         found = self.batch.checked(state, "begun", "ended", begun=begun)
         ended = saved.flags(state, "ended", (self.num_envs,))
-        if begun and not np.array_equal(ended, saved.over(found.ledger)):
+        if begun and not np.array_equal(ended, saved.over(found["ledger"])):
             raise saved.StateError("the state's 'ended' and its ledger differ in which ended")
         if not self.batch.randoms:
             seed_randoms(self.batch, None, range(self.num_envs))

@@ -474,7 +474,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         ready = bool(saved.flags(state, "ready"))
         found = self.batch.checked(state, "ready", begun=ready)
-        if ready and saved.over(found.ledger).any():
+        if ready and saved.over(found["ledger"]).any():
             raise saved.StateError("the state is 'ready', and its episode has ended")
         if not self.batch.randoms:
             self.batch.randoms = [self.np_random]
