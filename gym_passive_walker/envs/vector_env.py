@@ -28,7 +28,7 @@ from gym_passive_walker.walkers import Walker, WalkerLike, as_any
 _OUTCOMES = np.array(interface.OUTCOMES, object)
 
 
-class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
+class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, NDArray]):
     """A batch of `PassiveWalkerEnv`; trajectories are bitwise equal to single environments.
 
     Observations, rewards, endings and infos are those of as many single environments in a
@@ -277,23 +277,6 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
     def reward_terms(self) -> dict[str, NDArray[np.float64]]:
         """Terms (num_envs,) of the last rewards by name; a reward is their sum."""
         return self.batch.reward_terms()
-
-    @property
-    def energy_cost(self) -> str:
-        """What motors are charged for: "absolute", "positive" or "net" hip work."""
-        return self.batch.energy_cost
-
-    @one_thread
-    def set_energy_cost(self, energy: str | None) -> None:
-        """Charge all motors for another kind of hip work, from the next step on.
-
-        Args:
-            energy: "absolute", "positive" or "net"; None is the scene's own.
-
-        Raises:
-            ValueError: if there is no such kind.
-        """
-        self.batch.set_energy_cost(energy)
 
     def _infos(self, which: NDArray[np.bool_] | None, most: int) -> dict[str, Any]:
         """Return the infos of single environments as arrays, with masks.

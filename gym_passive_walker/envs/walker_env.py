@@ -22,7 +22,9 @@ from gym_passive_walker.walkers import Walker
 _SINGLE = np.dtype(np.float32)
 
 
-class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class PassiveWalkerEnv(
+    interface.EnergyCost, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]
+):
     """A passive walker with a hip actuator, on exact hybrid dynamics.
 
     ## Description
@@ -433,23 +435,6 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def reward_terms(self) -> dict[str, float]:
         """Terms of the last reward by name; the reward is their sum."""
         return {name: term.item() for name, term in self.batch.reward_terms().items()}
-
-    @property
-    def energy_cost(self) -> str:
-        """What the motor is charged for: "absolute", "positive" or "net" hip work."""
-        return self.batch.energy_cost
-
-    @one_thread
-    def set_energy_cost(self, energy: str | None) -> None:
-        """Charge the motor for another kind of hip work, from the next step on.
-
-        Args:
-            energy: "absolute", "positive" or "net"; None is the scene's own.
-
-        Raises:
-            ValueError: if there is no such kind.
-        """
-        self.batch.set_energy_cost(energy)
 
     @property
     @one_thread
