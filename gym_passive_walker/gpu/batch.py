@@ -153,7 +153,7 @@ class DeviceBatch:
         return np.uint64(seed % 2**64) + np.arange(self.count, dtype=np.uint64)
 
     def seed(self, seed: int) -> None:
-        """Set the keys of the walkers to seed, seed + 1, ...; the next reset begins their episodes."""
+        """Set the keys of the walkers to seed, seed + 1, ..., and restart their episodes."""
         keys, none = self._keys(seed), np.zeros(self.count, np.int64)
         self.walkers = self.walkers._replace(keys=device.put(keys), episodes=device.put(none))
 

@@ -24,8 +24,8 @@ class PassiveWalkerGpuEnv:
     """A vector environment with torch tensors that simulates its walkers on a GPU.
 
     A step transfers nothing to the CPU, and does not synchronize. The step that ends an episode
-    begins the next one. The rules are those of `PassiveWalkerVectorEnv`. Random numbers differ: they
-    are functions of a walker's key.
+    begins the next one. The rules are those of `PassiveWalkerVectorEnv`. Random numbers differ:
+    they are functions of a walker's key.
 
     Args:
         num_envs: Number of walkers.
