@@ -16,7 +16,7 @@ class SceneError(ValueError):
 
 
 def checked(check: Callable[..., Any], *given: Any, **limits: Any) -> Any:
-    """Return the result of a check, whose error becomes a `SceneError`."""
+    """Return the result of a check; its errors become a `SceneError`."""
     try:
         return check(*given, **limits)
     except (TypeError, ValueError) as error:

@@ -40,7 +40,7 @@ def need_device() -> None:
 
 
 class Row(np.void):
-    """A record whose fields are attributes, as in code for a GPU."""
+    """A record with its fields as attributes, as in code for a GPU."""
 
     def __getattribute__(self, name: str) -> Any:
         get = super().__getattribute__
