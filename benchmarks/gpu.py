@@ -115,7 +115,7 @@ def _strides(p: Any, tolerance: float, count: int, exact: Any) -> tuple[float, f
         advance_there(SYSTEMS[p.system.name], body, records, tolerance=tolerance)
 
     alone, both = seconds(begin), seconds(_finished(job))
-    states = device.back(records)["state"][: len(p.starts), 0]
+    states = device.to_host(records)["state"][: len(p.starts), 0]
     return error(states, exact[: len(states)]), count / (both - alone)
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from functools import cached_property, partial
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -81,26 +81,6 @@ def observed_bodies(scene: Scene, walkers: Sequence[Walker]) -> NDArray[np.float
         known = {walker: proportions(walker, scene.observe_body) for walker in {*walkers}}
         found[:] = [known[walker] for walker in walkers]
     return proportion(found)
-
-
-class Saved(NamedTuple):
-    """A state that `Batch.checked` has accepted.
-
-    Attributes:
-        records: See `Batch`.
-        ledger: See `Batch`.
-        walkers: See `Batch`.
-        randoms: States of the random generators; empty before the first reset.
-        disturbances: Result of `Disturbances.checked`; None in a scene without disturbances.
-        transitions: `Custom.notes`; None without functions of the user's own.
-    """
-
-    records: NDArray
-    ledger: NDArray
-    walkers: list[Walker]
-    randoms: list[dict[str, Any]]
-    disturbances: tuple[NDArray, NDArray] | None
-    transitions: NDArray | None
 
 
 class Batch:
@@ -287,10 +267,8 @@ class Batch:
             found = [checked_state(state, walker) for state, walker in given]
             gaits = as_recorded(self.walkers[0], found)
             draws[:] = 0.5  # no change
-        for i, walker in varied.items():
-            self.walkers[i], self._constants[i : i + 1] = walker, bodies(walker)
-            self._radii[i : i + 1] = _radii([walker])
-            self._proportions[i : i + 1] = observed_bodies(self.scene, [walker])
+        if varied:
+            self._embody(where, list(varied.values()))
         plain = observations if self._plain is None else self._plain
         self.entry_point.kernels.begin(
             self.entry_point.address, where, False, slopes, gaits, draws, plain
@@ -302,6 +280,13 @@ class Batch:
         if self.custom:
             self.custom.begin(self, where)
             self._write_observations(observations, where)
+
+    def _embody(self, lanes: NDArray[np.int64], walkers: Sequence[Walker]) -> None:
+        """Replace some of the walkers."""
+        for i, walker in zip(lanes.tolist(), walkers, strict=True):
+            self.walkers[i] = walker
+        self._constants[lanes], self._radii[lanes] = bodies(*walkers), _radii(walkers)
+        self._proportions[lanes] = observed_bodies(self.scene, walkers)
 
     def _write_proportions(self, observations: NDArray[np.float32]) -> None:
         """Write what is observed of walkers' bodies into the flat observations of all."""
@@ -622,18 +607,24 @@ class Batch:
         rolled = radius * record["state"][0]
         return Contact(float(self.ledger["origin"][lane] - rolled) * length)
 
+    @property
+    def _arrays(self) -> dict[str, NDArray]:
+        """Arrays of a saved state, by name."""
+        found = {"records": self.records, "ledger": self.ledger}
+        if self.disturbances:
+            found |= {"disturbances": self.disturbances.states}
+            found |= {"pending": self.disturbances.pending}
+        if self.custom:
+            found |= {"transitions": self.custom.notes}
+        return found
+
     def get_state(self) -> dict[str, Any]:
         """Return a copy of everything that determines later steps."""
-        disturbances = self.disturbances.get_state() if self.disturbances else {}
-        if self.custom:
-            disturbances["transitions"] = self.custom.notes.copy()
         return {
             "scene": self._described,
-            "records": self.records.copy(),
-            "ledger": self.ledger.copy(),
             "walkers": [saved.kept(walker) for walker in self.walkers],
             "random": [deepcopy(r.bit_generator.state) for r in self.randoms],
-            **disturbances,
+            **{name: array.copy() for name, array in self._arrays.items()},
         }
 
     @cached_property
@@ -645,7 +636,7 @@ class Batch:
     def _described(self) -> str:
         return saved.described(self.scene)
 
-    def checked(self, state: Any, *further: str, begun: bool = True) -> Saved:
+    def checked(self, state: Any, *further: str, begun: bool = True) -> dict[str, Any]:
         """Return copies of the entries of a state, after checks; the batch is unchanged.
 
         Args:
@@ -658,44 +649,30 @@ class Batch:
         """
         if isinstance(state, Mapping) and "scene" in state:  # the most informative error
             saved.check_scene(state["scene"], self._described)
-        names = ["scene", "records", "ledger", "walkers", "random", *further]
+        arrays = self._arrays
+        given = saved.entries(state, ["scene", "walkers", "random", *arrays, *further])
+        found: dict[str, Any] = {
+            name: saved.like(given[name], name, own) for name, own in arrays.items()
+        }
+        going = self._limits.check(found["records"], found["ledger"], begun=begun)
         if self.disturbances:
-            names += ["disturbances", "pending"]
-        if self.custom:
-            names.append("transitions")
-        given = saved.entries(state, names)
-        records = saved.like(given["records"], "records", self.records)
-        ledger = saved.like(given["ledger"], "ledger", self.ledger)
-        going = self._limits.check(records, ledger, begun=begun)
-        disturbances = None
-        if self.disturbances:
-            disturbances = self.disturbances.checked(given, records["time"][:, 0], going)
-        walkers = saved.check_walkers(
-            given["walkers"],
-            self.walkers,
-            [s.walker for s in self._starts],
-            self.scene.domain_randomization,
-        )
+            times = found["records"]["time"][:, 0]
+            limits = saved.DisturbanceLimits(self.disturbances.settings[0])
+            limits.check(found["disturbances"], found["pending"], times, going)
+        bases, shares = [s.walker for s in self._starts], self.scene.domain_randomization
+        found["walkers"] = saved.check_walkers(given["walkers"], self.walkers, bases, shares)
         kind = type(self.randoms[0].bit_generator) if self.randoms else np.random.PCG64
-        randoms = saved.check_randoms(given["random"], self.count, kind)
-        transitions = None
-        if self.custom:
-            transitions = saved.like(given["transitions"], "transitions", self.custom.notes)
-        return Saved(records, ledger, walkers, randoms, disturbances, transitions)
+        found["random"] = saved.check_randoms(given["random"], self.count, kind)
+        return found
 
-    def put_back(self, state: Saved) -> None:
+    def put_back(self, found: Mapping[str, Any]) -> None:
         """Restore a state from `checked`."""
-        self.records[:], self.ledger[:] = state.records, state.ledger
+        for name, array in self._arrays.items():
+            array[:] = found[name]
         if not self._alike:
-            self.walkers = state.walkers
-            self._constants[:], self._radii[:] = bodies(*self.walkers), _radii(self.walkers)
-            self._proportions[:] = observed_bodies(self.scene, self.walkers)
-        if self.disturbances and state.disturbances:
-            self.disturbances.put_back(state.disturbances)
-        if self.custom and state.transitions is not None:
-            self.custom.notes[:] = state.transitions
-        for random, saved_state in zip(self.randoms, state.randoms, strict=False):
-            random.bit_generator.state = saved_state
+            self._embody(np.arange(self.count), found["walkers"])
+        for random, state in zip(self.randoms, found["random"], strict=False):
+            random.bit_generator.state = state
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Restore a state from `get_state`.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,14 @@ from gym_passive_walker.arguments import number, shown, unknown
 
 class SceneError(ValueError):
     """The arguments describe no scene; the message says which, and what is allowed."""
+
+
+def checked(check: Callable[..., Any], *given: Any, **limits: Any) -> Any:
+    """Return the result of a check; its errors become a `SceneError`."""
+    try:
+        return check(*given, **limits)
+    except (TypeError, ValueError) as error:
+        raise SceneError(str(error)) from None
 
 
 CHECKS = ("contact", "friction", "knee lock", "scuffing")

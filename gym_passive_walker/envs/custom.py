@@ -20,7 +20,7 @@ from gym_passive_walker.engine.expressions import Expression, choose
 from gym_passive_walker.engine.layout import NARROW, Layout, layout_of
 from gym_passive_walker.engine.native import Memory, Module, uses
 from gym_passive_walker.envs import task, transitions
-from gym_passive_walker.envs.checks import SceneError
+from gym_passive_walker.envs.checks import SceneError, checked
 from gym_passive_walker.envs.rules import command_error
 from gym_passive_walker.envs.transitions import (
     BOOLEANS,
@@ -113,10 +113,7 @@ def checked_rule(name: str, given: Any) -> Any:
             raise SceneError(f"reward must have weights of some of {', '.join(TERMS)}")
         if said := unknown(given, tuple(TERMS), "a reward"):
             raise SceneError(said)
-        try:
-            return {each: number(w, f"reward[{each!r}]") for each, w in given.items()}
-        except ValueError as error:
-            raise SceneError(str(error)) from None
+        return {each: checked(number, w, f"reward[{each!r}]") for each, w in given.items()}
     if given is not None and not callable(given):
         weights = ", or weights by name" * (name == "reward")
         raise SceneError(f"{name} must be a function of a step{weights}, not {shown(given)}")

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.envs import constraints, disturbance_kernels, saved, task
+from gym_passive_walker.envs import constraints, disturbance_kernels, task
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.envs.scene import UNDISTURBED, Scene
 from gym_passive_walker.gaits.terrain import Terrain
@@ -57,13 +56,10 @@ class Disturbances:
 
     def __init__(self, scene: Scene, system: str, count: int) -> None:
         self.scene, self._system = scene, system
-        self.states, self.settings = (
-            np.zeros(count, disturbance_kernels.DISTURBANCE),
-            _settings(scene),
-        )
+        self.states = np.zeros(count, disturbance_kernels.DISTURBANCE)
+        self.settings = _settings(scene)
         self.pending = np.zeros((count, scene.action_delay, len(scene.actions)))
         self.terrain = (scene.terrain or Terrain()).arrays()
-        self._limits = saved.DisturbanceLimits(self.settings[0])
         self.noise = _noise(scene)
 
     @property
@@ -143,32 +139,6 @@ class Disturbances:
             for name in constraints.READINGS[check]:
                 found[name] = notes[:, constraints.NOTES.index(name)]
         return found
-
-    def get_state(self) -> dict[str, NDArray]:
-        """Return copies of the disturbance states and the delayed actions."""
-        return {"disturbances": self.states.copy(), "pending": self.pending.copy()}
-
-    def checked(
-        self, state: Mapping[str, Any], times: NDArray[np.float64], going: NDArray[np.bool_]
-    ) -> tuple[NDArray, NDArray]:
-        """Return copies of the disturbances and delayed actions in a state, after checks.
-
-        Args:
-            state: From `get_state`; further entries are ignored.
-            times: Times since the strides began, (count,).
-            going: Whether each episode goes on, (count,).
-
-        Raises:
-            StateError: if the state is damaged, or of another scene.
-        """
-        found = saved.like(state["disturbances"], "disturbances", self.states)
-        pending = saved.like(state["pending"], "pending", self.pending)
-        self._limits.check(found, pending, times, going)
-        return found, pending
-
-    def put_back(self, found: tuple[NDArray, NDArray]) -> None:
-        """Restore what `checked` returned."""
-        self.states[:], self.pending[:] = found
 
 
 def _noise(scene: Scene) -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.arguments import unknown, whole
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.checks import CHECKS
+from gym_passive_walker.envs.one_thread import Token, one_thread
 from gym_passive_walker.envs.scene import FASTEST, Scene
 from gym_passive_walker.physics.hybrid import Outcome
 
@@ -106,3 +107,55 @@ def refuse(action: Any, actions: Sequence[str], lane: int | None = None) -> NoRe
     raise ValueError(
         f"the action{where} must be {wanted} (beyond -1 and 1 it is clipped), not {shown}"
     )
+
+
+class EnergyCost:
+    """The energy cost of environments with a `batch`."""
+
+    batch: Any
+    token: Token
+
+    @property
+    def energy_cost(self) -> str:
+        """Work that the energy term counts: "absolute", "positive" or "net"."""
+        return self.batch.energy_cost
+
+    @one_thread
+    def set_energy_cost(self, energy: str | None) -> None:
+        """Set the work that the energy term counts, from the next step on.
+
+        Args:
+            energy: "absolute", "positive" or "net"; None restores the scene's own.
+
+        Raises:
+            ValueError: if there is no such kind.
+            RuntimeError: if another thread is using this environment.
+        """
+        self.batch.set_energy_cost(energy)
+
+
+class Adapter:
+    """Methods that an adapter passes to its vector environment."""
+
+    envs: Any
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+        return self.envs.scene
+
+    def set_scene(self, scene: Any = None, **changes: Any) -> None:
+        """Change the scene; see `PassiveWalkerVectorEnv.set_scene`."""
+        self.envs.set_scene(scene, **changes)
+
+    def set_energy_cost(self, energy: str | None) -> None:
+        """Set the work that the energy term counts; see `PassiveWalkerVectorEnv`."""
+        self.envs.set_energy_cost(energy)
+
+    def get_state(self) -> dict[str, Any]:
+        """Return a copy of everything that determines later steps and resets."""
+        return self.envs.get_state()
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Restore a state from `get_state`."""
+        self.envs.set_state(state)

@@ -38,7 +38,6 @@ HIGHEST, STEEPEST = 1.0, 0.5 * math.pi
 
 _RUNNING, _HEELSTRIKE, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 _ABSOLUTE, _POSITIVE = map(ENERGIES.index, ("absolute", "positive"))
-_SWING, _LEG = 0.5 * math.pi, math.pi
 
 
 @shared
@@ -76,14 +75,14 @@ def observation(state, knee_locked, slope):
         slope: Slope of the ground in rad.
     """
     return (
-        clip(state[0], -_SWING, _SWING),
-        clip(state[1], -_LEG, _LEG),
-        clip(state[2], -_LEG, _LEG),
-        clip(state[3], -RATE_BOUND, RATE_BOUND),
-        clip(state[4], -RATE_BOUND, RATE_BOUND),
-        clip(state[5], -RATE_BOUND, RATE_BOUND),
+        clip(state[0], LOWEST[0], BOUNDS[0]),
+        clip(state[1], LOWEST[1], BOUNDS[1]),
+        clip(state[2], LOWEST[2], BOUNDS[2]),
+        clip(state[3], LOWEST[3], BOUNDS[3]),
+        clip(state[4], LOWEST[4], BOUNDS[4]),
+        clip(state[5], LOWEST[5], BOUNDS[5]),
         knee_locked,
-        clip(slope, -_SWING, _SWING),
+        clip(slope, LOWEST[7], BOUNDS[7]),
     )
 
 

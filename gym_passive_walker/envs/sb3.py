@@ -37,16 +37,6 @@ class Lane:
     def __init__(self, vec_env: PassiveWalkerVecEnv, index: int) -> None:
         self._vec_env, self._index = vec_env, index
 
-    @property
-    def scene(self) -> Scene:
-        """What is simulated."""
-        return self._vec_env.scene
-
-    @property
-    def render_mode(self) -> str | None:
-        """How it is drawn."""
-        return self._vec_env.envs.render_mode
-
     def set_scene(self, scene: Any = None, **changes: Any) -> None:
         """Change the scene of all walkers; see `PassiveWalkerVectorEnv`."""
         self._vec_env.set_scene(scene, **changes)
@@ -66,11 +56,6 @@ class Lane:
         """Angles and rates in the walker's own units."""
         return self._vec_env.envs.states[self._index]
 
-    @property
-    def energy_cost(self) -> str:
-        """What its motor is charged for: "absolute", "positive" or "net" hip work."""
-        return self._vec_env.batch.energy_cost
-
     def set_energy_cost(self, energy: str | None) -> None:
         """Charge the motors of all walkers for another kind of work; see `PassiveWalkerEnv`."""
         self._vec_env.set_energy_cost(energy)
@@ -80,7 +65,7 @@ class Lane:
         return self._vec_env.get_images()[self._index]
 
 
-class PassiveWalkerVecEnv(VecEnv):
+class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
     """A batch of walkers as a `VecEnv` of stable-baselines3.
 
     Args:
@@ -228,8 +213,10 @@ class PassiveWalkerVecEnv(VecEnv):
         """Note something with some environments; what is simulated cannot be changed so.
 
         Raises:
-            AttributeError: if it is one that `Lane` reports.
+            AttributeError: if it is an attribute of the walkers or of the vector environment.
         """
+        if hasattr(self.envs, attr_name):
+            raise AttributeError(f"{attr_name} cannot be set: it belongs to the environment")
         for i in self._get_indices(indices):
             setattr(self.lanes[i], attr_name, value)
 
@@ -257,24 +244,3 @@ class PassiveWalkerVecEnv(VecEnv):
     ) -> NDArray[np.float32]:
         """Give the strides that begin slopes of their own; see `PassiveWalkerVectorEnv`."""
         return self.envs.set_slopes(slopes, mask)
-
-    @property
-    def scene(self) -> Scene:
-        """What is simulated."""
-        return self.envs.scene
-
-    def set_scene(self, scene: Any = None, **changes: Any) -> None:
-        """Change the scene, for a curriculum; see `PassiveWalkerVectorEnv`."""
-        self.envs.set_scene(scene, **changes)
-
-    def set_energy_cost(self, energy: str | None) -> None:
-        """Charge all motors for another kind of hip work; see `PassiveWalkerVectorEnv`."""
-        self.envs.set_energy_cost(energy)
-
-    def get_state(self) -> dict[str, Any]:
-        """All that decides what comes next; a copy."""
-        return self.envs.get_state()
-
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Go back to a state that `get_state` gave."""
-        self.envs.set_state(state)

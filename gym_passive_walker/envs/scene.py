@@ -19,6 +19,7 @@ from gym_passive_walker.arguments import (
 from gym_passive_walker.envs.checks import (
     SceneError,
     bounded,
+    checked,
     checked_constraints,
     checked_noise,
     checked_pushes,
@@ -192,10 +193,7 @@ class Scene:
         bound("energy_weight", 0.0, 1e6)
         bound("reset_noise_scale", 0.0, 0.9)
         bound("max_stride_time", 0.1, 1e3)
-        try:
-            put("tolerance", check_tolerance(self.tolerance))
-        except (TypeError, ValueError) as error:
-            raise SceneError(str(error)) from None
+        put("tolerance", checked(check_tolerance, self.tolerance))
         put("domain_randomization", self._checked_shares())
         put("randomization_pool", self._checked_pool())
         put("observe_body", self._checked_proportions())
@@ -315,10 +313,7 @@ class Scene:
             raise SceneError(
                 "randomization_pool is a number of walkers of domain_randomization: give both"
             )
-        try:
-            return whole(self.randomization_pool, "randomization_pool", most=2**31)
-        except ValueError as error:
-            raise SceneError(str(error)) from None
+        return checked(whole, self.randomization_pool, "randomization_pool", most=2**31)
 
     def _checked_proportions(self) -> tuple[str, ...]:
         """Names of parameters, each once."""
@@ -338,20 +333,18 @@ class Scene:
 
     def _checked_preview(self) -> int:
         """A number of footholds, and the terrain that they are of."""
-        try:
-            object.__setattr__(self, "terrain", terrain_from(self.terrain))
-            if self.terrain is not None:
-                check_heights_only(self.walker, (*self.terrain.slopes, self.terrain.slope_std))
-            terrain_lookahead = whole(
-                self.terrain_lookahead, "terrain_lookahead", least=0, most=_FARTHEST
-            )
-        except ValueError as error:
-            raise SceneError(str(error)) from None
-        if terrain_lookahead and self.terrain is None:
+        object.__setattr__(self, "terrain", checked(terrain_from, self.terrain))
+        if self.terrain is not None:
+            slopes = *self.terrain.slopes, self.terrain.slope_std
+            checked(check_heights_only, self.walker, slopes)
+        lookahead = checked(
+            whole, self.terrain_lookahead, "terrain_lookahead", least=0, most=_FARTHEST
+        )
+        if lookahead and self.terrain is None:
             raise SceneError(
                 "terrain_lookahead shows footholds of a terrain: give one, or terrain_lookahead=0"
             )
-        return terrain_lookahead
+        return lookahead
 
     def _checked_delay(self) -> int:
         """A number of steps."""

@@ -14,7 +14,7 @@ from functools import cache
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import Kernel, address, call, jitted, merged
+from gym_passive_walker.engine.jit import Kernel, address, call, jitted, merged, view
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import NARROW, Layout
 from gym_passive_walker.engine.run import integrate
@@ -119,7 +119,7 @@ def rules_for(layout: Layout) -> np.dtype:
 
 RULES = rules_for(NARROW)
 
-_HEELSTRIKE = int(Outcome.HEELSTRIKE)
+_HEELSTRIKE, _NUMBER = int(Outcome.HEELSTRIKE), np.dtype("f8")
 
 
 @jitted
@@ -159,28 +159,19 @@ def write_info(ledger, asked, steps, counts, measures):
     Returns:
         How many walkers are asked about.
     """
-    present, endings = 0, 0
+    present, endings, first = 0, 0, len(steps)
+    row_words = ledger.itemsize // 8
+    words = view(address(ledger), (len(ledger), row_words), _NUMBER)  # EVERY_STEP, EVERY_STRIDE
     for i in range(len(ledger)):
-        row = ledger[i]
-        if not asked[i]:
-            for k in range(len(steps)):
-                steps[k, i] = 0.0
-            counts[0, i], counts[1, i] = 0, 0
-            continue
-        present += 1
-        steps[0, i], steps[1, i] = row.distance, row.energy
-        steps[2, i], steps[3, i] = row.episode_distance, row.episode_energy
-        counts[0, i], counts[1, i] = row.strides, row.outcome
-        if row.outcome == 0:
-            continue
-        measured = measures[endings]
-        endings += 1
-        measured[0], measured[1], measured[2] = row.step_length, row.step_period, row.speed
-        measured[3], measured[4] = row.cost_of_transport, row.gravity_cost
-        measured[5], measured[6] = row.hip_cost, row.net_hip_cost
-        measured[7], measured[8] = row.ankle_cost, row.net_ankle_cost
-        measured[9], measured[10] = row.push_off_cost, row.collision_cost
-        measured[11], measured[12] = row.friction_cost, row.kneestrike_time
+        for k in range(first):
+            steps[k, i] = words[i, k] if asked[i] else 0.0
+        counts[0, i] = ledger[i].strides if asked[i] else 0
+        counts[1, i] = ledger[i].outcome if asked[i] else 0
+        present += asked[i]
+        if counts[1, i] != 0:
+            for k in range(measures.shape[1]):
+                measures[endings, k] = words[i, first + k]
+            endings += 1
     return present
 
 

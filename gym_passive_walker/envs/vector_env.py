@@ -28,7 +28,7 @@ from gym_passive_walker.walkers import Walker, WalkerLike, as_any
 _OUTCOMES = np.array(interface.OUTCOMES, object)
 
 
-class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
+class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, NDArray]):
     """A batch of `PassiveWalkerEnv`; trajectories are bitwise equal to single environments.
 
     Observations, rewards, endings and infos are those of as many single environments in a
@@ -278,23 +278,6 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         """Terms (num_envs,) of the last rewards by name; a reward is their sum."""
         return self.batch.reward_terms()
 
-    @property
-    def energy_cost(self) -> str:
-        """What motors are charged for: "absolute", "positive" or "net" hip work."""
-        return self.batch.energy_cost
-
-    @one_thread
-    def set_energy_cost(self, energy: str | None) -> None:
-        """Charge all motors for another kind of hip work, from the next step on.
-
-        Args:
-            energy: "absolute", "positive" or "net"; None is the scene's own.
-
-        Raises:
-            ValueError: if there is no such kind.
-        """
-        self.batch.set_energy_cost(energy)
-
     def _infos(self, which: NDArray[np.bool_] | None, most: int) -> dict[str, Any]:
         """Return the infos of single environments as arrays, with masks.
 
@@ -379,7 +362,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         begun = bool(saved.flags(state, "begun"))
         found = self.batch.checked(state, "begun", "ended", begun=begun)
         ended = saved.flags(state, "ended", (self.num_envs,))
-        if begun and not np.array_equal(ended, saved.over(found.ledger)):
+        if begun and not np.array_equal(ended, saved.over(found["ledger"])):
             raise saved.StateError("the state's 'ended' and its ledger differ in which ended")
         if not self.batch.randoms:
             seed_randoms(self.batch, None, range(self.num_envs))

@@ -22,7 +22,9 @@ from gym_passive_walker.walkers import Walker
 _SINGLE = np.dtype(np.float32)
 
 
-class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class PassiveWalkerEnv(
+    interface.EnergyCost, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]
+):
     """A passive walker with a hip actuator, on exact hybrid dynamics.
 
     ## Description
@@ -435,23 +437,6 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return {name: term.item() for name, term in self.batch.reward_terms().items()}
 
     @property
-    def energy_cost(self) -> str:
-        """What the motor is charged for: "absolute", "positive" or "net" hip work."""
-        return self.batch.energy_cost
-
-    @one_thread
-    def set_energy_cost(self, energy: str | None) -> None:
-        """Charge the motor for another kind of hip work, from the next step on.
-
-        Args:
-            energy: "absolute", "positive" or "net"; None is the scene's own.
-
-        Raises:
-            ValueError: if there is no such kind.
-        """
-        self.batch.set_energy_cost(energy)
-
-    @property
     @one_thread
     def contact(self) -> float:
         """Where its stance foot touches the ground, in the walker's own units of length."""
@@ -474,7 +459,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         ready = bool(saved.flags(state, "ready"))
         found = self.batch.checked(state, "ready", begun=ready)
-        if ready and saved.over(found.ledger).any():
+        if ready and saved.over(found["ledger"]).any():
             raise saved.StateError("the state is 'ready', and its episode has ended")
         if not self.batch.randoms:
             self.batch.randoms = [self.np_random]

@@ -1,10 +1,10 @@
-"""Walkers on a CUDA device: the same statements and bookkeeping, a thread for each walker.
+"""Walkers on a CUDA GPU: the models and functions of the CPU, with one thread for each walker.
 
 Example:
     >>> from gym_passive_walker import gpu  # doctest: +SKIP
     >>> gpu.stride("C", 0.036, states)  # doctest: +SKIP
 
-Without a device every function says so; with ``NUMBA_ENABLE_CUDASIM=1`` numba simulates one slowly.
+Functions raise `NoDevice` without a GPU. ``NUMBA_ENABLE_CUDASIM=1`` lets numba simulate one.
 """
 
 from __future__ import annotations
@@ -25,4 +25,4 @@ from gym_passive_walker.gpu.strides import advance
 __all__ = ["DeviceBatch", "NoDevice", "advance", "stride"]
 
 stride = partial(_stride, backend=advance)
-"""As `gym_passive_walker.stride`, carried on by the device."""
+"""`gym_passive_walker.stride` on the GPU."""

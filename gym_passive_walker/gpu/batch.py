@@ -1,4 +1,4 @@
-"""A scene's walkers on a device: they begin, act and begin again there."""
+"""A batch of walkers of a scene on a GPU."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.envs.transitions import NOTE
 from gym_passive_walker.gpu import device, episodes
 from gym_passive_walker.gpu.episodes import SceneConstants, StepBuffers, Walkers
-from gym_passive_walker.gpu.lane import machinery
+from gym_passive_walker.gpu.lane import device_code
 from gym_passive_walker.physics.systems import bodies
 from gym_passive_walker.walkers import Walker
 
 DRAWN = 4096
-"""Walkers that the episodes of a scene with random ones draw from."""
+"""Number of walkers that the episodes of a scene with `domain_randomization` draw from."""
 
 
 @lru_cache
 def _kernels(
     system: str, pushed: bool, watched: bool, has_disturbances: bool, rules: tuple[Rule, ...]
 ) -> tuple[Any, Any]:
-    """The kernels that reset walkers, and that step them."""
-    bound = machinery(system, pushed=pushed, watched=watched, rules=rules).bound
+    """Return the kernels that reset and step walkers."""
+    bound = device_code(system, pushed=pushed, watched=watched, rules=rules).bound
     if rules:
         bound = bound.instead({
             episodes.plain_before: episodes.own_before,
@@ -62,14 +62,14 @@ def _kernels(
 class DeviceBatch:
     """A batch of walkers of a scene on a GPU.
 
-    A walker's episodes are those of its key, `seed` plus its number, in any company. They
-    go by the rules of `PassiveWalkerVectorEnv`, and the next one begins in the step that ends one.
+    The rules are those of `PassiveWalkerVectorEnv`. The step that ends an episode begins the next.
+    Episodes of a walker depend on its key, `seed` plus its index, and not on other walkers.
 
     Args:
-        count: How many walkers.
+        count: Number of walkers.
         scene: As for `PassiveWalkerEnv`.
         step_limit: Steps after which an episode is truncated.
-        seed: Of the first walker: any whole number below 2^64.
+        seed: Key of the first walker, a whole number below 2^64.
         **changes: As for `PassiveWalkerEnv`.
 
     Attributes:
@@ -92,7 +92,7 @@ class DeviceBatch:
         **changes: Any,
     ) -> None:
         device.need_device()
-        self.scene = with_parameters(make_scene(scene, **changes), "a batch on a device")
+        self.scene = with_parameters(make_scene(scene, **changes), "a batch on a GPU")
         if self.scene.randomization_pool:
             raise SceneError(
                 "walkers on a GPU are not supported with randomization_pool: choose "
@@ -116,7 +116,7 @@ class DeviceBatch:
         )
         rules = tuple(self.custom.rules.values())
         self._reset, self._step = _kernels(system.name, pushed, watched, has_disturbances, rules)
-        here = machinery(system.name, pushed=pushed, watched=watched, rules=rules)
+        here = device_code(system.name, pushed=pushed, watched=watched, rules=rules)
         drawn = self._drawn()
         constants = bodies(*drawn)[:, 0]
         self.walkers = self._walkers(constants, seed, own=has_disturbances or len(drawn) > 1)
@@ -135,17 +135,17 @@ class DeviceBatch:
         width = drawn.shape[1] + (ROOM if has_disturbances else 0)
         late = self.scene.action_delay, len(self.scene.actions)
         return Walkers(
-            records=device.room((count, 1), RECORD),
-            bodies=device.room((count, 1, width), float) if own else device.put(drawn[:, None]),
-            ledger=device.room(count, task.LEDGER),
+            records=device.empty((count, 1), RECORD),
+            bodies=device.empty((count, 1, width), float) if own else device.put(drawn[:, None]),
+            ledger=device.empty(count, task.LEDGER),
             reported=device.put(np.zeros(count, task.LEDGER)),
             keys=device.put(self._keys(seed)),
             episodes=device.put(np.zeros(count, np.int64)),
             drawn=device.put(np.zeros(count, np.int64)),
-            disturbances=device.room(
+            disturbances=device.empty(
                 count if has_disturbances else 0, disturbance_kernels.DISTURBANCE
             ),
-            pending=device.room((count if has_disturbances else 0, *late), float),
+            pending=device.empty((count if has_disturbances else 0, *late), float),
             notes=device.put(np.zeros(count if self.custom.rules else 0, NOTE)),
         )
 
@@ -153,12 +153,12 @@ class DeviceBatch:
         return np.uint64(seed % 2**64) + np.arange(self.count, dtype=np.uint64)
 
     def seed(self, seed: int) -> None:
-        """Begin all over, each walker with a key of its own, from a seed on."""
+        """Set the keys of the walkers to seed, seed + 1, ..., and restart their episodes."""
         keys, none = self._keys(seed), np.zeros(self.count, np.int64)
         self.walkers = self.walkers._replace(keys=device.put(keys), episodes=device.put(none))
 
     def set_energy_cost(self, energy: str | None) -> None:
-        """Charge the motors of all walkers for another kind of work; see `PassiveWalkerEnv`.
+        """Set the work that the energy term counts; see `PassiveWalkerEnv`.
 
         Raises:
             SceneError: if there is no such kind.
@@ -172,7 +172,7 @@ class DeviceBatch:
     ) -> SceneConstants:
         starts, scene = Starts(self.scene), self.scene
         nodes, states = starts.nodes
-        if len(nodes) == 1:  # as it is, wherever it begins
+        if len(nodes) == 1:  # the same initial state for all slopes
             nodes, states = np.array([nodes[0], np.inf]), np.repeat(states, 2, axis=0)
         disturbances = Disturbances(scene, self._system.name, 0)
         arrays = SceneConstants(
@@ -193,15 +193,15 @@ class DeviceBatch:
         count = self.count
         return StepBuffers(
             actions=device.put(np.zeros(count * len(self.scene.actions))),
-            observations=device.room(count * self.observation_size, np.float32),
-            rewards=device.room(count, float),
-            terminated=device.room(count, bool),
-            truncated=device.room(count, bool),
+            observations=device.empty(count * self.observation_size, np.float32),
+            rewards=device.empty(count, float),
+            terminated=device.empty(count, bool),
+            truncated=device.empty(count, bool),
             last=device.put(np.zeros(count * self.observation_size, np.float32)),
-            plain=device.room(
+            plain=device.empty(
                 count * self._shown if self.custom.observation_size else 0, np.float32
             ),
-            numbers=device.room((count, self.custom.observation_size or 0), float),
+            numbers=device.empty((count, self.custom.observation_size or 0), float),
         )
 
     def reset(self, *, stream: Any = 0) -> None:
@@ -211,9 +211,9 @@ class DeviceBatch:
         )
 
     def step(self, *, stream: Any = 0) -> None:
-        """A step of every walker, by `buffers.actions`: nothing is moved to or from the device.
+        """Step every walker by `buffers.actions`; nothing is transferred.
 
-        A walker without a finite action stays as it is, and its reward is not a number.
+        A non-finite action leaves its walker unchanged, and its reward is NaN.
         """
         device.launch(
             self._step, self.count, self.walkers, self._constants, self.buffers, stream=stream

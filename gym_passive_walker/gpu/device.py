@@ -1,4 +1,4 @@
-"""The device: whether there is one, arrays on it, and how kernels are sent there."""
+"""The GPU: whether there is one, arrays on it, and kernels."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 cuda: Any = numba.cuda
-"""What kernels and this room know of devices."""
+"""Numba's module for GPUs."""
 
 SIMULATED = bool(cuda.config.ENABLE_CUDASIM)
-"""Whether there is a simulator instead of a device: ``NUMBA_ENABLE_CUDASIM=1``."""
+"""Whether numba simulates a GPU: ``NUMBA_ENABLE_CUDASIM=1``."""
 
 BLOCK = 64
-"""Threads of a block: a thread takes nearly all registers there may be, so blocks are small."""
+"""Threads of a block; blocks are small because a thread uses nearly all registers."""
 
 _MISSING = (
     "this needs a CUDA GPU, and there is none here: simulate on the CPU (gpw.stride, "
@@ -26,21 +26,21 @@ _MISSING = (
 
 
 class NoDevice(RuntimeError):
-    """There is no CUDA device."""
+    """There is no CUDA GPU."""
 
 
 def need_device() -> None:
-    """Say that there is no device before it is sent something.
+    """Require a GPU.
 
     Raises:
-        NoDevice: if there is none, and none is simulated.
+        NoDevice: if there is no GPU, and none is simulated.
     """
     if not cuda.is_available():
         raise NoDevice(_MISSING)
 
 
 class Row(np.void):
-    """A record with its fields as attributes, as in a device's code, whatever they are called."""
+    """A record with its fields as attributes, as in code for a GPU."""
 
     def __getattribute__(self, name: str) -> Any:
         get = super().__getattribute__
@@ -51,41 +51,41 @@ class Row(np.void):
 
 
 def kind(layout: np.dtype) -> np.dtype:
-    """A layout of records as a device's: read by whole words, its fields as attributes."""
+    """Return the type of records on a GPU: aligned, with fields as attributes."""
     return np.dtype((Row, np.dtype(layout.descr, align=True)))
 
 
 def put(array: NDArray) -> Any:
-    """A copy of an array on the device."""
+    """Return a copy of an array on the GPU."""
     array = np.array(array, order="C")
     if array.dtype.fields:
         array = array.view(kind(array.dtype))
     return array if SIMULATED else cuda.to_device(array)
 
 
-def room(shape: int | tuple[int, ...], of: Any) -> Any:
-    """An array on the device, not filled yet."""
+def empty(shape: int | tuple[int, ...], of: Any) -> Any:
+    """Return an uninitialized array on the GPU."""
     of = np.dtype(of)
     of = kind(of) if of.fields else of
     return np.empty(shape, of) if SIMULATED else cuda.device_array(shape, of)
 
 
-def back(array: Any) -> NDArray:
-    """A copy of a device's array here."""
+def to_host(array: Any) -> NDArray:
+    """Return a copy of an array of the GPU in the CPU's memory."""
     found = array.copy() if SIMULATED else array.copy_to_host()
     return found.view(np.ndarray)
 
 
 def launch(kernel: Any, count: int, *arguments: Any, stream: Any = 0) -> None:
-    """Run a kernel with a thread for each of so many walkers, behind what the stream has to do."""
+    """Run a kernel on a stream, with one thread for each of `count` walkers."""
     if not SIMULATED:
         kernel[(count + BLOCK - 1) // BLOCK, BLOCK, stream](*arguments)
         return
-    with warnings.catch_warnings():  # what a device does in silence
+    with warnings.catch_warnings():  # a GPU does not warn
         warnings.simplefilter("ignore", RuntimeWarning)
         kernel[count, 1](*arguments)
 
 
 def kernel(function: Callable[..., None]) -> Any:
-    """Compile a function of arrays that a thread for each walker runs."""
+    """Compile a function of arrays as a kernel."""
     return cuda.jit(function)

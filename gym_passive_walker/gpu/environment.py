@@ -1,4 +1,4 @@
-"""A vector environment with walkers and tensors that never leave the device."""
+"""A vector environment with walkers and tensors on a GPU."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ with extra("train"):
 class PassiveWalkerGpuEnv:
     """A vector environment with torch tensors that simulates its walkers on a GPU.
 
-    A step moves nothing to the CPU and waits for nothing: it only launches kernels on the GPU
-    next. An episode that ends begins again in the same step. Walkers follow the rules of
-    `PassiveWalkerVectorEnv`; their random numbers are others: functions of a walker's key.
+    A step transfers nothing to the CPU, and does not synchronize. The step that ends an episode
+    begins the next one. The rules are those of `PassiveWalkerVectorEnv`. Random numbers differ:
+    they are functions of a walker's key.
 
     Args:
-        num_envs: How many walkers.
+        num_envs: Number of walkers.
         scene: As for `PassiveWalkerEnv`.
-        max_episode_steps: Steps after which an episode is truncated; -1 or None for never.
-        seed: Of the first walker; the next have those that follow.
+        max_episode_steps: Steps after which an episode is truncated; None or -1 never truncates.
+        seed: Seed of the first walker; the others use seed + 1, seed + 2, ...
         **changes: As for `PassiveWalkerEnv`.
 
     Attributes:
-        batch: The batch on the device.
-        device: Where tensors are.
+        batch: The batch of walkers.
+        device: Device of the tensors.
 
     Raises:
-        NoDevice: if there is no device.
+        NoDevice: if there is no GPU.
         ImportError: if torch is not installed.
     """
 
@@ -68,10 +68,10 @@ class PassiveWalkerGpuEnv:
         """Begin an episode of every walker.
 
         Args:
-            seed: Begin all over, with this seed; else with each walker's next episode.
+            seed: Seed of the first walker; None begins each walker's next episode.
 
         Returns:
-            Observations, (num_envs, seen), and an empty dictionary.
+            Observations, (num_envs, k), and an empty dictionary.
         """
         if seed is not None:
             self.batch.seed(seed)
@@ -80,16 +80,16 @@ class PassiveWalkerGpuEnv:
 
     @one_thread
     def step(self, actions: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, dict[str, Any]]:
-        """A step of every walker.
+        """Step every walker.
 
         Args:
-            actions: On the device, (num_envs, actions of the scene). A walker stays as it is
-                without a finite action, and its reward is not a number.
+            actions: On the GPU, (num_envs, actions of the scene). A non-finite action leaves its
+                walker unchanged, and its reward is NaN.
 
         Returns:
-            Observations (num_envs, seen); rewards, terminated and truncated (num_envs,); and what
-            infos, as in `PassiveWalkerTorchEnv`: also "final_obs", the observations
-            before other episodes began.
+            Observations (num_envs, k); rewards, terminated and truncated, each (num_envs,); and
+            `info` as in `PassiveWalkerTorchEnv`. "final_obs", (num_envs, k), are the observations
+            before new episodes began.
         """
         buffers = self._buffers
         buffers.actions.copy_(actions.detach().reshape(-1))
@@ -106,7 +106,7 @@ class PassiveWalkerGpuEnv:
 
     @one_thread
     def set_energy_cost(self, energy: str | None) -> None:
-        """Charge all motors for another kind of work, from the next step on; see `DeviceBatch`."""
+        """Set the work that the energy term counts, from the next step on; see `DeviceBatch`."""
         self.batch.set_energy_cost(energy)
 
     def _rows(self, flat: Tensor) -> Tensor:
@@ -114,17 +114,17 @@ class PassiveWalkerGpuEnv:
 
 
 def _column(name: str) -> int:
-    """Which word of its row in the ledger a field is."""
+    """Return the index of a field in a row of the ledger, in words of 8 bytes."""
     return task.LEDGER.fields[name][1] // 8  # type: ignore[index]
 
 
 def _tensor(array: Any) -> Tensor:
-    """A device's array as a tensor: the same memory."""
+    """Return a tensor that shares the memory of an array on the GPU."""
     return torch.from_numpy(array) if SIMULATED else torch.as_tensor(array, device="cuda")
 
 
 def _stream() -> Any:
-    """The stream that torch works behind."""
+    """Return torch's current stream."""
     if SIMULATED:
         return 0
     found = torch.cuda.current_stream().cuda_stream

@@ -1,4 +1,4 @@
-"""One walker on one thread of a device: what carries it there, in the engine's own words."""
+"""Code of a GPU thread: traced equations, and functions of the engine compiled for the GPU."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.engine import jit, lanes
 from gym_passive_walker.engine.compiled import phases_of, written
+from gym_passive_walker.engine.device_linker import DeviceLinker
 from gym_passive_walker.engine.layout import HISTORY, PAIR, history_for, layout_of, tile_for
 from gym_passive_walker.engine.one_walker import entry, integrate_phase
 from gym_passive_walker.envs.constraints import equipped, look_code, push_code
 from gym_passive_walker.envs.custom import Rule
 from gym_passive_walker.gpu import primitives
-from gym_passive_walker.gpu.bookkeeping import DeviceLinker
 from gym_passive_walker.gpu.device import kind
 from gym_passive_walker.gpu.source import Source
 from gym_passive_walker.math import where
@@ -24,30 +24,30 @@ from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.physics.systems import SYSTEMS
 
 TILE, RUN = kind(tile_for(PAIR, width=1)), kind(HISTORY)
-"""A tile for one walker, and how guards run over its step."""
+"""Types of the tile and of the guard history of one walker."""
 
 
-def rooms(system: System) -> dict[str, np.dtype]:
-    """`TILE` and `RUN` of a system, which has more coordinates than the package's if a user's."""
+def scratch_types(system: System) -> dict[str, np.dtype]:
+    """Return `TILE` and `RUN` for a system; a user's may have more coordinates."""
     layout = layout_of(system)
     tile = tile_for(PAIR, width=1, layout=layout)
     return {"TILE": kind(tile), "RUN": kind(history_for(layout))}
 
 
-class Machinery:
-    """A system's traced code and the engine's bookkeeping, for a device.
+class DeviceCode:
+    """Traced code of a system, and the functions of the engine, compiled for a GPU.
 
     Args:
-        system: Its name.
+        system: Name of the system.
         pushed: Whether walkers are pushed.
         watched: Whether feasibility constraints are checked.
         rules: Users' own functions.
 
     Attributes:
-        phases: What the engine knows of the system's phases, with numbers for addresses.
-        hooks: Addresses of what else is done to walkers.
-        bound: Makes a device's function of one of the engine's.
-        rules: The numbers by which users' functions are called, by their names.
+        phases: Phases of the system, (phases,) of `compiled.PHASE`; numbers replace addresses.
+        hooks: Functions for pushes and checks, (phases,) of `constraints.HOOK`.
+        bound: Compiles functions of the package for the GPU.
+        rules: Numbers by which users' functions are called, by name.
     """
 
     phases: NDArray
@@ -77,16 +77,16 @@ class Machinery:
             rule.write(source)
             self.rules[rule.name] = source.get_function_address("rule")
         self.phases, self.hooks = equipped(of, phases, pushes, looks)
-        call = _compiled(source, f"<the equations {system}>")
+        call = _compiled(source, f"<equations of {system}>")
         own = {getattr(jit, name): primitives.BY_NAME[name] for name in ("address", "fma")}
         own |= {jit.call: call, where: primitives.BY_NAME["select"]}
-        self.bound = DeviceLinker(own).instead(
+        self.bound = DeviceLinker(own, primitives.jitted).instead(
             {lanes.integrate_phase: integrate_phase, jit.entry: entry}
         )
 
 
 def _compiled(source: Source, name: str) -> Any:
-    """The device's function that calls each of a source's functions by its number."""
+    """Return the function for the GPU that calls the functions of a source by number."""
     names = dict(primitives.BY_NAME)
     names |= {"fabs": abs, "inf": np.inf, "nan": np.nan}
     exec(compile(str(source), name, "exec"), names)
@@ -97,9 +97,5 @@ def _compiled(source: Source, name: str) -> Any:
     return names["call"]
 
 
-@lru_cache
-def machinery(
-    system: str, *, pushed: bool = False, watched: bool = False, rules: tuple[Rule, ...] = ()
-) -> Machinery:
-    """The machinery of a system; see `Machinery`."""
-    return Machinery(system, pushed=pushed, watched=watched, rules=rules)
+device_code = lru_cache(DeviceCode)
+"""Returns the code of a system, compiled once for equal arguments."""

@@ -8,7 +8,7 @@ from typing import Any
 from gym_passive_walker.engine import run
 from gym_passive_walker.gpu import device
 from gym_passive_walker.gpu.device import cuda
-from gym_passive_walker.gpu.lane import RUN, TILE, machinery, rooms
+from gym_passive_walker.gpu.lane import RUN, TILE, device_code, scratch_types
 from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.physics.systems import SYSTEMS
 
@@ -24,16 +24,16 @@ def _stride_kernel(records, bodies, phases, options):
 
 @lru_cache
 def _made(system: str) -> tuple[Any, Any]:
-    """A system's phases on the GPU, and the kernel that integrates its walkers."""
-    here = machinery(system)
+    """Return the phases of a system on the GPU, and the kernel that integrates its walkers."""
+    here = device_code(system)
     kernel = here.bound.rebound(_stride_kernel)
-    kernel.__globals__.update(rooms(SYSTEMS[system]))
+    kernel.__globals__.update(scratch_types(SYSTEMS[system]))
     return device.put(here.phases), device.kernel(kernel)
 
 
 @lru_cache
 def _options(tolerance: float, *, scuff: bool, from_section: bool) -> Any:
-    """The engine's options, on the GPU."""
+    """Return the options of the engine on the GPU."""
     return device.put(run.options(tolerance, scuff=scuff, from_section=from_section))
 
 
@@ -46,7 +46,7 @@ def advance_there(
     scuff: bool = False,
     from_section: bool = True,
 ) -> None:
-    """Integrate records that are on the GPU, in place; the arguments are those of `advance`."""
+    """Integrate records on the GPU in place; see `advance` for the arguments."""
     phases, kernel = _made(system.name)
     options = _options(tolerance, scuff=scuff, from_section=from_section)
     device.launch(kernel, len(records), records, bodies, phases, options)
@@ -71,7 +71,7 @@ def advance(
         tolerance: Error relative to the largest angle or angular velocity.
         scuff: Whether a kneed walker's locked swing leg below the ground ends the stride.
         from_section: Whether records stand just after heelstrike; else at their phase.
-        threads: Ignored: the CPU's threads have no work here.
+        threads: Ignored.
 
     Returns:
         The records.
@@ -82,5 +82,5 @@ def advance(
     device.need_device()
     there, options = device.put(records), {"scuff": scuff, "from_section": from_section}
     advance_there(system, device.put(bodies), there, tolerance=tolerance, **options)
-    records[:] = device.back(there)
+    records[:] = device.to_host(there)
     return records

@@ -15,7 +15,7 @@ from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
 
-class PassiveWalkerTorchEnv:
+class PassiveWalkerTorchEnv(interface.Adapter):
     """`PassiveWalkerVectorEnv` with torch tensors: trajectories are bitwise equal.
 
     The CPU integrates the walkers. CPU tensors share the memory of the environment's arrays; for
@@ -135,21 +135,6 @@ class PassiveWalkerTorchEnv:
 
     def _tensor(self, array: np.ndarray) -> Tensor:
         return torch.from_numpy(array).to(self.device)
-
-    def get_state(self) -> dict[str, Any]:
-        """Return the state of the vector environment, from which `set_state` continues."""
-        return self.envs.get_state()
-
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Continue from a state that `get_state` returned."""
-        self.envs.set_state(state)
-
-    def set_energy_cost(self, energy: str | None) -> None:
-        """Set the hip work that actuators are charged for: "absolute", "positive" or "net".
-
-        None restores the scene's own. The change applies from the next step on.
-        """
-        self.envs.set_energy_cost(energy)
 
     def render(self) -> Any:
         """Return a picture of each walker, or None without a render mode."""

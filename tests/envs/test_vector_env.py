@@ -12,15 +12,8 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import vector as wrappers
 
 from gym_passive_walker.envs.registration import ID
-from gym_passive_walker.envs.scene import SCENES, SceneError
+from gym_passive_walker.envs.scene import SceneError
 
-EVERY_SCENE = [
-    *({"scene": name} for name in SCENES),
-    {"walker": "A", "control": "stride"},
-    {"walker": "D", "slope": 0.01},
-    {"scene": "lab", "domain_randomization": {"foot_radius": 0.05, "thigh_mass": 0.1}},
-    {"scene": "lab", "max_hip_torque": 0.0},
-]
 MODES = [mode.value for mode in AutoresetMode]
 
 

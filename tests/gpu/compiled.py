@@ -39,7 +39,7 @@ def ptx(capability: int, scene: str) -> dict[str, str]:
         )[0]
 
     here = mock.patch.multiple(
-        device, need_device=lambda: None, put=_put, room=_room, launch=compiled
+        device, need_device=lambda: None, put=_put, empty=_room, launch=compiled
     )
     with here:
         there = batch.DeviceBatch(2, eval(scene))
@@ -69,16 +69,16 @@ def on_processor(name: str) -> float:
     sys.modules.setdefault("numba_cuda", ModuleType("numba_cuda"))  # which a device would need
     from gym_passive_walker.engine import run
     from gym_passive_walker.engine.layout import HISTORY, PAIR, tile_for
-    from gym_passive_walker.gpu import bookkeeping, lane, primitives
+    from gym_passive_walker.gpu import lane, primitives
     from gym_passive_walker.physics.systems import SYSTEMS
 
     def jitted(function):
         return numba.njit(error_model="numpy")(function)
 
-    primitives.jitted = primitives.inlined = bookkeeping.jitted = jitted
+    primitives.jitted = primitives.inlined = jitted
     from tests.gpu.thrown import thrown
 
-    here, (own, records) = lane.machinery(name), thrown(name, 200)
+    here, (own, records) = lane.device_code(name), thrown(name, 200)
     integrate, reported = here.bound(run.integrate), run.options(1e-8, from_section=True)
     usual, working = records.copy(), (np.zeros(1, tile_for(PAIR, 1)), np.zeros(1, HISTORY))
     run.advance(SYSTEMS[name], own, usual, tolerance=1e-8)

@@ -24,7 +24,7 @@ def carried(name, records, own, *, tolerance=1e-8, **given):
     """Records that a device has carried on."""
     there = device.put(records)
     advance_there(SYSTEMS[name], device.put(own), there, tolerance=tolerance, **given)
-    return device.back(there)
+    return device.to_host(there)
 
 
 def bits(records):
