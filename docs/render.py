@@ -1,12 +1,12 @@
 """Write the pages that are readable in the repository from their sources.
 
-    python docs/render.py                  the environment's reference and the list of names
+    python docs/render.py                  the environment's reference and the pages of names
     python docs/render.py --notebooks      the notebooks too, with outputs; requires the extra docs
     python docs/render.py --check          report pages that differ from their sources
 
 The reference of `PassiveWalker-v0` on docs/environment.md is the docstring of `PassiveWalkerEnv`.
-docs/names.md has the signature and the summary of each name on docs/api.md. docs/rendered has each
-notebook of docs/notebooks as .ipynb with its outputs.
+docs/names.md has the signature and the summary of each name on docs/api.md, and docs/reference.md
+the whole docstring. docs/rendered has each notebook of docs/notebooks as .ipynb with its outputs.
 """
 
 from __future__ import annotations
@@ -18,15 +18,31 @@ import json
 import os
 import re
 import sys
+from collections.abc import Iterator
+from dataclasses import MISSING
+from dataclasses import fields as dataclass_fields
 from enum import Enum
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from types import FunctionType
+from typing import Any, NamedTuple
+
+os.environ["NUMBA_ENABLE_CUDASIM"] = "1"  # names of the GPU are imported where there is none
+
+from gym_passive_walker.units import KINDS, PROPORTIONS, UNITS
+from gym_passive_walker.walkers import PARAMETERS, Walker
 
 DOCS = Path(__file__).resolve().parent
 BEGIN, END = "copies it here.\n\n", "## Named scenes\n"
 """Texts before and after the reference on docs/environment.md."""
 _FENCE = re.compile(r"```\{code-cell\}[^\n]*\n(.*?)```\n?", re.S)
 _KINDS = {"class": "class ", "exception": "exception "}
+_CROSS = re.compile(r"``([^`]+)``")
+_SI = {
+    "angle": "rad", "length": "m", "mass": "kg", "gravity": "m/s²", "torque": "N m",
+    "friction": "N m s",
+}  # fmt: skip
+PACKAGE = "gym_passive_walker"
 
 
 def environment() -> str:
@@ -66,49 +82,202 @@ def _default(value: Any) -> str:
     return name or repr(value)
 
 
-def _entry(kind: str, name: str, found: Any) -> str:
-    exception = kind == "exception" or (inspect.isclass(found) and issubclass(found, Enum))
-    signature = "" if exception else _signature(found)
-    paragraph = (inspect.getdoc(found) or "").partition("\n\n")[0]
-    first = " ".join(paragraph.split()).replace("|", "\\|")
-    short = name.removeprefix("gym_passive_walker.")
-    return f"| {_KINDS.get(kind, '')}`{short}{signature}` | {first} |"
+class Name(NamedTuple):
+    """A name on docs/api.md.
+
+    Attributes:
+        section: Heading above it.
+        kind: Its directive without "auto": "class", "function", "exception", "method" or "data".
+        short: Full name without the package's.
+        found: The object; None if the page describes it itself.
+        text: Description on the page; empty for an object with a docstring.
+    """
+
+    section: str
+    kind: str
+    short: str
+    found: Any
+    text: str = ""
+
+    @property
+    def head(self) -> str:
+        """Kind, if it is not obvious, and name: a heading of docs/reference.md."""
+        return f"{_KINDS.get(self.kind, '')}`{self.short}`"
+
+    @property
+    def call(self) -> str:
+        """The name with its parameters."""
+        plain = self.found is None or self.kind == "exception"
+        enum = inspect.isclass(self.found) and issubclass(self.found, Enum)
+        return self.short if plain or enum else self.short + _signature(self.found)
+
+    @property
+    def link(self) -> str:
+        """Anchor of its heading on docs/reference.md."""
+        return re.sub(r"[^\w\- ]", "", self.head.lower()).replace(" ", "-")
 
 
-def names() -> str:
-    """The list of all names on docs/api.md, in its order, with signatures and first sentences."""
-    lines = [
-        "# Names in short",
-        "",
-        "Signature and summary of every public name, in the order of [the full page](api.md).",
-        "Names are attributes of `gym_passive_walker`, which is usually imported as `gpw`.",
-        "",
-        "*`python docs/render.py` writes this page.*",
-    ]
-    module = "gym_passive_walker"
+def listed() -> Iterator[Name]:
+    """All names on docs/api.md, in its order; methods that it names follow their class."""
+    module, section, last = PACKAGE, "", Name("", "", "", None)
     api = (DOCS / "api.md").read_text(encoding="utf-8")
     for line in api.splitlines():
         if line.startswith("## "):
-            lines += ["", line, "", "| name | description |", "|---|---|"]
+            section = line
+        if members := re.match(r" +:members: (.+)", line):
+            for each in members[1].split(", "):
+                yield Name(section, "method", f"{last.short}.{each}", getattr(last.found, each))
         if not (found := re.match(r"\.\. (?:py:)?(\w+):: ([\w.]+)", line)):
             continue
         kind, name = found.groups()
-        full = name if name.startswith("gym_passive_walker") else f"{module}.{name}"
+        full = name if name.startswith(PACKAGE) else f"{module}.{name}"
+        short = full.removeprefix(f"{PACKAGE}.")
         if kind == "currentmodule":
             module = name
         elif kind == "automodule":
-            for each in importlib.import_module(name).__all__:
-                function = getattr(importlib.import_module(name), each)
-                lines.append(_entry("function", f"{name}.{each}", function))
+            functions = importlib.import_module(name)
+            for each in functions.__all__:
+                yield Name(section, "function", f"{short}.{each}", getattr(functions, each))
         elif kind in ("data", "function"):
             text = re.search(rf"^\.\. py:{kind}:: {re.escape(name)}.*\n\n +(.*)", api, re.M)
             assert text, name
-            lines.append(f"| `{full.removeprefix('gym_passive_walker.')}` | {text[1]} |")
+            yield Name(section, kind, short, None, text[1])
         elif kind.startswith("auto"):
-            where, _, last = full.rpartition(".")
-            there = getattr(importlib.import_module(where), last)
-            lines.append(_entry(kind.removeprefix("auto"), full, there))
+            where, _, own = full.rpartition(".")
+            there = getattr(importlib.import_module(where), own)
+            last = Name(section, kind.removeprefix("auto"), short, there)
+            yield last
+
+
+def names() -> str:
+    """The list of all names on docs/api.md, with signatures and first sentences."""
+    lines = [
+        "# Names in short",
+        "",
+        "Signature and summary of every public name; each one leads to its entry in the",
+        "[reference](reference.md). Names are attributes of `gym_passive_walker`, which is usually",
+        "imported as `gpw`.",
+        "",
+        "*`python docs/render.py` writes this page.*",
+    ]
+    section = ""
+    for name in listed():
+        if name.section != section:
+            section = name.section
+            lines += ["", section, "", "| name | description |", "|---|---|"]
+        paragraph = name.text or (inspect.getdoc(name.found) or "").partition("\n\n")[0]
+        first = " ".join(paragraph.split()).replace("|", "\\|")
+        linked = f"[`{name.call}`](reference.md#{name.link})"
+        lines.append(f"| {_KINDS.get(name.kind, '')}{linked} | {first} |")
     return "\n".join(lines) + "\n"
+
+
+def reference() -> str:
+    """The docstrings of all names on docs/api.md, with parameters and fields as tables."""
+    lines = [
+        "# Reference",
+        "",
+        "The documentation of every public name; [Names in short](names.md) is a list of them.",
+        "Lengths are in metres, angles in rad, times in seconds and masses in kilograms, unless an",
+        "entry says otherwise. Any other consistent set of units works as well.",
+        "",
+        "*`python docs/render.py` writes this page from the docstrings.*",
+    ]
+    section = ""
+    for name in listed():
+        if name.section != section:
+            section = name.section
+            lines += ["", section]
+        lines += ["", f"### {name.head}", ""]
+        if name.text:
+            lines.append(name.text)
+            continue
+        if name.call != name.short:
+            lines += ["```text", name.call, "```", ""]
+        lines += _described(name)
+    return "\n".join(lines) + "\n"
+
+
+def _described(name: Name) -> list[str]:
+    """The docstring of a name in Markdown."""
+    lines: list[str] = []
+    text = _CROSS.sub(r"`\1`", inspect.getdoc(name.found) or "")
+    for part in re.split(r"\n\n(?=\S)", text):
+        title, _, rest = part.partition("\n")
+        body = inspect.cleandoc(rest)
+        if title in ("Args:", "Attributes:"):
+            lines += _table(name.found, title[:-1], body)
+        elif title in ("Example:", "Examples:"):
+            lines += ["```pycon", body, "```"]
+        elif title in ("Raises:", "Yields:", "Returns:"):
+            lines += [f"**{title[:-1]}**", ""]
+            errors = _entries(body) if title == "Raises:" else []
+            lines += [f"- `{error}`: {why}" for error, why in errors] or [body]
+        else:
+            lines.append(part)
+        lines.append("")
+    lines += _members(name)
+    if inspect.isclass(name.found) and issubclass(name.found, Enum):
+        lines += [f"`{'`, `'.join(each.name for each in name.found)}`", ""]
+    return lines[:-1]
+
+
+def _members(name: Name) -> list[str]:
+    """A table of the properties and methods of a class, with their first paragraphs."""
+    if name.kind != "class":
+        return []
+    kinds = (property, cached_property, FunctionType, classmethod)
+    rows = []
+    for own, member in vars(name.found).items():
+        text = (inspect.getdoc(member) or "").partition("\n\n")[0]
+        if not own.startswith("_") and isinstance(member, kinds) and text:
+            bound = "" if isinstance(member, kinds[:2]) else _signature(getattr(name.found, own))
+            call = re.sub(r"^\(self(?:, )?", "(", bound)
+            text = " ".join(text.split()).replace("|", "\\|")
+            rows.append(f"| `{own}{call}` | {text} |")
+    head = ["| property or method | meaning |", "| --- | --- |"]
+    return [*head, *rows, ""] if rows else []
+
+
+def _entries(body: str) -> list[tuple[str, str]]:
+    """Names and descriptions of a section of a docstring."""
+    parts = re.split(r"^(\**[\w., ]+): ", re.sub(r"\n +", " ", body), flags=re.M)[1:]
+    return [(key, " ".join(parts[2 * i + 1].split())) for i, key in enumerate(parts[::2])]
+
+
+def _table(found: Any, title: str, body: str) -> list[str]:
+    """Parameters or fields of a name, a row for each."""
+    try:
+        known = inspect.signature(found).parameters
+    except (TypeError, ValueError):
+        known = {}
+    own = found is Walker
+    columns = ["parameter" if title == "Args" else "field", "default", "meaning"]
+    if own:
+        columns[1:1] = ["unit", "randomized", "observed"]
+    rows = [columns, ["---"] * len(columns)]
+    fields = {field.name: field.default for field in dataclass_fields(Walker)} if own else {}
+    for key, text in _entries(body):
+        parameter = known.get(key.strip("*"))
+        default = fields.get(key, getattr(parameter, "default", inspect.Parameter.empty))
+        given = default is not inspect.Parameter.empty and default is not MISSING
+        shown = f"`{_default(default)}`".replace("|", "\\|") if given else "required" * own
+        row = [f"`{key}`", shown, text.replace("|", "\\|")]
+        if own:
+            row[1:1] = _of_walker(key)
+        rows.append(row)
+    if all(not row[-2] for row in rows[2:]):
+        rows = [[*row[:-2], row[-1]] for row in rows]
+    return [f"| {' | '.join(row)} |" for row in rows]
+
+
+def _of_walker(parameter: str) -> list[str]:
+    """Unit of a parameter of a walker, whether it can be randomized, and how it is observed."""
+    if parameter not in PARAMETERS:
+        return ["", "", ""]
+    kind = KINDS[parameter]
+    observed = f"over {UNITS[kind][0]}" if parameter in PROPORTIONS else ""
+    return [_SI[kind], "yes", "in rad" if kind == "angle" else observed]
 
 
 def cells(notebook: Path) -> list[tuple[str, str]]:
@@ -151,16 +320,16 @@ def main() -> int:
     parser.add_argument("--notebooks", nargs="*", metavar="NAME", help="execute these, or all")
     parser.add_argument("--check", action="store_true", help="write nothing; 1 if a page is stale")
     arguments = parser.parse_args()
-    os.environ["NUMBA_ENABLE_CUDASIM"] = "1"  # names of the GPU are imported where there is none
     stale = []
-    for name, text in (("environment", environment()), ("names", names())):
+    for make in (environment, names, reference):
+        name, text = make.__name__, make()
         page = DOCS / f"{name}.md"
         if not arguments.check:
             page.write_text(text, encoding="utf-8")
         elif not page.exists() or page.read_text(encoding="utf-8") != text:
             stale.append(page.name)
     if stale:
-        print(f"{' and '.join(stale)}: run python docs/render.py")
+        print(f"{', '.join(stale)}: run python docs/render.py")
         return 1
     if arguments.notebooks is not None:
         os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"

@@ -35,17 +35,18 @@ class Walker(Shown):
     Attributes:
         thigh_length: l_t, hip to knee.
         thigh_offset: w_t, centre of mass of the thigh, backwards from the hip-knee line.
-        thigh_mass: m_t.
+        thigh_mass: m_t, mass of one thigh.
         thigh_gyration: r_t, radius of gyration of the thigh about its centre of mass.
         thigh_com: c_t, centre of mass of the thigh, down from the hip.
         shank_length: l_s, knee to the bottom of the foot, through the foot's centre.
         shank_offset: w_s, centre of mass of the shank, backwards from the line knee-foot centre.
-        shank_mass: m_s.
+        shank_mass: m_s, mass of one shank.
         shank_gyration: r_s, radius of gyration of the shank about its centre of mass.
         shank_com: c_s, centre of mass of the shank, down from the knee.
-        foot_radius: R, from 0 (a point foot) to below the shank's length.
-        foot_angle: epsilon_T in rad, from the thigh forward to the line hip-foot centre.
-        hip_mass: one extra point mass at the hip.
+        foot_radius: R, of the circular foot: from 0 (a point foot) to below the shank's length.
+        foot_angle: epsilon_T, with the knee locked, from the thigh's line forward to the line
+            hip-foot centre.
+        hip_mass: a point mass at the hip, once for both legs.
         hip_stiffness: of a torsional spring between the legs, relaxed where they are parallel; per
             unit of foot mass where legs have none.
         hip_friction: viscous, torque per rate at which the legs open; per
@@ -53,7 +54,7 @@ class Walker(Shown):
         knee_stiffness: of a torsional spring at the knee, relaxed where the leg is straight; of no
             effect on locked knees.
         knees: whether the swing knee is free until it strikes its stop; False locks both knees.
-        gravity: g.
+        gravity: g, acceleration of gravity.
 
     Raises:
         WalkerError: if a parameter is unknown, not finite, out of its range, or leaves a joint with

@@ -16,7 +16,7 @@ PAGES = [
 LONGEST = 3000
 """Words of a page, tables that commands write left out."""
 
-WRITTEN = ("environment.md", "names.md")
+WRITTEN = ("environment.md", "names.md", "reference.md")
 """Pages that are made from docstrings."""
 
 
