@@ -472,12 +472,10 @@ class ControlledMap(StrideMap):
         return states_in(records[:, 0], self.size // 2)
 
     def _sound(self, points: NDArray) -> NDArray[np.bool_]:
-        """Return where strides may begin: no knee bent backwards, no leg on the ground."""
+        """Return where strides may begin: the stance foot ahead, and no leg on the ground."""
         if self.own:
             return np.asarray(np.isfinite(points).all(axis=1))
-        with np.errstate(invalid="ignore"):
-            sound = (points[:, 0] > 0.0) & (points[:, 0] < 0.5 * math.pi)
-            return sound & (points[:, 3] <= points[:, 2]) if self.walker.knees else sound
+        return (points[:, 0] > 0.0) & (points[:, 0] < 0.5 * math.pi)
 
     def _taken(
         self,

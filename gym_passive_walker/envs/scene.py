@@ -542,6 +542,10 @@ def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any)
         arguments = dict(scene)
     elif isinstance(scene, str) and scene in SCENES:
         arguments = dict(SCENES[scene])
+    elif isinstance(scene, Mechanism):
+        raise SceneError(
+            f"the system {scene.title!r} is no scene: give its arguments, system=... among them"
+        )
     else:
         raise SceneError(f"no scene {shown(scene)}: give a Scene, or one of {', '.join(SCENES)}")
     for given in (arguments, changes):

@@ -352,9 +352,12 @@ class Flow:
         self, lanes: NDArray, times: NDArray, outcome: Outcome
     ) -> NDArray[np.float64]:
         """Return the rate of a strike's guard just before it, for some walkers, (lanes,)."""
-        before = self.before[lanes]
-        began = before["time"][:, 0]
-        verge = self.again(lanes, times - _VERGE * (times - began))
+        way = times - self.before["time"][lanes, 0]
+        share = np.full(len(lanes), _VERGE)
+        verge = self.again(lanes, times - share * way)
+        while (struck := verge.outcomes != Outcome.RUNNING).any():
+            share[struck] *= 10.0  # a way so short that the strike's error is as long
+            verge = self.again(lanes, times - share * way)
         record = verge.records[:, 0]
         states = states_in(record, self.system.coordinates)
         phase, ground = self.system.phases[record["phase"][0]], Ground(*record["ground"].T)

@@ -25,6 +25,7 @@ MODES = ("human", "rgb_array")
 
 _OVERSAMPLING = 2  # frames are drawn this much larger, then shrunk, for smooth edges
 _LEG_SHARE = 0.62  # leg length as a share of the frame's height
+_TALLEST = 0.76  # the same of a system, which may be taller than its legs, as it starts
 _GROUND_SHARE = 0.17  # height of the ground in the frame, as a share, under the hip
 _MARKS = 4  # on the ground, per leg length
 _GHOSTS, _GHOST_APART = 5, 0.22  # number, and distance of their hips in leg lengths
@@ -108,7 +109,12 @@ class Screen:
         self.mode, self.fps, self.size = mode, fps, size
         self._pygame = pygame = load_pygame()
         self._canvas = pygame.Surface((_OVERSAMPLING * size[0], _OVERSAMPLING * size[1]), depth=32)
-        scale = _LEG_SHARE * self._canvas.get_height()
+        share = _LEG_SHARE
+        if isinstance(self.walker, Mechanism):
+            start = self.walker.start or np.zeros(state_size(self.walker))
+            places = np.concatenate(self.walker.drawn(start))
+            share = min(share, _TALLEST / max(float(places[:, 1].max()), 1e-3))
+        scale = share * self._canvas.get_height()
         self._brush = Brush(pygame, self._canvas, scale, self.walker.leg_length)
         self._trail: deque[tuple[Pose, int]] = deque(maxlen=_GHOSTS)
         self._push, self._since = np.zeros(2), _FRAMES

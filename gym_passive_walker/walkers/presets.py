@@ -118,7 +118,7 @@ def as_walker(walker: WalkerLike) -> Walker:
     """
     if isinstance(walker, Walker):
         return walker
-    check_parametric(walker, "this")
+    check_parametric(walker, "this function")
     if isinstance(walker, Mapping):
         return _of_parameters(walker)
     if isinstance(walker, str) and walker in WALKERS:

@@ -511,3 +511,15 @@ def test_a_map_keeps_its_own_rules(seeing):
     for given in ({"max_stride_time": 3.0}, {"end_on_toe_stub": True}):
         with pytest.raises(ValueError, match="leave max_stride_time, end_on_toe_stub"):
             gpw.stride(strides, None, seeing[1], **given)
+
+
+def test_a_controller_that_never_acts_is_the_passive_walker():
+    """Also from where the shank is faster than the thigh, which bends the knee backwards."""
+    passive = gpw.stride_map("C", 0.03)
+    idle = gpw.stride_map("C", 0.03, controller=lambda seen: np.zeros((len(seen), 1)))
+    points = np.repeat(passive.points_at(gpw.find_gait(passive).state), 4, axis=0)
+    points[:, 3] = points[:, 2] * [1.1, 1.0, 0.98, 0.9]
+    expected, passage = passive.apply(points), idle.apply(points)
+    assert expected.alive.all()
+    np.testing.assert_array_equal(passage.outcomes, expected.outcomes)
+    np.testing.assert_allclose(passage.ends, expected.ends, atol=1e-9)

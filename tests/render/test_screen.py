@@ -167,6 +167,14 @@ def test_rough_ground_is_drawn_where_its_profile_is(no_display):
     assert right - left == pytest.approx(0.1 * 0.62 * 450, abs=2)
 
 
+def test_a_system_taller_than_its_legs_is_drawn_whole(no_display):
+    from examples.five_links import FIVE_LINKS
+
+    frame = Screen(FIVE_LINKS).draw(FIVE_LINKS.start, 0.0)
+    top = np.nonzero((frame != frame[0, 0]).any(axis=2).any(axis=1))[0][0]
+    assert 10 < top < 60  # the torso's end, of 450 rows
+
+
 def test_notes_stand_in_the_corners_and_a_warning_in_its_colour(no_display):
     plain = Screen("lab").draw(GAIT, SLOPE)
     reported = Screen("lab").draw(GAIT, SLOPE, notes=(["a"], ["b"]), warning="fell forward")
