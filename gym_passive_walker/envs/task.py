@@ -73,10 +73,7 @@ def ledger_for(layout: Layout) -> np.dtype:
             ("strides", "i8"),
             ("outcome", "i8"),  # of a stride or an episode that has ended in this step
             ("ending", "i8"),  # outcome that ended the episode; 0 while it goes on
-            (
-                "violated",
-                "i8",
-            ),  # the same, by a rule besides the equations; see `disturbance_kernels`
+            ("violated", "i8"),  # the same, by a rule of `disturbance_kernels`
             ("truncated", "i8"),
             ("steps", "i8"),  # of the episode
             ("reward", "f8"),
