@@ -189,9 +189,9 @@ def reference() -> str:
         "# Reference",
         "",
         "The documentation of every public name; [Names in short](names.md) is a list of them.",
-        "Strides, gaits and analyses are in the walker's own units: metres, seconds and kilograms, or",
-        "another consistent set. Environments, rewards and policies are dimensionless, in leg lengths",
-        "l, masses m and sqrt(l/g). Angles are in rad. Entries say where their units differ.",
+        "Strides, gaits and analyses are in the walker's own units: metres, seconds and kilograms,",
+        "or another consistent set. Environments, rewards and policies are dimensionless, in leg",
+        "lengths l, masses m and sqrt(l/g). Angles are in rad. Entries say where units differ.",
         "",
         "*`python docs/render.py` writes this page from the docstrings.*",
     ]
