@@ -19,8 +19,6 @@ import os
 import re
 import sys
 from collections.abc import Iterator
-from dataclasses import MISSING
-from dataclasses import fields as dataclass_fields
 from enum import Enum
 from functools import cached_property
 from pathlib import Path
@@ -58,14 +56,27 @@ def environment() -> str:
     return f"{above}{BEGIN}{reference.rstrip()}\n\n{END}{below}"
 
 
+def _parameters(found: Any) -> dict[str, inspect.Parameter]:
+    """The parameters of a function or class; those of `__init__` if `__new__` takes any."""
+    try:
+        known = dict(inspect.signature(found).parameters)
+    except (TypeError, ValueError):
+        return {}
+    several = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+    if inspect.isclass(found) and known and all(each.kind in several for each in known.values()):
+        known = dict(inspect.signature(found.__init__).parameters)
+        known.pop("self")
+    return known
+
+
 def _signature(found: Any) -> str:
     """The parameters of a function or class with their defaults, without types."""
     try:
-        parameters = inspect.signature(found).parameters.values()
+        inspect.signature(found)
     except (TypeError, ValueError):
         return ""
     words, keyword = [], False
-    for each in parameters:
+    for each in _parameters(found).values():
         if each.kind is each.KEYWORD_ONLY and not keyword:
             words.append("*")
         keyword |= each.kind in (each.KEYWORD_ONLY, each.VAR_POSITIONAL)
@@ -178,8 +189,9 @@ def reference() -> str:
         "# Reference",
         "",
         "The documentation of every public name; [Names in short](names.md) is a list of them.",
-        "Lengths are in metres, angles in rad, times in seconds and masses in kilograms, unless an",
-        "entry says otherwise. Any other consistent set of units works as well.",
+        "Strides, gaits and analyses are in the walker's own units: metres, seconds and kilograms,",
+        "or another consistent set. Environments, rewards and policies are dimensionless, in leg",
+        "lengths l, masses m and sqrt(l/g). Angles are in rad. Entries say where units differ.",
         "",
         "*`python docs/render.py` writes this page from the docstrings.*",
     ]
@@ -247,20 +259,14 @@ def _entries(body: str) -> list[tuple[str, str]]:
 
 def _table(found: Any, title: str, body: str) -> list[str]:
     """Parameters or fields of a name, a row for each."""
-    try:
-        known = inspect.signature(found).parameters
-    except (TypeError, ValueError):
-        known = {}
-    own = found is Walker
+    known, own = _parameters(found), found is Walker
     columns = ["parameter" if title == "Args" else "field", "default", "meaning"]
     if own:
         columns[1:1] = ["unit", "randomized", "observed"]
     rows = [columns, ["---"] * len(columns)]
-    fields = {field.name: field.default for field in dataclass_fields(Walker)} if own else {}
     for key, text in _entries(body):
-        parameter = known.get(key.strip("*"))
-        default = fields.get(key, getattr(parameter, "default", inspect.Parameter.empty))
-        given = default is not inspect.Parameter.empty and default is not MISSING
+        default = getattr(known.get(key.strip("*")), "default", inspect.Parameter.empty)
+        given = default is not inspect.Parameter.empty
         shown = f"`{_default(default)}`".replace("|", "\\|") if given else "required" * own
         row = [f"`{key}`", shown, text.replace("|", "\\|")]
         if own:

@@ -22,7 +22,8 @@ LONGEST = 30
 
 AVOIDED = {
     r"whoever|whom|whose": "of which, its, each; 'who' is a person",
-    r"(?<!people )(?<!someone )(?<!users )(?<!readers )(?<!those )who": "that; a person",
+    r"(?<!people )(?<!someone )(?<!users )(?<!readers )(?<!those )"
+    r"(?<!engineers )(?<!scientists )who": "that; a person",
     r"befall\w*|befell": "disturbances",
     r"fates?": "disturbance state",
     r"told|tells?|telling": "returns, reports, shows",

@@ -86,7 +86,8 @@ class Scene:
         randomization_pool: How many different walkers `domain_randomization` draws from, the same
             in each environment; None draws a new walker at each reset.
         observe_body: Parameters of the walker that agents observe, as ``("foot_radius",)``:
-            lengths over l, masses over m. They are the last entries of the observation.
+            lengths over l, masses over m, stiffnesses over m g l. They are the last entries of the
+            observation.
         start: Initial state on the Poincaré section instead of the passive gait: [stance, thigh,
             shank] angles in rad, then their angular velocities in units of 1/sqrt(l/g).
         max_stride_time: Time in sqrt(l/g) after which a stride without heelstrike has stalled.

@@ -73,7 +73,8 @@ class PassiveWalkerEnv(
 
     A `command` adds one number, from 0 to 1. A `terrain_lookahead` adds two numbers for each
     foothold: the change of height from -1 to 1 leg lengths, and that of slope from -pi/2 to pi/2.
-    `observe_body` adds parameters of the walker at the end: lengths over l, masses over m.
+    `observe_body` adds parameters of the walker at the end: lengths over l, masses over m,
+    stiffnesses over m g l.
 
     Angles are measured from the normal of the ground, positive where the hip is uphill of the foot;
     the stance angle decreases during a stride. Angular velocities beyond their bounds are clipped.
@@ -86,7 +87,8 @@ class PassiveWalkerEnv(
     - distance: displacement of the hip along the slope, in leg lengths. A stride that ends without
       heelstrike does not count: its distance is subtracted again at the fall. So the distances of
       an episode add up to the completed strides, and a dive has no value.
-    - energy: hip work over m g l: absolute, positive or net.
+    - energy: work of all actuators over m g l. Work of hip and ankle is absolute, positive or net,
+      as `energy` says. The work of a push-off, 1/2 mu P^2, always counts in full.
 
     A fall has no other price. With a `command`, a stride loses
     `command_weight` * | length - command * period |, but never more than its length. At the default
@@ -131,8 +133,10 @@ class PassiveWalkerEnv(
     no such gait, it is the gait on the nearest of a few gentle slopes. Angle, stance angular
     velocity and swing angular velocities are each multiplied by a number drawn from
     1 - `reset_noise_scale` to 1 + `reset_noise_scale`. The slope is drawn first, if it is a range.
-    `reset(options={"state": ..., "slope": ...})` sets either of them instead. The state has the
-    [stance, thigh, shank] angles and their angular velocities in the walker's own units.
+    With `domain_randomization`, the gait is that of the walker without the changes.
+    `reset(options={"state": ..., "slope": ...})` sets either of them instead. This state has the
+    [stance, thigh, shank] angles in rad and their angular velocities in the walker's own units
+    (rad/s); the argument `start` has them in units of sqrt(g/l).
 
     ## Episode End
 
@@ -179,10 +183,10 @@ class PassiveWalkerEnv(
     | `max_ankle_torque`     | 0.05                | ankle torque of action 1, in m g l         |
     | `max_push_off`         | 0.2                 | push-off of action 1, over m sqrt(g l)     |
     | `energy_weight`        | 10.0                | leg lengths that a unit of energy is worth |
-    | `energy`               | "absolute"          | "absolute", "positive" or "net" hip work   |
+    | `energy`               | "absolute"          | "absolute", "positive" or "net" work       |
     | `end_on_toe_stub`      | True with knees     | whether a stubbed toe ends the episode     |
     | `reset_noise_scale`    | 0.10 (stride: 0.05) | relative range of initial states           |
-    | `domain_randomization` | {}                  | parameter: relative range                  |
+    | `domain_randomization` | {}                  | parameter: relative range, uniform         |
     | `randomization_pool`   | None                | number of walkers that it draws from       |
     | `observe_body`         | ()                  | parameters of the walker that are observed |
     | `start`                | None                | dimensionless state instead of the gait    |
@@ -215,10 +219,12 @@ class PassiveWalkerEnv(
     weights of terms by name are enough: `reward={"distance": 1.0, "energy": -10.0, "alive": 0.1}`.
 
     ```python
-    >>> from gym_passive_walker.math import exp
-    >>> def keep_speed(step):
-    ...     return exp(-100.0 * (step.distance / step.duration - 0.15) ** 2) - 10.0 * step.energy
-    >>> env = gym.make("PassiveWalker-v0", reward=keep_speed)
+    >>> from gym_passive_walker.math import exp, maximum, where
+    >>> def track_speed(step):  # at heelstrikes, because the speed varies within a stride
+    ...     speed = step.step_length / maximum(step.step_period, 1e-6)
+    ...     closeness = exp(-(((speed - 0.15) / 0.03) ** 2))
+    ...     return where(step.heelstrike, step.step_length * closeness, 0.0)
+    >>> env = gym.make("PassiveWalker-v0", reward=track_speed)
 
     ```
 

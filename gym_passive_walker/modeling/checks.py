@@ -27,7 +27,7 @@ _FALLS = tuple(
 
 
 class StatementError(ValueError):
-    """A statement of a system is wrong; the message names the function."""
+    """The definition of a system is wrong; the message names the function."""
 
 
 def _fields_of(of: Any) -> tuple[str, ...]:

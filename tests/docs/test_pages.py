@@ -16,13 +16,15 @@ DOCS = Path(__file__).parents[2]
 PAGES = sorted(
     str(page.relative_to(DOCS))
     for page in [DOCS / "README.md", *(DOCS / "docs").glob("*.md")]
-    if "```python" in page.read_text() and page.name not in ("extending.md", "howto.md")
-)  # these two have tests of their own
+    if "```python" in page.read_text() and not page.name.startswith(("extending", "howto"))
+)  # these have tests of their own
 
+HOW_TO = sorted((DOCS / "docs").glob("howto*.md"))
 
 RECIPES = {
     section.partition("\n")[0]: "\n".join(re.findall(r"```python\n(.*?)```", section, re.S))
-    for section in re.split(r"^## ", (DOCS / "docs" / "howto.md").read_text(), flags=re.M)[1:]
+    for page in HOW_TO
+    for section in re.split(r"^## ", page.read_text(), flags=re.M)[1:]
     if "```python" in section
 }
 """The code of each section of the how-to, by its title."""
@@ -37,8 +39,9 @@ NEEDS = {
 """Libraries of extras, by a word in the recipes that need them."""
 
 
-def test_each_recipe_is_in_the_list_of_goals():
-    head, *sections = re.split(r"^## (.+)$", (DOCS / "docs" / "howto.md").read_text(), flags=re.M)
+@pytest.mark.parametrize("page", HOW_TO, ids=lambda page: page.stem)
+def test_each_recipe_is_in_the_list_of_goals(page):
+    head, *sections = re.split(r"^## (.+)$", page.read_text(), flags=re.M)
     anchors = [re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in sections[::2]]
     assert [anchor for anchor in anchors if f"(#{anchor})" not in head] == []
 
@@ -89,6 +92,13 @@ def test_the_how_to_shows_a_walker_that_has_no_gait(capsys):
     (code,) = re.findall(r"```python\n(try:.*?)```", page, re.S)
     exec(compile(code, "howto.md", "exec"), {"gpw": gpw})
     assert "no long-step gait" in capsys.readouterr().out
+
+
+def test_the_digest_of_the_how_to_is_the_one_that_its_code_prints(capsys):
+    page = (DOCS / "docs" / "howto.md").read_text()
+    version, digest = re.search(r"Version ([\d.]+) prints `(\w+)`", page).groups()
+    exec(compile(RECIPES["Reproduce a result on another machine"], "howto.md", "exec"), {})
+    assert capsys.readouterr().out.split() == [version, digest]
 
 
 def test_the_citation_has_the_package_s_version():
