@@ -231,7 +231,7 @@ def test_what_is_no_push_or_not_known_beforehand_is_refused():
 
 
 def test_a_heelstrike_just_after_the_start_of_a_control_step_has_its_margin():
-    """Its guard is differentiated a little before it, which must not be after the strike already."""
+    """Its guard is differentiated just before it: there the step has not ended yet."""
     actions = np.random.default_rng(0).uniform(-1.2, 1.2, (60, 5, 1)).astype(np.float32)
     plan = iter(torch.from_numpy(actions.astype(float)))
     walked = rollout(lambda seen: next(plan), "rough", 60, count=5, seed=3)
