@@ -119,6 +119,13 @@ def test_learners_can_meet_rough_ground_too():
     assert env.get_attr("slope") == BUMPY.tolist()
 
 
+def test_an_observation_of_ones_own_has_the_slope_that_is_set():
+    envs, _ = strides_on(observation=lambda step: (step.slope,))
+    mask = np.array([True, False, True])
+    before = envs.slopes.copy()
+    assert envs.set_slopes(BUMPY, mask)[:, 0] == pytest.approx(np.where(mask, BUMPY, before))
+
+
 def costs(envs, torques):
     """What the first stride's motor was charged for, in each of three environments."""
     _, _, _, _, infos = envs.step(torques)

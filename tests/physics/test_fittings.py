@@ -98,7 +98,8 @@ def test_springs_without_stiffness_change_no_bit_of_a_walk(gait):
 def test_a_passive_gait_with_springs_and_friction_costs_the_sine_of_the_slope(name):
     slope = LONG_GAITS[name].slope
     gait = find_gait(fitted(WALKERS[name], spring=0.003, friction=0.0005), slope)
-    assert gait.cost_of_transport == pytest.approx(np.sin(slope), rel=1e-9)
+    for walk in (gait, gait.stride):
+        assert walk.cost_of_transport == pytest.approx(np.sin(slope), rel=1e-9)
     assert abs(gait.stride.spring_work) < 1e-11 * gait.stride.gravity_work
     assert (gait.friction_loss > 0.0) == (name in MASSIVE)
 
