@@ -55,6 +55,7 @@ _CONCERNING = {
     "envs/disturbance_kernels": "disturbances constraints terrain",
     "envs/infos": "infos",
     "envs/constraints": "constraints disturbances",
+    "envs/rules": "task actions batches walker_env disturbances",
     "envs/sb3": "sb3 batches",
     "envs/scene": "scene task walker_env",
     "envs/starts": "starts",
@@ -115,7 +116,7 @@ _BESIDES = {
     "envs/disturbance_kernels": "streams",
     "gaits/terrain": "envs/streams",
 }
-_EVERYWHERE = "permutations streams"
+_EVERYWHERE = "permutations streams conformance/conformance"
 """Tests that concern every module of `envs`; they run after the module's own."""
 
 

@@ -58,9 +58,11 @@ WITHIN = {
         ("envs/checks", "envs/constraints", "gaits/forces", "gaits/terrain"), _DISTURBED
     ),
     "envs/disturbance_kernels": _TICKS,
+    "envs/rules": ("task.*", *_DISTURBED),
     "envs/starts": _TICKS,
     "envs/task": _DISTURBED,
     "envs/transitions": _TICKS,
+    "math": ("task.*", *_DISTURBED),
 }
 """Patterns of compiled code, besides a file's own, that depends on the file."""
 CHANGED_BY_COPY = "tests/engine/test_cache.py::test_a_source_that_changes_has_another_fingerprint"

@@ -24,14 +24,14 @@ _SOURCES = (
     "envs/disturbance_kernels",
     "envs/constraints",
     "envs/checks",
-)
-_SOURCES += (
+    "envs/rules",
     "envs/starts",
     "envs/ticks",
     "envs/custom",
     "envs/transitions",
     "gaits/forces",
     "gaits/terrain",
+    "math",
 )
 """Sources, without their ending ".py", on which compiled code depends."""
 _DIGEST = hashlib.sha256().digest_size

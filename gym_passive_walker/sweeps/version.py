@@ -9,7 +9,7 @@ from pathlib import Path
 import gym_passive_walker
 from gym_passive_walker.sweeps.tasks import ANALYSES, function
 
-_SOURCES = ("arguments", "units", "walkers/*", "physics/*", "engine/*", "gaits/*", "envs/*")
+_SOURCES = ("arguments", "units", "math", "walkers/*", "physics/*", "engine/*", "gaits/*", "envs/*")
 _SOURCES += ("control/*", "policies/*", "sweeps/tasks")
 
 
