@@ -48,8 +48,8 @@ PLACES = np.dtype(
     + [("constants", "i8"), ("low", "f8"), ("high", "f8"), ("reset_noise_scale", "f8")]
     + [("noted", "i8"), ("paid", "i8"), ("ends", "i8"), ("native", "i8"), ("delay", "i8")]
 )
-"""Addresses of these arrays, the range of slopes at a start, addresses of the user's compiled
-functions (see `transitions.after`), and the number of control steps of `action_delay`."""
+"""Addresses of these arrays; the range of slopes at a start in rad; addresses of users' compiled
+functions (see `transitions.after`); and the number of control steps of `action_delay`."""
 
 _NUMBER, _WORD, _BOOLEAN = np.dtype("f8"), np.dtype("i8"), np.dtype("?")
 _ALL = 1 << 62
