@@ -35,7 +35,7 @@ OPTIONS = ("state", "slope")
 """Options of `reset`."""
 
 _UNASKED = np.empty(0), np.empty((0, 6)), np.empty((0, DRAWS))
-_SHARED_FROM = 2048  # smallest batch that several threads share
+_SHARED_FROM = 2048  # smallest batch for several threads
 
 
 def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
@@ -101,7 +101,7 @@ class Batch:
         records: States of the integration, (count, 1) of `engine.layout.RECORD`.
         ledger: Accounts of stride and episode, (count,) of `task.LEDGER`.
         randoms: Random generator of each environment, (count,).
-        observation_size: Numbers in an observation.
+        observation_size: Size of an observation.
         custom: The user's own functions; None without them.
         disturbances: Disturbances; None in a scene without them.
         token: Token that the calling thread holds; see `one_thread`.
@@ -132,7 +132,7 @@ class Batch:
         self.observation_size = default_size(scene)
         has_rules = scene.own_system is not None or any(getattr(scene, name) for name in RULES)
         self.custom = Custom(scene, count) if has_rules else None
-        # The environment's own observation, if the user's is another one.
+        # The default observation, if the user's function returns another one.
         self._plain: NDArray[np.float32] | None = None
         if self.custom and self.custom.observation_size:
             self._plain = np.empty(count * self.observation_size, np.float32)
@@ -172,10 +172,10 @@ class Batch:
         self.entry_point = self._entry_point()
 
     def changed(self, scene: Scene) -> Batch:
-        """Return a batch of as many walkers in another scene, before their episodes; see `become`.
+        """Return a batch of equal size in another scene, before its episodes; see `become`.
 
         Raises:
-            SceneError: if its agents would observe or do other things.
+            SceneError: if the size of its observation or its actions differ.
         """
         fresh = Batch(scene, self.count, threads=self.threads, **self._given)
         if (fresh.observation_size, scene.actions) != (self.observation_size, self.scene.actions):
@@ -204,13 +204,13 @@ class Batch:
 
     def _machinery(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Return compiled phases, options of the engine, and the workspace of one thread."""
-        here, name = self.disturbances, self.system.name  # registers a user's system by its name
+        here, name = self.disturbances, self.system.name  # `system` registers its name
         phases = here.hooks[0] if here else compiled(name)
         chosen = options(self.scene.tolerance, scuff=bool(self.scene.end_on_toe_stub))
         return phases, chosen, *workspace(layout=self.layout)
 
     def _entry_point(self) -> ticks.EntryPoint:
-        """Where compiled code finds the walkers."""
+        """Return the entry point of compiled code: the addresses of the arrays."""
         phases, chosen, tiles, histories = self.machinery
         return ticks.EntryPoint(
             self.scene, self.count, self.custom, records=self.records, bodies=self.bodies,
@@ -245,8 +245,8 @@ class Batch:
                 walkers, or one for each walker of the batch.
 
         Raises:
-            ValueError: if an option is unknown or out of its range; only random numbers are drawn
-                then.
+            ValueError: if an option is unknown or outside its range; the batch is unchanged then,
+                except for its random generators.
         """
         where = np.array(lanes, np.int64)
         if self.starts_alike and not options:
@@ -289,7 +289,7 @@ class Batch:
         self._proportions[lanes] = observed_bodies(self.scene, walkers)
 
     def _write_proportions(self, observations: NDArray[np.float32]) -> None:
-        """Write what is observed of walkers' bodies into the flat observations of all."""
+        """Write the observed proportions of all walkers into the flat observations."""
         if size := self._proportions.shape[1]:
             observations.reshape(self.count, -1)[:, -size:] = self._proportions
 
@@ -368,7 +368,7 @@ class Batch:
             lanes: Whether to set the slope of each walker, (count,).
 
         Raises:
-            ValueError: if a slope is none, or a walker has begun its stride already.
+            ValueError: if a slope is invalid, or a walker has begun its stride already.
         """
         checked = check_slope(slopes)
         if checked.shape not in ((), (self.count,)):
@@ -431,7 +431,7 @@ class Batch:
         """Set the work that the energy term counts; None restores the scene's own.
 
         Raises:
-            ValueError: if there is no such kind.
+            ValueError: if the kind of work is unknown.
         """
         energy = self.scene.energy if energy is None else energy
         if energy not in task.ENERGIES:
@@ -487,7 +487,7 @@ class Batch:
         *,
         again: bool = False,
     ) -> tuple[int, int]:
-        """Step every walker that has an episode; the reward of the others is 0.
+        """Step each walker within an episode; the reward of the others is 0.
 
         Args:
             actions: Actions, flat: (count * actions of the scene,).
@@ -569,7 +569,7 @@ class Batch:
         refuse(self.entry_point.actions.reshape(self.count, -1)[wrong], self.scene.actions, lane)
 
     def _begin_again(self, observations: NDArray[np.float32]) -> None:
-        """Begin the next episode of every walker without an episode in this step."""
+        """Begin the next episode of each walker that rested in this step."""
         self.start(np.flatnonzero(self.records["outcome"][:, 0] == RESTING), observations)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -591,7 +591,7 @@ class Batch:
 
     @property
     def states(self) -> NDArray[np.float64]:
-        """States in the walkers' own units, shape (count, 6), or (count, 2 m) of a `System`."""
+        """States in the walkers' units, (count, 6), or (count, 2 m) of a `System`."""
         half = state_size(self.walkers[0]) // 2
         states = states_in(self.records[:, 0], half).copy()
         states[:, half:] /= np.array([walker.time_unit for walker in self.walkers])[:, None]
@@ -637,7 +637,7 @@ class Batch:
         return saved.described(self.scene)
 
     def checked(self, state: Any, *further: str, begun: bool = True) -> dict[str, Any]:
-        """Return copies of the entries of a state, after checks; the batch is unchanged.
+        """Return copies of the entries of a state after checks; the batch does not change.
 
         Args:
             state: From `get_state`.
@@ -678,6 +678,6 @@ class Batch:
         """Restore a state from `get_state`.
 
         Raises:
-            StateError: if it is damaged, or of another batch; the batch is unchanged then.
+            StateError: if the state is damaged, or of another batch; the batch is unchanged then.
         """
         self.put_back(self.checked(state))

@@ -1,4 +1,4 @@
-"""What a scene's arguments may be: a number or a sentence on what is allowed."""
+"""Validation of the arguments of a scene; errors name the allowed values."""
 
 from __future__ import annotations
 
@@ -24,19 +24,23 @@ def checked(check: Callable[..., Any], *given: Any, **limits: Any) -> Any:
 
 
 CHECKS = ("contact", "friction", "knee lock", "scuffing")
-"""What may be a rule besides the equations: items of `RealityCheck.passed`, the gravest first."""
+"""Feasibility constraints: items of `RealityCheck.passed`, the most severe first."""
 
 ANSWERS = ("ignore", "report", "end")
-"""What may come of a check: nothing, a word in `info`, or the episode's end besides."""
+"""Results of a constraint: none, entries in `info`, or entries and the end of the episode."""
 
 
 def _several(value: Any) -> bool:
-    """Whether a value has parts that may be numbers."""
+    """Return whether a value is iterable and neither a string nor a mapping."""
     return np.iterable(value) and not isinstance(value, str | Mapping)
 
 
 def bounded(name: str, value: Any, low: float, high: float) -> float:
-    """The value as a finite number from `low` to `high`."""
+    """Return the value as a finite number from `low` to `high`.
+
+    Raises:
+        SceneError: if it is none.
+    """
     try:
         found = number(value, name)
     except ValueError:
@@ -47,7 +51,11 @@ def bounded(name: str, value: Any, low: float, high: float) -> float:
 
 
 def spread(name: str, value: Any, low: float, high: float) -> tuple[float, float]:
-    """A number twice, or a range (low, high), within bounds."""
+    """Return a range (low, high) within bounds; a single number gives both ends.
+
+    Raises:
+        SceneError: if it is none.
+    """
     try:
         found = [number(end, name) for end in (list(value) if _several(value) else [value])]
     except ValueError:
@@ -61,7 +69,11 @@ def spread(name: str, value: Any, low: float, high: float) -> tuple[float, float
 
 
 def checked_pushes(pushes: Any) -> dict[str, Any]:
-    """How often and how hard the hip is pushed; empty if it is not."""
+    """Return rate and range of impulses of pushes on the hip; empty without pushes.
+
+    Raises:
+        SceneError: if they are invalid.
+    """
     if pushes is None or pushes == {}:
         return {}
     if not isinstance(pushes, Mapping) or set(pushes) != {"rate", "impulse"}:
@@ -76,7 +88,13 @@ def checked_pushes(pushes: Any) -> dict[str, Any]:
 
 
 def checked_noise(noise: Any, size: int) -> float | tuple[float, ...]:
-    """Standard deviations of a sensor's errors: one of angles and rates, or one an entry."""
+    """Return standard deviations of the observation noise, as one number or one for each entry.
+
+    A single number applies to angles and angular velocities.
+
+    Raises:
+        SceneError: if they are invalid.
+    """
     if not _several(noise):
         return bounded("observation_noise", noise, 0.0, 10.0)
     if len(noise) != size:
@@ -91,7 +109,11 @@ def checked_noise(noise: Any, size: int) -> float | tuple[float, ...]:
 
 
 def checked_constraints(constraints: Any, *, knees: bool) -> dict[str, str]:
-    """What comes of each check; those that are ignored are left out."""
+    """Return the result of each constraint by name, without those that are ignored.
+
+    Raises:
+        SceneError: if a name or a result is invalid, or the walker has no knees to lock.
+    """
     if not isinstance(constraints, Mapping):
         raise SceneError(
             f"constraints must map checks to what comes of them, not {shown(constraints)}"

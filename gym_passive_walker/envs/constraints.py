@@ -1,8 +1,8 @@
-"""What ground and knees bear while a walker walks: the checks of `reality_check` as rules.
+"""Feasibility constraints on contact, friction, knees and clearance during control steps.
 
-The engine knows nothing of it. Each walker's constants have room behind them, and native code made
-of the statements leaves there the worst that it finds: in a *look* at a walker as it stands, and in
-resets that look at the walker before and after the strike and at the impulses between.
+The checks are those of `reality_check`. The engine does not depend on them. Native code evaluates
+them and writes the worst readings behind the constants of each walker. The function `look` checks
+the present state. Resets check the state before and after an impact, and the impulses between.
 """
 
 from __future__ import annotations
@@ -30,24 +30,24 @@ READINGS = {
     "knee lock": ("stance_knee_torque", "stance_knee_impulse"),
     "scuffing": ("clearance",),
 }
-"""What each check goes by: the least of a step, or of friction the greatest."""
+"""Readings of each check: the smallest value in a step; of friction, the largest."""
 
 NOTES = (*(name for names in READINGS.values() for name in names), "push_work")
-"""What is found behind a walker's constants after a step."""
+"""Names of the readings behind the constants of a walker."""
 
 BLANK = np.array([0.0 if name in ("friction", "push_work") else np.inf for name in NOTES])
-"""Notes before anything is found: the least of nothing is infinite."""
+"""Readings before any check; the minimum of no values is infinite."""
 
-_BEFORE = 5  # rates, and the landing foot's velocity: from before a strike to after it
+_BEFORE = 5  # angular velocities and velocity of the landing foot, before an impact
 ROOM = len(NOTES) + _BEFORE
-"""Numbers behind a walker's constants."""
+"""Number of entries behind the constants of a walker."""
 
 HOOK = np.dtype([("push", "i8"), ("look", "i8")])
 """Addresses of native functions that a phase calls for pushes and checks; 0 if not used."""
 
 
 def page(system: System) -> np.dtype:
-    """Return the layout of a walker's constants, followed by the readings of the checks."""
+    """Return the data type of a walker's constants, followed by the readings of the checks."""
     layout = compiled.body_layout(system).descr
     return np.dtype([*layout, ("notes", "f8", (len(NOTES),)), ("before", "f8", (_BEFORE,))])
 
@@ -112,7 +112,7 @@ def look_code(system: System, module: Module) -> Module:
         function.end()
         for outcome in phase.resets:
             function = module.function(f"reset{i}_{outcome.name}", layouts)
-            # One code after the other: what looks on changes no bit of the reset.
+            # Separate pieces of code: the checks do not alter the rounding of the reset.
             function.once(partial(_look, system, phase))
             function.once(partial(_before, system, outcome))
             function.once(partial(compiled.reset, system, phase, outcome))
@@ -124,7 +124,7 @@ def look_code(system: System, module: Module) -> Module:
 
 
 def _push(system: System, phase: Phase, record: Memory, body: Memory) -> None:
-    """An impulse on the hip, or a system's centre of mass; its work is its mean power."""
+    """Apply an impulse to the hip, or to a system's centre of mass, and add its work."""
     assert phase.push is not None
     constants, state = compiled.constants_of(system, body), state_of(system, record)
     back, up = record.argument(0), record.argument(1)
@@ -145,7 +145,7 @@ def _push(system: System, phase: Phase, record: Memory, body: Memory) -> None:
 
 
 def _note(body: Memory, **found: Any) -> None:
-    """Leave what is found where it is worse than what has been."""
+    """Write each reading that is worse than the present one."""
     for name, value in found.items():
         place = "notes", NOTES.index(name)
         known = body[place]
@@ -154,12 +154,12 @@ def _note(body: Memory, **found: Any) -> None:
 
 
 def _ratio(back: Any, up: Any) -> Any:
-    """Coefficient of friction that a force needs; infinite if the ground would have to pull."""
+    """Return the friction coefficient that a force requires; infinite for a pulling force."""
     return choose(up > 0.0, abs(back) / up, np.inf)
 
 
 def _look(system: System, phase: Phase, record: Memory, body: Memory) -> None:
-    """What is borne by a walker as it stands."""
+    """Write the readings for the present state of a walker."""
     constants, state = compiled.constants_of(system, body), State(*record.entries("state"))
     control, ground = Control(*record.entries("control")), compiled.ground_of(system, record)
     found = phase.accelerations(constants, state, control, ground)
@@ -172,7 +172,7 @@ def _look(system: System, phase: Phase, record: Memory, body: Memory) -> None:
 
 
 def _before(system: System, outcome: Outcome, record: Memory, body: Memory) -> None:
-    """Keep how a walker moves just before a strike: rates, and velocity of the foot that lands."""
+    """Store the angular velocities and the velocity of the landing foot before an impact."""
     state = State(*record.entries("state"))
     velocity: tuple[Any, Any] = (0.0, 0.0)
     if outcome == Outcome.HEELSTRIKE:
@@ -194,7 +194,7 @@ def _before(system: System, outcome: Outcome, record: Memory, body: Memory) -> N
 
 
 def _after(system: System, outcome: Outcome, record: Memory, body: Memory) -> None:
-    """What is borne in a strike."""
+    """Write the readings for the impulses of an impact."""
     constants, state = compiled.constants_of(system, body), State(*record.entries("state"))
     *rates, back, up = body.entries("before")
     jumps = [new - old for new, old in zip(state[3:], rates, strict=True)]

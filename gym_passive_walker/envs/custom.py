@@ -1,8 +1,8 @@
 """Users' own rewards, observations and terminations: plain functions of a `Transition`.
 
-A function is called once with symbolic numbers, and the expression that it returns is compiled. A
-function that cannot be traced is called after each step: with arrays of all walkers, or, if it does
-not accept arrays, walker by walker.
+A function is traced with symbolic numbers, and the expression that it returns is compiled. A
+function that cannot be traced is called after each step, with arrays of all walkers. If it does not
+accept arrays, it is called for each walker.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ _STRUCK = float(Outcome.HEELSTRIKE)
 
 
 def everything(step: Transition) -> tuple[Any, ...]:
-    """The default observation of a `System`: all of its state, and the slope in rad."""
+    """Return the default observation of a `System`: its state, and the slope in rad."""
     return *step.state, step.slope
 
 
 def everything_and_command(step: Transition) -> tuple[Any, ...]:
-    """The same, and the commanded speed."""
+    """Return the default observation of a `System` and the commanded speed."""
     return *everything(step), step.command
 
 
@@ -59,7 +59,7 @@ TERMS: dict[str, Callable[[Transition], Any]] = {
     "collision_loss": lambda step: step.collision_loss,
     "push_off_work": lambda step: step.push_off_work,
 }
-"""Terms of a weighted reward; `ABOUT_TERMS` says what each one is."""
+"""Terms of a weighted reward; `ABOUT_TERMS` describes them."""
 
 ABOUT_TERMS = {
     "distance": "distance of the hip along the slope / l",
@@ -72,7 +72,7 @@ ABOUT_TERMS = {
     "collision_loss": "energy lost at impacts / (m g l)",
     "push_off_work": "work of the push-off / (m g l)",
 }
-"""Terms of a weighted reward, in words."""
+"""Descriptions of the terms of a weighted reward, with units."""
 
 
 _ALL = (1 << len(PARTS)) - 1
@@ -89,24 +89,24 @@ class Weighted:
         self.weights = dict(weights)
 
     def __call__(self, step: Transition) -> Any:
-        """The sum."""
+        """Return the weighted sum."""
         return sum(part for part in self.terms(step).values())
 
     def terms(self, step: Transition) -> dict[str, Any]:
-        """The weighted terms, by name."""
+        """Return the weighted terms by name."""
         return {name: weight * TERMS[name](step) for name, weight in self.weights.items()}
 
 
 def rule_of(given: Any) -> Callable[[Transition], Any]:
-    """The function given, or the weighted sum that a mapping of weights stands for."""
+    """Return the function, or the weighted sum of a mapping from terms to weights."""
     return Weighted(given) if isinstance(given, Mapping) else given
 
 
 def checked_rule(name: str, given: Any) -> Any:
-    """Validate a function, or weights of a reward.
+    """Return a function, or weights of a reward, after a check.
 
     Raises:
-        SceneError: if it is neither.
+        SceneError: if the value is neither a function nor weights of `TERMS`.
     """
     if name == "reward" and isinstance(given, Mapping):
         if not given:
@@ -121,12 +121,12 @@ def checked_rule(name: str, given: Any) -> Any:
 
 
 class Shape(NamedTuple):
-    """What the transitions of a scene's walkers are made of.
+    """Sizes and types of the fields of a scene's transitions.
 
     Attributes:
         actions: Number of actions.
         State: Named tuple of a state.
-        layout: The room for states in records.
+        layout: Layout of the records.
     """
 
     actions: int
@@ -134,7 +134,7 @@ class Shape(NamedTuple):
     layout: Layout = NARROW
 
     def transition(self, parts: Mapping[str, Any]) -> Transition:
-        """A `Transition` of recorded fields: booleans are numbers there, vectors are lists."""
+        """Return a `Transition` from recorded fields: numbers for booleans, lists for vectors."""
         given: dict[str, Any] = dict(parts)
         count, room = len(self.State._fields) // 2, self.layout.links  # type: ignore[attr-defined]
         for name in ("before", "state"):
@@ -149,7 +149,7 @@ class Shape(NamedTuple):
 
 
 def shape_of(scene: Any) -> Shape:
-    """The shape of a scene's transitions."""
+    """Return the shape of a scene's transitions."""
     own = scene.own_system
     if own is None:
         return Shape(len(scene.actions))
@@ -162,15 +162,15 @@ class Rule:
     Args:
         name: "reward", "observation" or "terminated".
         function: The function of a `Transition`.
-        shape: What its transitions are made of.
+        shape: Shape of its transitions.
 
     Attributes:
-        size: How many numbers it returns.
-        noted: Groups of `transitions.PARTS` that it reads, as bits.
-        native: Address of its compiled code; 0 if it cannot be traced.
+        size: Number of values that the function returns.
+        noted: Groups of `transitions.PARTS` that the function reads, as bits.
+        native: Address of the compiled code; 0 if the function cannot be traced.
 
     Raises:
-        SceneError: if it raises an error, or does not return numbers.
+        SceneError: if the function raises an error, or does not return numbers.
     """
 
     def __init__(self, name: str, function: Callable[[Transition], Any], shape: Shape) -> None:
@@ -207,7 +207,7 @@ class Rule:
             raise TypeError(f"it gives {size} numbers")
 
     def _traced(self, step: Transition) -> list[Any]:
-        """The expressions that the function returns; raises TypeError if it returns others."""
+        """Return the expressions from the function; raises TypeError for other results."""
         found, again = (
             list(x) if isinstance(x, tuple | list) else [x]
             for x in (self.function(step), self.function(step))
@@ -220,14 +220,14 @@ class Rule:
         return found
 
     def _compile(self) -> None:
-        """Compile the function, and find the fields that it reads."""
+        """Compile the function, and determine the fields that it reads."""
         module = Module(fuses=False)
         self.write(module)
         engine = compiled.loaded(compiled.object_code(module))
         self.native = engine.get_function_address("rule")
 
     def write(self, module: Module) -> None:
-        """Add the function, by the name "rule", to a module that rounds each operation."""
+        """Add the function under the name "rule" to a module that rounds each operation."""
         known: dict = {}
         note_type = note_for(self.shape.layout)
         ledger_type = task.ledger_for(self.shape.layout)
@@ -258,7 +258,7 @@ class Rule:
         function.end()
 
     def __call__(self, notes: NDArray) -> NDArray[np.float64]:
-        """Results (n, size) for transitions (n,), by arrays or walker by walker."""
+        """Return results (n, size) for transitions (n,), from arrays or one walker at a time."""
         if self._each:
             return np.array([self._of_one(notes[i : i + 1]) for i in range(len(notes))], float)
         found = self.function(of_notes(notes, self.shape))
@@ -268,7 +268,7 @@ class Rule:
         )
 
     def _of_one(self, note: NDArray) -> list[Any]:
-        """Results for the transition (1,) of one walker."""
+        """Return results for the transition (1,) of one walker."""
         parts = {
             name: note[name][0].tolist() if name in SEVERAL else note[name].item()
             for name in Transition._fields
@@ -281,7 +281,7 @@ _CONDITIONS = ("<", "<=", ">", ">=", "and", "or", "not")
 
 
 def _read(note: Memory, row: Memory | None, shape: Shape) -> Transition:
-    """A transition of expressions that read a note, or the ledger's row if it has the field."""
+    """Return a transition of expressions that read the ledger's row or else a note."""
     parts: dict[str, Any] = {
         name: note.entries(name) if name in SEVERAL else note[name] for name in Transition._fields
     }
@@ -294,7 +294,7 @@ def _read(note: Memory, row: Memory | None, shape: Shape) -> Transition:
 
 
 def of_notes(notes: NDArray, shape: Shape) -> Transition:
-    """Transitions (n,), as recorded, as one `Transition` of arrays."""
+    """Return recorded transitions (n,) as one `Transition` of arrays."""
     parts: dict[str, Any] = {
         name: list(notes[name].T) if name in SEVERAL else notes[name] for name in Transition._fields
     }
@@ -339,11 +339,11 @@ class Custom:
             self.noted |= rule.noted | int(weighted)
 
     def address(self, name: str) -> int:
-        """Address of a compiled function; 0 if there is none."""
+        """Return the address of a compiled function; 0 if there is none."""
         return self.rules[name].native if name in self.rules else 0
 
     def begin(self, batch: Any, lanes: NDArray[np.int64]) -> None:
-        """Clear the transitions of walkers as their episodes begin."""
+        """Clear the transitions of walkers at the beginning of their episodes."""
         transitions.begin(batch.records, batch.ledger, batch.machinery[0], lanes, self.notes)
         if batch.disturbances:
             self.notes["command"][lanes] = batch.disturbances.states["command"][lanes]
@@ -371,7 +371,7 @@ class Custom:
             rows[lanes] = rule(notes)
 
     def terms(self) -> dict[str, NDArray[np.float64]]:
-        """Terms (count,) of the last rewards by name; a function has the one term "function"."""
+        """Return terms (count,) of the last rewards by name; a function has one, "function"."""
         function = self.rules["reward"].function
         if not isinstance(function, Weighted):
             return {"function": self.notes["paid"].copy()}

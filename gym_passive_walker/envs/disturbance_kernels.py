@@ -1,10 +1,10 @@
 """Disturbances of walkers: pushes, noise and delay; commands and constraints.
 
 Scenes with any of these use `step` of this module instead of `task.step`. Integration stops at each
-push and each check, and continues from there with the same error.
+push and each check, and continues with an unchanged error tolerance.
 
-Disturbances of a walker are a function of its key (`engine.counter_rng`). The key is drawn at each
-reset from the walker's own random numbers, so disturbances do not depend on other walkers.
+Disturbances of a walker are a function of its key (`engine.counter_rng`). Each reset draws the key
+from the walker's own random generator, so disturbances do not depend on other walkers.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from gym_passive_walker.physics.bodies import StraightBody
 from gym_passive_walker.physics.hybrid import Outcome
 
 PASSED = 8
-"""Number of past footholds that are kept; pictures show them."""
+"""Number of past footholds in the state; pictures show them."""
 
 DISTURBANCE = np.dtype(
     [
@@ -144,7 +144,7 @@ def step_over(record, row, disturbance, radius, table, spread):
         )
     disturbance.passed[0, 0], disturbance.passed[0, 1] = disturbance.x, disturbance.y
     along = row.step_length
-    # The slope differs from that at impact: the contact point lies higher than the foothold.
+    # The slope changes at impact, so the contact point lies higher than the foothold.
     off = rise + radius * (1.0 - math.cos(turn))
     sine, cosine = math.sin(here), math.cos(here)
     disturbance.x += along * cosine + off * sine
@@ -290,7 +290,7 @@ def check_step(records, bodies, i, row, disturbance, settings, phases, hooks):
         row.violated = violated_constraint(bodies[i, 0, -_ROOM:], settings)
     if struck:
         disturbance.due -= record.time
-        if row.violated != 0:  # the record is that after the exchange of legs
+        if row.violated != 0:  # the record already has the legs exchanged
             call(phases[0].place, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
             row.origin -= record.place - record.passed
 

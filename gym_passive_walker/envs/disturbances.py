@@ -21,7 +21,8 @@ class Contact(NamedTuple):
     Attributes:
         x: Coordinate along the mean slope, in the walker's units of length.
         y: Height above the mean slope, in the walker's units of length.
-        tilt: Slope of the foothold minus the mean slope, in rad; angles are from its normal.
+        tilt: Slope of the foothold minus the mean slope, in rad; angles are relative to the
+            normal of the foothold.
     """
 
     x: float
@@ -33,7 +34,7 @@ _OF_PUSHES = ("pushes", "push_work", "episode_push_work")
 
 
 def disturbed(scene: Scene) -> bool:
-    """Whether walkers of a scene have any disturbance of `disturbance_kernels`."""
+    """Return whether a scene has any disturbance of `disturbance_kernels`."""
     return scene.command is not None or any(
         getattr(scene, n) != calm for n, calm in UNDISTURBED.items()
     )
@@ -69,7 +70,7 @@ class Disturbances:
         return constraints.hooks(self._system, pushed=pushed, watched=watched)
 
     def arrays(self) -> dict[str, NDArray]:
-        """Return what `disturbance_kernels.step` reads, by the names of `ticks.STAYS`."""
+        """Return the arrays that `disturbance_kernels.step` reads, named as in `ticks.STAYS`."""
         table, spread = self.terrain
         return {
             "disturbances": self.states, "pending": self.pending, "settings": self.settings,
@@ -83,7 +84,7 @@ class Disturbances:
         records: NDArray,
         ledger: NDArray,
     ) -> None:
-        """Draw the disturbances of some walkers, by a key from each walker's random generator."""
+        """Draw the disturbances of some walkers from a key of each walker's random generator."""
         keys = np.empty(len(lanes), np.uint64)
         for j, i in enumerate(lanes.tolist()):
             keys[j] = randoms[i].integers(2**64, dtype=np.uint64)
@@ -142,7 +143,7 @@ class Disturbances:
 
 
 def _noise(scene: Scene) -> NDArray[np.float64]:
-    """Return the standard deviation of the noise on each observed number but the command."""
+    """Return the standard deviation of the noise on each observed number except the command."""
     noise, size = scene.observation_noise, state_size(scene.walker)
     rest = (task.SIZE if scene.own_system is None else size + 1) - size
     given = noise if isinstance(noise, tuple) else [noise] * size + [0.0] * rest

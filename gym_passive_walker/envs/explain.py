@@ -1,4 +1,4 @@
-"""What an agent observes, does and is paid for in a scene, and what ends an episode, as tables."""
+"""Tables of the observation, action, reward and termination of a scene."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def explain(env: Any = "level") -> None:
 
 
 def as_text(env: Any = "level") -> str:
-    """The tables of `explain` as text."""
+    """Return the tables of `explain` as text."""
     scene, *_ = _parts(env)
     every = f"every {scene.tick:g} sqrt(l/g) and" if scene.control == "tick" else "only"
     own = scene.own_system
@@ -83,7 +83,7 @@ def as_text(env: Any = "level") -> str:
 
 
 def as_rows(env: Any = "level") -> dict[str, Rows]:
-    """The tables of `explain` as rows: "observation", "action", "reward" and "episode end"."""
+    """Return the rows of the tables "observation", "action", "reward" and "episode end"."""
     scene, batch, limit = _parts(env)
     seen: Rows = [{"number": i, **row} for i, row in enumerate(_observed(scene))]
     paid = _rewarded(scene)
@@ -116,7 +116,7 @@ def as_rows(env: Any = "level") -> dict[str, Rows]:
 
 
 def _parts(env: Any) -> tuple[Scene, Batch | None, float | None]:
-    """A scene, its walkers if an episode is under way, and its limit of steps."""
+    """Return a scene, its walkers during an episode, and its limit of steps."""
     if isinstance(env, Scene | str | Mapping):
         return make_scene(env), None, MAX_EPISODE_STEPS
     inner = getattr(env, "envs", getattr(env, "unwrapped", env))
@@ -132,7 +132,7 @@ def _parts(env: Any) -> tuple[Scene, Batch | None, float | None]:
 
 
 def _observed(scene: Scene) -> Rows:
-    """What an agent observes: name, unit and bounds of each number."""
+    """Return name, unit and bounds of each number in the observation."""
     own = Custom(scene, 0).observation_size if scene.observation or scene.own_system else None
     space = interface.observation_space(scene, own)
     names = list(_SEEN)
@@ -154,7 +154,7 @@ def _observed(scene: Scene) -> Rows:
 
 
 def _rewarded(scene: Scene) -> Rows:
-    """Terms of the reward, which is their sum."""
+    """Return the terms of the reward, which is their sum."""
     if isinstance(scene.reward, Mapping):
         about = {name: f"{w:g} times {ABOUT_TERMS[name]}" for name, w in scene.reward.items()}
     elif scene.reward is not None:
@@ -173,7 +173,7 @@ def _rewarded(scene: Scene) -> Rows:
 
 
 def _ends(scene: Scene, limit: float | None) -> Rows:
-    """What ends an episode: the outcome, and when."""
+    """Return the outcomes that end an episode, and their conditions."""
     found = {
         "fell_forward": "the stance leg lies on the ground, ahead",
         "fell_backward": "the stance leg lies on the ground, behind",
@@ -201,10 +201,10 @@ def _ends(scene: Scene, limit: float | None) -> Rows:
 
 
 def _name(function: Any) -> str:
-    """What a function is called."""
+    """Return the name of a function."""
     return getattr(function, "__qualname__", type(function).__name__)
 
 
 def _written(value: Any) -> str:
-    """A cell."""
+    """Return the text of a cell."""
     return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,4 +1,4 @@
-"""Scene and captions of an environment's pictures."""
+"""Drawings and captions of an environment's pictures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gym_passive_walker.walkers import name_of
 
 
 def frame(batch: Batch, lane: int, screen: Any) -> Any:
-    """Draw a walker of a batch as it stands on a `render.Screen`; what `draw` of it returns."""
+    """Draw a walker of a batch on a `render.Screen`; returns the result of its `draw`."""
     row, record = batch.ledger[lane], batch.records[lane, 0]
     largest = batch.scene.max_hip_torque if batch.scene.own_system is None else 0.0
     ended, contact = OUTCOMES[row["ending"]], batch.contact(lane)
@@ -36,7 +36,7 @@ def frame(batch: Batch, lane: int, screen: Any) -> Any:
 
 
 def _ground(batch: Batch, lane: int, x: float, screen: Any) -> NDArray[np.float64] | None:
-    """The surface of the ground as far as the picture goes; None where it is smooth."""
+    """Return the surface of the ground in the picture; None for smooth ground."""
     terrain = batch.scene.terrain
     if terrain is None or batch.disturbances is None:
         return None
@@ -52,11 +52,11 @@ def _ground(batch: Batch, lane: int, x: float, screen: Any) -> NDArray[np.float6
 
 
 def _notes(batch: Batch, lane: int) -> tuple[Sequence[str], Sequence[str]]:
-    """Lines for the left and the right, dimensionless; speed and cost are means of the episode."""
+    """Return dimensionless captions, left and right; speed and cost are means of the episode."""
     row, record = batch.ledger[lane], batch.records[lane, 0]
     walker, distance = batch.walkers[lane], float(row["episode_distance"])
     time = float(row["clock"] + record["time"])
-    # Gravity pays for the height lost in the strides that have ended, and by the slope in this one.
+    # Work of gravity: height lost in completed strides, and by the slope in the present one.
     paid = float(row["descent"]) + math.sin(row["slope"]) * float(row["progress"])
     speed = f"{distance / time:.3f}" if time > 0.0 else "–"
     cost = f"{(paid + row['episode_energy']) / distance:.4f}" if distance > 0.0 else "–"

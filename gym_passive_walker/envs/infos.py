@@ -1,4 +1,4 @@
-"""Infos of a step of many walkers, made when they are first read."""
+"""Infos of a step of many walkers, computed at the first access."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Any
 class Infos(dict[str, Any]):
     """A dictionary that is filled when it is first read or written.
 
-    Most loops read infos seldom, and to make them takes a fifth of a tick of 64 walkers.
+    Most loops rarely read infos, and computing them takes a fifth of a control step of 64 walkers.
 
     Args:
-        make: Makes the content, of numbers that nobody changes; None where `first` is all of it, as
-            where Gymnasium's wrappers make a converted one.
-        **first: Its first entries, which are there from the beginning: what is written in C, as
-            `json` is, may ask a dictionary for its size before it asks for its items.
+        make: Returns the content, which does not change later. None if `first` is the whole
+            content, as in the converted dictionaries of Gymnasium's wrappers.
+        **first: Entries that are present from the beginning. C code such as `json` can read the
+            size of a dictionary before its items.
     """
 
     __slots__ = ("__weakref__", "_make")
@@ -26,16 +26,16 @@ class Infos(dict[str, Any]):
         self._make = make
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copies and pickles are plain dictionaries."""
+        """Return a plain dictionary for copies and pickles."""
         return dict, (dict(self),)
 
     def copy(self) -> dict[str, Any]:
-        """A plain dictionary of the same."""
+        """Return a plain dictionary with equal entries."""
         return dict(self)
 
 
 def _looking(method: Callable[..., Any]) -> Callable[..., Any]:
-    """A dictionary's method, before which the dictionary is filled."""
+    """Wrap a method of dictionaries: it fills the dictionary first."""
 
     @wraps(method)
     def looked(self: Infos, *arguments: Any, **named: Any) -> Any:

@@ -1,4 +1,4 @@
-"""What the outside sees of the task: spaces, and the names of what stands in `info`."""
+"""Interface of the environments: spaces, options, and names of entries in `info`."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ REASONS = {
     "knee lock": "stance_knee_gave_way",
     "scuffing": "scuffed",
 }
-"""Which outcome a check has that ends an episode."""
+"""Outcome of an episode that a constraint ends, by the constraint's name."""
 
 OUTCOMES = (
     None,
     *(outcome.name.lower() for outcome in Outcome if outcome),
     *(REASONS[check] for check in CHECKS),
-    "stopped",  # by a rule of one's own; see `custom.STOPPED`
+    "stopped",  # by the user's termination; see `transitions.STOPPED`
 )
-"""Names of outcomes, by their number."""
+"""Names of outcomes, indexed by their numbers."""
 
 
 def observation_space(scene: Scene, seen: int | None = None) -> Any:
-    """What an agent sees: the same for every walker, and a few numbers more in some scenes.
+    """Return the observation space of one walker.
 
     Args:
-        scene: The scene.
-        seen: How many numbers an observation of the user's own has, if there is one.
+        scene: The scene; its options can add entries to the default observation.
+        seen: Size of the user's own observation; None without one.
     """
     if seen is not None:
         return spaces.Box(-np.inf, np.inf, (seen,), np.float32)
@@ -58,7 +58,11 @@ def action_space(scene: Scene) -> Any:
 
 
 def step_limit(max_episode_steps: int | None) -> float:
-    """Steps of an episode, where -1 and None mean without limit."""
+    """Return the number of steps of an episode; infinite for -1 and None.
+
+    Raises:
+        ValueError: if it is no positive integer, -1 or None.
+    """
     if max_episode_steps in (None, -1):
         return math.inf
     try:
@@ -68,10 +72,10 @@ def step_limit(max_episode_steps: int | None) -> float:
 
 
 def reset_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
-    """A copy of the options of a reset.
+    """Return a copy of the options of a reset.
 
     Raises:
-        ValueError: if they are no options, or unknown ones.
+        ValueError: if they are no mapping, or have an unknown name.
     """
     if options is None:
         return {}
@@ -83,10 +87,10 @@ def reset_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> di
 
 
 def numbers(actions: Any, names: Sequence[str]) -> NDArray[np.float64]:
-    """Actions as an array of numbers.
+    """Return actions as an array of float64.
 
     Raises:
-        ValueError: if they are none.
+        ValueError: if they are no numbers.
     """
     try:
         return np.asarray(actions, dtype=np.float64)
@@ -95,7 +99,7 @@ def numbers(actions: Any, names: Sequence[str]) -> NDArray[np.float64]:
 
 
 def refuse(action: Any, actions: Sequence[str], lane: int | None = None) -> NoReturn:
-    """Say what is wrong with an action.
+    """Raise an error that describes an invalid action.
 
     Raises:
         ValueError: always.
@@ -110,7 +114,7 @@ def refuse(action: Any, actions: Sequence[str], lane: int | None = None) -> NoRe
 
 
 class EnergyCost:
-    """The energy cost of environments with a `batch`."""
+    """Energy cost of environments with a `batch`."""
 
     batch: Any
     token: Token

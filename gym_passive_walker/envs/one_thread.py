@@ -1,9 +1,9 @@
-"""One thread at a time in a batch.
+"""Restriction of a batch to one thread at a time.
 
-Compiled steps run without Python's lock and write arrays that belong to the batch: two threads in
-one batch would corrupt the heap. A call therefore takes the batch's token and puts it back, and a
-call that finds the token taken raises an error. The token is an entry of a list, because `list.pop`
-is as atomic as a lock and takes a fifth of the time.
+Compiled steps run without Python's lock and write arrays of the batch: two threads in one batch
+would corrupt the heap. A call therefore takes the batch's token and puts it back. A call raises an
+error if another one has taken the token. The token is an entry of a list: `list.pop` is as atomic
+as a lock and takes a fifth of the time.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ _Method = TypeVar("_Method", bound=Callable[..., Any])
 
 
 class Token(list[None]):
-    """Holds one entry while nobody is at work; `pop` takes it, `append(None)` puts it back.
+    """A list with one entry while no call runs; `pop` takes it, `append(None)` puts it back.
 
-    Copies and pickles of it are free: nobody is at work in a copy.
+    Copies and pickles have their entry, because no call runs in a copy.
     """
 
     __slots__ = ()
@@ -31,7 +31,7 @@ class Token(list[None]):
 
 
 def refuse_second(shared: object) -> NoReturn:
-    """Say that another thread is at work.
+    """Raise an error for a second thread.
 
     Raises:
         RuntimeError: always.
@@ -43,15 +43,15 @@ def refuse_second(shared: object) -> NoReturn:
 
 
 def one_thread(method: _Method) -> _Method:
-    """A method that raises while another call that shares its object's `token` is under way.
+    """Wrap a method so that it raises while another call holds the `token` of its object.
 
-    Steps spell it out instead, since a wrapper costs a tenth of a microsecond more.
+    Steps contain the same code instead, because a wrapper takes 0.1 µs longer.
     """
 
     @wraps(method)
     def guarded(self: Any, *arguments: Any, **named: Any) -> Any:
         token, mine = self.token, True
-        try:  # around `pop` as well: Ctrl-C may be raised as it returns
+        try:  # `pop` is inside: Ctrl-C can be raised as it returns
             try:
                 token.pop()
             except IndexError:

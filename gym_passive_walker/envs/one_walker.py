@@ -1,4 +1,4 @@
-"""Functions of `disturbance_kernels` for one walker, without working memory of their own."""
+"""Functions of `disturbance_kernels` for one walker, without allocation of memory."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gym_passive_walker.envs import disturbance_kernels
 def integrate_past_events(
     records, bodies, disturbances_, phases, options, tiles, histories, settings, hooks
 ):
-    """Integrate the one walker to the end of its step, as `disturbance_kernels` does for many."""
+    """Implement `disturbance_kernels.integrate_past_events` for one walker."""
     record, disturbance = records[0, 0], disturbances_[0]
     disturbance.until, disturbance.impulse = record.end, 0.0
     if not disturbance.idle:
@@ -21,5 +21,5 @@ def integrate_past_events(
 
 
 def as_it_is(actions):
-    """Return the actions themselves: they are the walker's own copy already."""
+    """Return the actions, which are the walker's own copy already."""
     return actions

@@ -1,4 +1,4 @@
-"""Makes `gymnasium.make` and `gymnasium.make_vec` know the environments."""
+"""Registration of the environments for `gymnasium.make` and `gymnasium.make_vec`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from gymnasium.envs.registration import registry
 ID = "PassiveWalker-v0"
 
 MAX_EPISODE_STEPS = 4000
-"""Steps after which an episode is truncated: a hundred strides and more of ticks."""
+"""Number of control steps after which an episode is truncated; more than a hundred strides."""
 
 REWARD_THRESHOLD = 47.3
 """Mean return from which the default task counts as solved.

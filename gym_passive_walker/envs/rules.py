@@ -1,4 +1,4 @@
-"""Rules of the task: how actions are limited, what is observed and paid, and what ends an episode.
+"""Rules of the task: limits of actions, observation, reward and termination.
 
 Each rule is one plain function. Kernels on CPU and GPU call it with numbers, `torch.rollout` with
 tensors and `Batch` with arrays. All quantities are dimensionless (see `physics.hybrid`).
@@ -55,13 +55,13 @@ def step_end(time, tick, max_stride_time):
 
 @shared
 def outcome_of(outcome, time, max_stride_time):
-    """Return the outcome of a control step that ends at `time`: a stride may take too long."""
+    """Return the outcome of a control step that ends at `time`; STALLED for a too long stride."""
     return where((outcome == _RUNNING) & (time >= max_stride_time), _STALLED, outcome)
 
 
 @shared
 def ends_episode(outcome):
-    """Whether an outcome terminates the episode."""
+    """Return whether an outcome terminates the episode."""
     return outcome > _HEELSTRIKE
 
 
@@ -100,7 +100,7 @@ def proportion(value):
 
 @shared
 def distance_of(ends, moved, progress):
-    """Return the distance that a step is paid for.
+    """Return the distance term of the reward of a step.
 
     A stride without heelstrike does not count: its distance is taken back. Otherwise agents learn
     to dive, which moves the hip by a leg length at once.

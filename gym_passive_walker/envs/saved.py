@@ -1,7 +1,7 @@
-"""Saved states of a batch: all that is checked before `set_state` writes anything.
+"""Saved states of a batch, and the checks before `set_state` writes them.
 
-Compiled code follows what a record says: a phase that does not exist is an address outside the
-process. A saved state may come from a file, so nothing in it is believed.
+Compiled code uses the indices in a record without checks: an invalid phase leads to an invalid
+address. A saved state may come from a file, so each of its entries is checked.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.walkers import PARAMETERS, Mechanism, Walker
 
-_MANY = 2**53  # more steps than anyone makes
+_MANY = 2**53  # upper limit of counters
 _FINITE = float(np.finfo(float).max)
-_LATE = 1e-6  # by how much a push that is due may lie behind the walker's time
+_LATE = 1e-6  # largest delay of a push that is due, in sqrt(l/g)
 _ROUNDING = 1e-9
 
 
@@ -33,15 +33,15 @@ class StateError(ValueError):
 
 
 def entries(state: Any, names: Sequence[str], *, others: bool = False) -> Mapping[str, Any]:
-    """The entries of a saved state.
+    """Return a saved state after a check of the names of its entries.
 
     Args:
-        state: What was given.
-        names: Entries that it must have.
-        others: Whether it may have more.
+        state: The value to check.
+        names: Names of required entries.
+        others: Whether other entries are allowed.
 
     Raises:
-        StateError: if it lacks some, or has others that it may not have.
+        StateError: if it is no mapping, an entry is missing, or another entry is not allowed.
     """
     if not isinstance(state, Mapping):
         raise StateError(f"a state is what get_state returned, a mapping, not {state!r}")
@@ -54,15 +54,15 @@ def entries(state: Any, names: Sequence[str], *, others: bool = False) -> Mappin
 
 
 def flags(state: Any, name: str, shape: tuple[int, ...] = ()) -> NDArray[np.bool_]:
-    """Booleans that an environment adds to its batch's state, as a copy.
+    """Return a copy of booleans that an environment adds to the state of its batch.
 
     Args:
-        state: What was given.
-        name: Of the entry.
-        shape: Its shape; () is a single one.
+        state: The state.
+        name: Name of the entry.
+        shape: Shape of the entry; () for a single boolean.
 
     Raises:
-        StateError: if they are missing, or of another shape or type.
+        StateError: if the entry is missing, or its shape or type is wrong.
     """
     array = np.array(entries(state, (name,), others=True)[name])
     if array.dtype != np.bool_ or array.shape != shape:
@@ -72,10 +72,15 @@ def flags(state: Any, name: str, shape: tuple[int, ...] = ()) -> NDArray[np.bool
 
 
 def like(given: Any, name: str, own: NDArray) -> NDArray:
-    """An entry of the same shape and type as the batch's own array, as a copy.
+    """Return a copy of an entry with the shape and type of the batch's own array.
+
+    Args:
+        given: The entry.
+        name: Name of the entry.
+        own: Array of the batch.
 
     Raises:
-        StateError: if it is none.
+        StateError: if the shape or the type differs.
     """
     array = np.array(given)
     if array.dtype != own.dtype:
@@ -92,25 +97,25 @@ def like(given: Any, name: str, own: NDArray) -> NDArray:
 
 
 def over(ledger: NDArray) -> NDArray[np.bool_]:
-    """Which walkers' episodes have ended, by their ledger, (count,)."""
+    """Return whether the episode of each walker has ended, (count,)."""
     return (ledger["ending"] != 0) | (ledger["truncated"] != 0)
 
 
 def described(scene: Scene) -> str:
-    """A scene as a text that says all of it."""
+    """Return all arguments of a scene as JSON."""
     parts = {field.name: getattr(scene, field.name) for field in fields(scene)}
     return json.dumps(parts, default=_described)
 
 
 def kept(walker: Any) -> Any:
-    """What a saved state holds of a walker: of a `System` its equations' name and its body."""
+    """Return a walker as saved: of a `System`, the name of its equations and its constants."""
     if isinstance(walker, Mechanism):
         return walker.hybrid.name, *map(float, walker.body)
     return walker
 
 
 def _described(value: Any) -> Any:
-    """A number of NumPy's, a function by its name, or a walker, for JSON."""
+    """Return a NumPy number, the name of a function, or a walker in a form for JSON."""
     if isinstance(value, Mechanism):
         return [value.title, *kept(value)]
     if is_dataclass(value) and not isinstance(value, type):
@@ -121,10 +126,14 @@ def _described(value: Any) -> Any:
 
 
 def check_scene(given: Any, own: str) -> None:
-    """Refuse a state of another scene.
+    """Raise an error for a state of another scene.
+
+    Args:
+        given: Description of the state's scene.
+        own: Description of the batch's scene, from `described`.
 
     Raises:
-        StateError: if it is; the message names the arguments that differ.
+        StateError: if the scenes differ; the message names the arguments that differ.
     """
     if str(given) == own:
         return
@@ -146,16 +155,16 @@ def check_scene(given: Any, own: str) -> None:
 def check_walkers(
     given: Any, own: Sequence[Walker], bases: Sequence[Walker], shares: Mapping[str, float]
 ) -> list[Walker]:
-    """The walkers of a state, if they can walk in this batch.
+    """Return the walkers of a state after a check that the batch permits them.
 
     Args:
-        given: What the state says.
-        own: The batch's.
-        bases: What random walkers vary around, one for each.
-        shares: By how much parameters may vary.
+        given: Walkers in the state.
+        own: Walkers of the batch, (count,).
+        bases: Nominal walkers of the domain randomization, (count,).
+        shares: Largest relative deviation of each parameter, by name.
 
     Raises:
-        StateError: if one of them cannot be there.
+        StateError: if the batch does not permit one of the walkers.
     """
     row = list(given) if isinstance(given, Sequence) else []
     if isinstance(own[0], Mechanism):
@@ -185,7 +194,7 @@ def check_walkers(
 
 
 def _system_of(entry: Any, base: Any, shares: Mapping[str, float]) -> Any:
-    """The system that `kept` has written, if it may vary around a base so; else None."""
+    """Return the system that `kept` wrote; None if its constants are not permitted."""
     name, *values = entry if isinstance(entry, tuple | list) and entry else [None]
     fields = base.body._fields
     if name != base.hybrid.name or len(values) != len(fields):
@@ -201,16 +210,21 @@ def _system_of(entry: Any, base: Any, shares: Mapping[str, float]) -> Any:
 
 
 def _near(walker: Walker, base: Walker, name: str, share: float) -> bool:
-    """Whether a parameter is within its share of that of a base."""
+    """Return whether a parameter lies within its relative range around that of a base."""
     ours, theirs = getattr(base, name), getattr(walker, name)
     return ours == theirs or abs(theirs - ours) <= (share + _ROUNDING) * abs(ours)
 
 
 def check_randoms(given: Any, count: int, kind: type) -> list[dict[str, Any]]:
-    """The states of random generators, if generators of a kind take them.
+    """Return the states of random generators after a check.
+
+    Args:
+        given: The states, (count,) or empty.
+        count: Number of walkers.
+        kind: Class of the bit generators.
 
     Raises:
-        StateError: if there is not one for each of `count` walkers, or none at all.
+        StateError: if their number is neither 0 nor `count`, or a generator rejects one.
     """
     row = list(given) if isinstance(given, Sequence) else None
     if row is None or len(row) not in (0, count):
@@ -229,20 +243,20 @@ def check_randoms(given: Any, count: int, kind: type) -> list[dict[str, Any]]:
 
 @cache
 def _trial(kind: type) -> Any:
-    """A generator that nobody draws from: it tries states."""
+    """Return a generator that only tests states; no numbers are drawn from it."""
     return kind(0)
 
 
 def require(name: str, holds: NDArray[np.bool_], allowed: str) -> None:
-    """Refuse a state unless something holds for every environment.
+    """Raise an error unless a condition holds for every environment.
 
     Args:
-        name: Of what is wrong where it does not.
-        holds: For each environment, (count,) or (count, ...).
-        allowed: What would be right.
+        name: Name of the entry in the message.
+        holds: Whether the condition holds for each environment, (count,) or (count, ...).
+        allowed: Description of valid values in the message.
 
     Raises:
-        StateError: if it does not; the message names the first environment.
+        StateError: if the condition fails; the message names the first environment.
     """
     if not holds.all():
         place = int(np.argmin(holds.reshape(len(holds), -1).all(axis=1)))
@@ -250,18 +264,18 @@ def require(name: str, holds: NDArray[np.bool_], allowed: str) -> None:
 
 
 class Limits:
-    """Between which limits each field of structured rows has to be.
+    """Limits of the fields of a structured array.
 
-    Whole numbers are checked for every walker, since compiled code goes by them. Other numbers are
-    checked where an episode goes on: where one has ended they are not read again, and may be
+    Integers are checked for every walker, because compiled code uses them as indices. Floats are
+    checked only while an episode is running. After its end they are not read again, and they are
     infinite if the motion diverged.
 
     Args:
-        name: What the rows are called in a state.
-        layout: Theirs; all fields are of 8 bytes, or several times that.
-        skip: Fields that may be anything.
-        **ranges: Least and greatest value of fields, each one number or as the field has them.
-            Other fields have to be finite.
+        name: Name of the array in a state.
+        layout: Data type of a row; the size of each field is a multiple of 8 bytes.
+        skip: Fields without limits.
+        **ranges: Smallest and largest value of a field, each a number or of the field's shape.
+            Other fields must be finite.
     """
 
     def __init__(
@@ -282,18 +296,18 @@ class Limits:
             self._parts.append((kind, words, names, low.view(kind)[words], high.view(kind)[words]))
 
     def check(self, rows: NDArray, going: NDArray[np.bool_]) -> None:
-        """Refuse rows that are not within the limits.
+        """Raise an error for rows outside the limits.
 
         Args:
-            rows: Contiguous, (count,).
-            going: Whether each episode goes on, (count,).
+            rows: Contiguous rows, (count,).
+            going: Whether each episode is running, (count,).
 
         Raises:
-            StateError: if a number is not; the message says which, and what is allowed.
+            StateError: if a number is outside its limits; the message names both.
         """
         for kind, words, names, low, high in self._parts:
             found = rows.view(kind).reshape(len(rows), -1)[:, words]
-            holds = (low <= found) & (found <= high)  # not so of what is not a number
+            holds = (low <= found) & (found <= high)  # false for NaN
             if holds.all():
                 continue
             if kind is np.float64:
@@ -306,13 +320,13 @@ class Limits:
 
 
 class RowLimits:
-    """What records and ledger of a scene's walkers may hold.
+    """Limits of the records and the ledger of a scene's walkers.
 
     Args:
-        rules: The scene's, one row of `task.RULES`.
-        phases: How many the walkers' system has.
-        last: The greatest number of an outcome.
-        layout: Of the walkers' records.
+        rules: Rules of the scene, one row of `task.RULES`.
+        phases: Number of phases of the system.
+        last: Largest number of an outcome.
+        layout: Layout of the records.
     """
 
     def __init__(self, rules: NDArray, phases: int, last: int, layout: Layout) -> None:
@@ -332,18 +346,18 @@ class RowLimits:
         )  # fmt: skip
 
     def check(self, records: NDArray, ledger: NDArray, *, begun: bool) -> NDArray[np.bool_]:
-        """Refuse what is not within the limits, or contradicts itself.
+        """Raise an error for entries that are outside their limits or inconsistent.
 
         Args:
-            records: Shape (count, 1).
-            ledger: Shape (count,).
+            records: Records, (count, 1).
+            ledger: Ledger, (count,).
             begun: Whether all walkers have begun an episode.
 
         Returns:
-            Whether each episode goes on, (count,).
+            Whether each episode is running, (count,).
 
         Raises:
-            StateError: if a number is out of its limits.
+            StateError: if a number is outside its limits, or contradicts another one.
         """
         here, going = records[:, 0], ~over(ledger) & begun
         self._records.check(here, going)
@@ -382,13 +396,13 @@ class DisturbanceLimits:
             found: Disturbance states, (count,) of `disturbance_kernels.DISTURBANCE`.
             pending: Delayed actions, (count, action_delay, actions).
             times: Times since the strides began, (count,).
-            going: Whether each episode goes on, (count,).
+            going: Whether each episode is running, (count,).
 
         Raises:
-            StateError: if a number is out of its limits.
+            StateError: if a number is outside its limits.
         """
         self._disturbances.check(found, going)
-        # Every push that is due would be applied, one by one: an old time would take forever.
+        # Due pushes are applied one by one, so a time far in the past would take very long.
         fits = (found["due"] >= times - _LATE) | ~going
         require("disturbances['due']", fits, "no earlier than the walker's time")
         require("pending", np.abs(pending) <= 1.0, "shares from -1 to 1")

@@ -5,9 +5,9 @@
 
     PPO("MlpPolicy", PassiveWalkerVecEnv(64)).learn(1_000_000)
 
-It does what a `DummyVecEnv` of as many monitored single environments does, at the cost of one
-kernel call: the step that ends an episode returns the next one's first observation, and the info of
-that environment holds "terminal_observation", "TimeLimit.truncated" and the "episode".
+Its results are those of a `DummyVecEnv` of monitored single environments, at the cost of one kernel
+call. The step that ends an episode returns the first observation of the next one. The `info` of
+that environment then has "terminal_observation", "TimeLimit.truncated" and "episode".
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ with extra("train"):
 
 
 class Lane:
-    """One of the walkers, for `get_attr` and `env_method`."""
+    """Access to one of the walkers, for `get_attr` and `env_method`."""
 
     def __init__(self, vec_env: PassiveWalkerVecEnv, index: int) -> None:
         self._vec_env, self._index = vec_env, index
 
     def set_scene(self, scene: Any = None, **changes: Any) -> None:
-        """Change the scene of all walkers; see `PassiveWalkerVectorEnv`."""
+        """Change the scene of all walkers; see `PassiveWalkerVectorEnv.set_scene`."""
         self._vec_env.set_scene(scene, **changes)
 
     @property
@@ -53,15 +53,18 @@ class Lane:
 
     @property
     def state(self) -> NDArray[np.float64]:
-        """Angles and rates in the walker's own units."""
+        """Angles in rad and angular velocities in the walker's units, (6,).
+
+        Of a `System` the coordinates and their rates, (2 m,).
+        """
         return self._vec_env.envs.states[self._index]
 
     def set_energy_cost(self, energy: str | None) -> None:
-        """Charge the motors of all walkers for another kind of work; see `PassiveWalkerEnv`."""
+        """Set the work that the energy term counts, for all walkers; see `PassiveWalkerEnv`."""
         self._vec_env.set_energy_cost(energy)
 
     def render(self) -> NDArray[np.uint8] | None:
-        """A picture of the walker."""
+        """Return a picture of the walker; None without a render mode."""
         return self._vec_env.get_images()[self._index]
 
 
@@ -69,18 +72,19 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
     """A batch of walkers as a `VecEnv` of stable-baselines3.
 
     Args:
-        num_envs: How many walkers.
-        scene: As for `PassiveWalkerEnv`.
-        max_episode_steps: Steps after which an episode is truncated; -1 or None for never.
-        seed: Seeds the first reset; a later one is seeded with `seed()`.
-        walkers: As for `PassiveWalkerVectorEnv`.
-        slopes: As for `PassiveWalkerVectorEnv`.
-        threads: As for `PassiveWalkerVectorEnv`.
+        num_envs: Number of walkers.
+        scene: A scene, its name, or its arguments; see `PassiveWalkerEnv`.
+        max_episode_steps: Number of steps after which an episode is truncated; -1 or None for no
+            limit.
+        seed: Seed of the first reset; `seed()` sets those of later resets.
+        walkers: Walker of each environment; see `PassiveWalkerVectorEnv`.
+        slopes: Slope of each environment in rad; see `PassiveWalkerVectorEnv`.
+        threads: Number of threads; see `PassiveWalkerVectorEnv`.
         render_mode: "rgb_array", or None.
-        **changes: As for `PassiveWalkerEnv`.
+        **changes: Arguments of the scene to change; see `PassiveWalkerEnv`.
 
     Attributes:
-        envs: The vector environment that carries them.
+        envs: The vector environment of the walkers.
     """
 
     def __init__(
@@ -125,7 +129,11 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         self._born = time.perf_counter()
 
     def reset(self) -> NDArray[np.float32]:
-        """Begin an episode in every environment, with the seeds and options that were set."""
+        """Begin an episode in every environment, with the seeds and options set before.
+
+        Returns:
+            Observations, (num_envs, k) with k = 8 by default.
+        """
         options = self._common_options()
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
         observations, _ = self.envs.reset(seed=seeds, options=options)
@@ -135,7 +143,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         return observations
 
     def _common_options(self) -> dict[str, Any]:
-        """The options of all environments, one array for each."""
+        """Return the options by name: one list with a value for each environment."""
         names = set().union(*self._options)
         for name in names:
             if not all(name in options for options in self._options):
@@ -143,7 +151,11 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         return {name: [options[name] for options in self._options] for name in names}
 
     def step_async(self, actions: NDArray) -> None:
-        """Take note of the actions, shape (num_envs, actions of the scene)."""
+        """Set the actions of the next step, (num_envs, actions of the scene).
+
+        Raises:
+            ValueError: if the actions have another shape.
+        """
         actions = interface.numbers(actions, self.scene.actions)
         shape = (self.num_envs, len(self.scene.actions))
         if actions.shape != shape:
@@ -154,13 +166,17 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
     def step_wait(
         self,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """A step of every environment, and the next episode's start where one has ended."""
+        """Step every environment, and begin the next episode of those that end.
+
+        Returns:
+            Observations (num_envs, k), rewards and ends of episodes, each (num_envs,), and infos.
+        """
         observations = np.empty((self.num_envs, self.batch.observation_size), np.float32)
         rewards = np.empty(self.num_envs)
         dones, truncated = np.empty((2, self.num_envs), bool)
         flat = observations.reshape(-1)
         _, endings = self.batch.step(self._actions, flat, rewards, dones, truncated)
-        if any(self._blank):  # someone has written into an info: it is theirs now
+        if any(self._blank):  # the caller has changed an info, and keeps it
             self._blank = [info and {} for info in self._blank]
         infos = self._blank.copy()
         if endings:
@@ -176,7 +192,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
     def _last_info(
         self, lane: int, observation: NDArray[np.float32], terminated: bool
     ) -> dict[str, Any]:
-        """The info of an environment at the end of its episode."""
+        """Return the info of an environment at the end of its episode."""
         row = self.batch.ledger[lane]
         ended = interface.OUTCOMES[row["ending"]] if terminated else "time_limit"
         info: dict[str, Any] = {name: row[name].item() for name in task.EVERY_STEP}
@@ -192,16 +208,16 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         return info
 
     def close(self) -> None:
-        """Close what draws."""
+        """Close the renderers."""
         self.envs.close()
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """A picture of each walker."""
+        """Return a picture of each walker; None without a render mode."""
         frames = self.envs.render()
         return [None] * self.num_envs if frames is None else list(frames)
 
     def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
-        """An attribute of some environments: one of `Lane`, or else of the vector environment."""
+        """Return an attribute of some environments, from `Lane` or from the vector environment."""
         lanes = [self.lanes[i] for i in self._get_indices(indices)]
         return [
             getattr(lane if hasattr(lane, attr_name) else self.envs, attr_name) for lane in lanes
@@ -210,10 +226,11 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
     def set_attr(
         self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None
     ) -> None:
-        """Note something with some environments; what is simulated cannot be changed so.
+        """Set a new attribute of some environments; attributes of the simulation are read-only.
 
         Raises:
-            AttributeError: if it is an attribute of the walkers or of the vector environment.
+            AttributeError: if the walkers or the vector environment have a read-only attribute of
+                that name.
         """
         if hasattr(self.envs, attr_name):
             raise AttributeError(f"{attr_name} cannot be set: it belongs to the environment")
@@ -236,11 +253,11 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
     def env_is_wrapped(
         self, wrapper_class: type, indices: int | Iterable[int] | None = None
     ) -> list[bool]:
-        """No environment here is wrapped."""
+        """Return False for each environment: none of them is wrapped."""
         return [False for _ in self._get_indices(indices)]
 
     def set_slopes(
         self, slopes: ArrayLike, mask: NDArray[np.bool_] | None = None
     ) -> NDArray[np.float32]:
-        """Give the strides that begin slopes of their own; see `PassiveWalkerVectorEnv`."""
+        """Set the slopes of strides that begin; see `PassiveWalkerVectorEnv.set_slopes`."""
         return self.envs.set_slopes(slopes, mask)

@@ -1,4 +1,4 @@
-"""Scenes: what is simulated, and by which rules."""
+"""Scenes: configurations of the environments."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ from gym_passive_walker.walkers import (
 CONTROLS = ("tick", "stride")
 
 FASTEST = 1.0
-"""Speed over sqrt(g l) beyond which a stiff leg cannot hold the ground, whatever pushes it."""
+"""Largest speed over sqrt(g l) at which a stiff leg can keep ground contact."""
 
-_FARTHEST = 1000  # footholds that agents see ahead
-_LATEST = 10_000  # steps by which actions come late
+_FARTHEST = 1000  # largest number of observed footholds
+_LATEST = 10_000  # largest delay of actions, in control steps
 _LARGEST = {"hip": "max_hip_torque", "ankle": "max_ankle_torque", "push_off": "max_push_off"}
 _MAX_HIP_TORQUE = {"tick": 0.05, "stride": 0.03}
 _PERTURBATION = {"tick": 0.10, "stride": 0.05}
@@ -62,7 +62,7 @@ class Scene:
 
     Attributes:
         walker: A walker in a form that `as_walker` takes: a `Walker`, a name, a mapping or a file;
-            or a `System` of the user's own. `make_scene` takes such a one as `system` as well.
+            or a user's `System`. `make_scene` also takes a `System` as `system`.
         slope: Slope in rad, positive downhill; or (low, high), drawn at each reset.
         control: "tick" for a new action every `tick`, and at each heelstrike; "stride" for one
             action from heelstrike to heelstrike.
@@ -83,8 +83,8 @@ class Scene:
             is 0.10 for ticks and 0.05 for strides.
         domain_randomization: Largest relative change of walker parameters, drawn at each reset:
             ``{"foot_radius": 0.1}``.
-        randomization_pool: How many different walkers `domain_randomization` draws from, the same
-            in each environment; None draws a new walker at each reset.
+        randomization_pool: Number of walkers from which `domain_randomization` draws, equal in all
+            environments; None draws a new walker at each reset.
         observe_body: Parameters of the walker that agents observe, as ``("foot_radius",)``:
             lengths over l, masses over m, stiffnesses over m g l. They are the last entries of the
             observation.
@@ -225,12 +225,12 @@ class Scene:
             )
 
     def _checked_slope(self) -> float | tuple[float, float]:
-        """A slope, or a range of them."""
+        """Return the slope or the range of slopes, in rad, after a check."""
         bounds: list[float] = []
         try:
             bounds = np.atleast_1d(check_slope(self.slope)).tolist()
         except (TypeError, ValueError):
-            pass  # as bad as the wrong number of them
+            pass  # raises the error below
         if len(bounds) not in (1, 2) or bounds[0] > bounds[-1]:
             raise SceneError(
                 "slope must be an angle in rad between -pi/2 and pi/2, or a range of them as "
@@ -239,7 +239,7 @@ class Scene:
         return bounds[0] if len(bounds) == 1 else (bounds[0], bounds[1])
 
     def _checked_actions(self) -> tuple[str, ...]:
-        """What an agent acts by."""
+        """Return the names of the actions after a check."""
         channels = self.channels
         if self.actions is None:
             return ("hip",) if self.own_system is None else channels
@@ -261,27 +261,27 @@ class Scene:
 
     @property
     def own_system(self) -> Mechanism | None:
-        """The user's `System` that walks here; None where a walker of the package does."""
+        """The user's `System`; None with a walker of the package."""
         return self.walker if isinstance(self.walker, Mechanism) else None
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """What agents may act by."""
+        """Names of possible actions."""
         return CHANNELS if self.own_system is None else self.own_system.controls
 
     def largest(self, channel: str) -> float:
-        """What the action 1 does in a channel."""
+        """Return the control or impulse of the action 1 in a channel."""
         if self.own_system is None:
             return getattr(self, _LARGEST[channel])
         usual = self.max_hip_torque * self.own_system.total_mass
         return float(self.own_system.limits.get(channel, usual))
 
     def least(self, channel: str) -> float:
-        """Least action in a channel: -1, or 0 where the ground can only push."""
+        """Return the smallest action in a channel: -1, or 0 for the push-off."""
         return 0.0 if self.own_system is None and channel == "push_off" else -1.0
 
     def _check_own(self) -> None:
-        """Refuse what a user's system does not have."""
+        """Raise an error for arguments that a user's system does not support."""
         names = ("constraints", "terrain_lookahead", "observe_body")
         found = [name for name in names if getattr(self, name)]
         if found:
@@ -291,7 +291,7 @@ class Scene:
             )
 
     def _checked_shares(self) -> dict[str, float]:
-        """Shares by which parameters of the walker may vary."""
+        """Return the largest relative changes of walker parameters, by name, after a check."""
         if not isinstance(self.domain_randomization, Mapping):
             raise SceneError(
                 "domain_randomization must map parameters to shares, not "
@@ -307,7 +307,7 @@ class Scene:
         }
 
     def _checked_pool(self) -> int | None:
-        """A number of walkers, or None."""
+        """Return the number of walkers of the pool, or None, after a check."""
         if self.randomization_pool is None:
             return None
         if not self.domain_randomization:
@@ -317,7 +317,7 @@ class Scene:
         return checked(whole, self.randomization_pool, "randomization_pool", most=2**31)
 
     def _checked_proportions(self) -> tuple[str, ...]:
-        """Names of parameters, each once."""
+        """Return the names of observed parameters after a check."""
         given = self.observe_body
         given = (given,) if isinstance(given, str) else given
         try:
@@ -333,7 +333,7 @@ class Scene:
         return names
 
     def _checked_preview(self) -> int:
-        """A number of footholds, and the terrain that they are of."""
+        """Set the terrain, and return the number of observed footholds, after a check."""
         object.__setattr__(self, "terrain", checked(terrain_from, self.terrain))
         if self.terrain is not None:
             slopes = *self.terrain.slopes, self.terrain.slope_std
@@ -348,14 +348,14 @@ class Scene:
         return lookahead
 
     def _checked_delay(self) -> int:
-        """A number of steps."""
+        """Return the delay of actions in control steps after a check."""
         try:
             return whole(self.action_delay, "action_delay", least=0, most=_LATEST)
         except ValueError as error:
             raise SceneError(f"{error} (of steps)") from None
 
     def _checked_start(self) -> tuple[float, ...]:
-        """A state to start from."""
+        """Return the initial state after a check."""
         try:
             start = real_array(self.start, "start", "numbers")  # type: ignore[arg-type]
         except ValueError:
@@ -369,23 +369,23 @@ class Scene:
 
     @property
     def frames_per_second(self) -> int:
-        """Steps a second at the walker's own pace; 2 where they are strides."""
+        """Control steps per second of the walker's time; 2 if each step is a stride."""
         if self.control == "stride":
             return 2
         return max(1, round(1.0 / (self.tick * self.walker.time_unit)))
 
 
 def kept_argument(name: str, value: Any) -> Any:
-    """An argument of a scene as files keep it: what a walker's or a terrain's own file holds.
+    """Return an argument of a scene for a saved file: the content of a walker or terrain file.
 
-    That file may change or move before a sweep or a training goes on.
+    The file itself can change or move before a sweep or a training continues.
 
     Args:
-        name: The argument's name.
-        value: Its value; other arguments than walkers and terrains are returned unchanged.
+        name: Name of the argument.
+        value: Value of the argument; only walkers and terrains are converted.
 
     Raises:
-        ValueError: if this is no walker or no terrain.
+        ValueError: if the value is no valid walker or terrain.
         ImportError: if the file is YAML and pyyaml is not installed.
     """
     if name == "walker" and (isinstance(value, Walker) or is_file(value)):
@@ -438,7 +438,7 @@ SCENES: dict[str, dict[str, Any]] = {
         "observe_body": tuple(_BODIES),
     },
 }
-"""Named scenes, and what they do passively.
+"""Named scenes, and the motion of their walkers without actuation.
 
 - "level", the default: walker C on level ground. Its steps shrink until it stubs its toe: 91
   strides and 9.5 l without reset noise, 61 strides and 6.3 l on average over the benchmark's
@@ -458,10 +458,14 @@ SCENES: dict[str, dict[str, Any]] = {
 
 
 def by_hip_alone(scene: Scene, subject: str) -> Scene:
-    """A scene that has the hip's torque for its only action, as some methods need it.
+    """Return a scene after a check that the hip torque is its only action.
+
+    Args:
+        scene: The scene.
+        subject: Beginning of the error's message.
 
     Raises:
-        SceneError: if it has others.
+        SceneError: if the scene has other actions.
     """
     if scene.actions != ("hip",):
         raise SceneError(
@@ -472,15 +476,15 @@ def by_hip_alone(scene: Scene, subject: str) -> Scene:
 
 
 def plain(scene: Scene, subject: str, *names: str) -> Scene:
-    """A scene with the environment's own rules, as some methods need them.
+    """Return a scene after a check that it has none of some users' functions.
 
     Args:
         scene: The scene.
-        subject: What needs it, and how, to begin a sentence.
-        *names: Of RULES, those that matter to it.
+        subject: Beginning of the error's message.
+        *names: Names in RULES that are checked.
 
     Raises:
-        SceneError: if one of them is the user's.
+        SceneError: if the scene has one of these functions.
     """
     if found := [name for name in names if getattr(scene, name) is not None]:
         raise SceneError(
@@ -491,14 +495,14 @@ def plain(scene: Scene, subject: str, *names: str) -> Scene:
 
 
 def with_parameters(scene: Scene, what: str) -> Scene:
-    """A scene with a walker of the package, as some methods need it.
+    """Return a scene after a check that its walker is one of the package.
 
     Args:
         scene: The scene.
-        what: What needs it, to begin a sentence.
+        what: Beginning of the error's message.
 
     Raises:
-        SceneError: if a user's `System` walks in it.
+        SceneError: if the walker is a user's `System`.
     """
     if scene.own_system is not None:
         raise SceneError(
@@ -509,10 +513,14 @@ def with_parameters(scene: Scene, what: str) -> Scene:
 
 
 def undisturbed(scene: Scene, subject: str) -> Scene:
-    """A scene without disturbances and commands, as some methods need it.
+    """Return a scene after a check that it has no disturbances and no command.
+
+    Args:
+        scene: The scene.
+        subject: Beginning of the error's message.
 
     Raises:
-        SceneError: if it is none.
+        SceneError: if the scene has disturbances or a command.
     """
     wanted = UNDISTURBED | {"command": None}
     if found := [name for name, calm in wanted.items() if getattr(scene, name) != calm]:
@@ -533,8 +541,8 @@ def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any)
             user's own, is another name of "walker".
 
     Raises:
-        SceneError: if there is no such scene, or the arguments describe none.
-        WalkerError: if the walker is none.
+        SceneError: if the scene is unknown, or an argument is invalid.
+        WalkerError: if the walker is invalid.
     """
     known = [f.name for f in fields(Scene)]
     if isinstance(scene, Scene):

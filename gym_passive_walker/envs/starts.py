@@ -1,7 +1,7 @@
-"""Where episodes start: near the passive gait of the walker at its slope.
+"""Initial states of episodes: near the passive gait (limit cycle) of the walker at its slope.
 
-Agents that start far from any gait never learn. Where a slope has no gait (level ground, most
-often), the walker starts with the gait of a slope that has one.
+Agents do not learn from initial states far from any gait. If a slope has no gait, such as level
+ground, the walker starts with the gait of another slope.
 """
 
 from __future__ import annotations
@@ -23,30 +23,32 @@ from gym_passive_walker.gaits.search import seek
 from gym_passive_walker.walkers import WALKERS, Mechanism, Walker, WalkerError, state_size
 
 REFERENCE_SLOPES = (0.01, 0.02, 0.036, 0.06, 0.09, 0.005, 0.0025)
-"""Slopes with a gait that a walker may start with where its own slope has none; on level ground and
-uphill, the first that has one."""
+"""Slopes in rad of substitute gaits for slopes without a gait. Level ground and uphill slopes use
+the first slope that has one."""
 
 NODES = 13
-"""Slopes of a range at which gaits are sought; between them, starts are interpolated."""
+"""Number of slopes in a range at which gaits are computed; initial states between are
+interpolated."""
 
 DRAWS = 4
-"""Random numbers that every start takes, whatever the scene: for its slope, and for how far its
-angles, its stance rate and its swing rates are from the gait's. A varied walker takes more."""
+"""Number of random numbers per start in every scene: one for the slope, and three for deviations
+from the gait. These are of the angles, the angular velocity of the stance leg, and those of the
+swing leg. Domain randomization draws more."""
 
 State = tuple[float, ...]
 
 _POOL = 1999
-"""Seed of the walkers of `randomization_pool`, beside their number."""
+"""Seed of the walkers of `randomization_pool`, together with their index."""
 
 _KNOWN = Path(__file__).parent / "starts.json"
 
 
 @cache
 def known_gaits() -> dict[tuple[Walker, float], State | None]:
-    """Gaits that the named scenes start with, so that a first episode need not search for them.
+    """Return precomputed gaits of the named scenes, so that a first episode needs no search.
 
-    By walker and slope; None where there is none. Written by ``python -m
-    gym_passive_walker.envs.starts``.
+    The keys are walker and slope; the value is None if there is no gait. ``python -m
+    gym_passive_walker.envs.starts`` writes the file.
     """
     known = json.loads(_KNOWN.read_text(encoding="utf-8"))
     return {
@@ -57,22 +59,26 @@ def known_gaits() -> dict[tuple[Walker, float], State | None]:
 
 
 def passive_gait(walker: Walker, slope: float, guess: State | None = None) -> State | None:
-    """The section state of a walker's long passive gait, if it has one: known, or searched for."""
+    """Return the state of a walker's long passive gait on the Poincaré section, or None.
+
+    The gait is precomputed, or `searched_gait` computes it.
+    """
     known = known_gaits()
     return known[walker, slope] if (walker, slope) in known else searched_gait(walker, slope, guess)
 
 
 @lru_cache(maxsize=4096)
 def searched_gait(walker: Walker, slope: float, guess: State | None = None) -> State | None:
-    """The section state of a walker's long passive gait, if a search finds one.
+    """Search for the state of a walker's long passive gait on the Poincaré section.
 
     Args:
         walker: The walker.
         slope: Slope in rad.
-        guess: A gait nearby, which saves most of the search.
+        guess: State of a gait nearby, which shortens the search.
 
     Returns:
-        The state, rates in units of 1/sqrt(l/g) as in the guess.
+        The state, with angular velocities in units of 1/sqrt(l/g) as in the guess. None if the
+        search finds no gait.
     """
     if isinstance(walker, Mechanism) and walker.start is None and guess is None:
         return None
@@ -86,10 +92,12 @@ def searched_gait(walker: Walker, slope: float, guess: State | None = None) -> S
 
 
 def gait_near(walker: Walker, slope: float, guess: State | None = None) -> State:
-    """The passive gait at a slope, or else at the nearest reference slope that has one.
+    """Return the passive gait at a slope, or at the nearest reference slope that has one.
+
+    A `System` without a gait uses its own start.
 
     Raises:
-        SceneError: if the walker has no gait at any of them.
+        SceneError: if the walker has no gait at any of these slopes, and no start.
     """
     gentle = max(slope, REFERENCE_SLOPES[0])
     others = sorted(REFERENCE_SLOPES, key=lambda reference: abs(reference - gentle))
@@ -106,12 +114,12 @@ def gait_near(walker: Walker, slope: float, guess: State | None = None) -> State
 
 
 class Starts:
-    """Where a scene's episodes start.
+    """Initial states of the episodes of a scene.
 
     Args:
         scene: The scene.
-        walker: A walker to use instead of the scene's.
-        slope: A slope to use instead of the scene's.
+        walker: Walker that replaces the scene's.
+        slope: Slope in rad that replaces the scene's.
     """
 
     def __init__(
@@ -124,20 +132,21 @@ class Starts:
         self._only_slope = np.array([self.low]) if self.low == self.high else None
 
     def slopes(self, shares: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Slopes in rad at shares, from 0 to 1, of the scene's range; one if there is but one."""
+        """Return slopes in rad at shares from 0 to 1 of the range; (1,) for a single slope."""
         if self._only_slope is not None:
             return self._only_slope
         return self.low + (self.high - self.low) * shares
 
     def states(self, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Section states to start from at slopes of the scene's range.
+        """Return initial states on the Poincaré section at slopes of the scene's range.
 
         Args:
-            slopes: In rad, shape (n,).
+            slopes: Slopes in rad, (n,).
 
         Returns:
-            Shape (n, 6), or (1, 6) if all start alike, with rates in units of 1/sqrt(l/g); of a
-            `System` as records have them, see `as_recorded`.
+            States, (n, 6), with angular velocities in units of 1/sqrt(l/g). The shape is (1, 6) if
+            all walkers have the same initial state. Those of a `System` are as `as_recorded`
+            returns them.
         """
         nodes, states = self.nodes
         if len(nodes) == 1:
@@ -147,15 +156,15 @@ class Starts:
         return found
 
     def state(self, slope: float) -> State:
-        """The section state to start from at any slope."""
+        """Return the initial state on the Poincaré section at any slope in rad."""
         return gait_near(self.walker, slope) if self.scene.start is None else self.scene.start
 
     def varied(self, rng: np.random.Generator) -> Walker:
-        """The walker with its parameters varied, if the scene asks for it."""
+        """Return the walker with random parameters, if the scene has domain randomization."""
         shares, pool = self.scene.domain_randomization, self.scene.randomization_pool
         if not shares:
             return self.walker
-        if pool is not None:  # the walker of each number is the same everywhere
+        if pool is not None:  # each index gives the same walker in every batch
             rng = np.random.default_rng((_POOL, int(rng.integers(pool))))
         for _ in range(100):
             factors = 1.0 + np.array(list(shares.values())) * rng.uniform(-1.0, 1.0, len(shares))
@@ -176,12 +185,12 @@ class Starts:
 
     @property
     def node_slopes(self) -> list[float]:
-        """Slopes of the range at which gaits are sought."""
+        """Slopes in rad of the range at which gaits are computed."""
         return np.linspace(self.low, self.high, NODES if self.high > self.low else 1).tolist()
 
     @cached_property
     def nodes(self) -> tuple[NDArray, NDArray]:
-        """Slopes of the range, and the states to start from there."""
+        """Slopes of the range in rad, (nodes,), and the initial states there, (nodes, 6)."""
         if self.scene.start is not None:
             return np.array([self.low]), as_recorded(self.walker, [self.scene.start])
         states: list[State] = []
@@ -191,7 +200,7 @@ class Starts:
 
 
 def as_recorded(walker: Walker, states: Sequence[State]) -> NDArray[np.float64]:
-    """States (n, 2 m) in rows as long as a record's, which may have room for more coordinates."""
+    """Return states (n, 2 m) in rows of a record's length, which can be longer."""
     found = np.array(states, dtype=float)
     if not isinstance(walker, Mechanism):
         return found
@@ -203,7 +212,7 @@ def as_recorded(walker: Walker, states: Sequence[State]) -> NDArray[np.float64]:
 
 @Kernel
 def between(nodes, states, slopes, found):
-    """Write the section states to start from at slopes, between those of nodes, (n, 6)."""
+    """Interpolate initial states between those of nodes, and write them to `found`, (n, 6)."""
     last = len(nodes) - 1
     for i in range(len(slopes)):
         right = 1
@@ -215,11 +224,11 @@ def between(nodes, states, slopes, found):
 
 
 def checked_state(state: Sequence[float], walker: Walker) -> State:
-    """A state that a user gave, with its rates in units of 1/sqrt(l/g).
+    """Return a user's state with angular velocities in units of 1/sqrt(l/g), after a check.
 
     Args:
-        state: [stance, thigh, shank] angles in rad and their rates, shape (6,).
-        walker: The walker in this state. A straight-legged walker's shank is ignored.
+        state: [stance, thigh, shank] angles in rad and their angular velocities, (6,).
+        walker: The walker. The shank of a straight-legged walker is ignored.
 
     Raises:
         ValueError: if it is no state of an upright walker.
@@ -248,7 +257,7 @@ def checked_state(state: Sequence[float], walker: Walker) -> State:
 
 
 def write_known_gaits() -> None:
-    """Search for the gaits that the named scenes start with, and keep them in the package."""
+    """Compute the initial gaits of the named scenes, and write them to the package's file."""
     known: dict[str, dict[str, State | None]] = {}
     for name in SCENES:
         scene = make_scene(name)

@@ -1,10 +1,11 @@
-"""What an agent does, sees and is paid for: one kernel for a step of any number of walkers.
+"""Actions, observations and rewards: compiled kernels for control steps of a batch of walkers.
 
-A single environment is a batch of one, so it and every vector environment go through the same
-instructions and agree to the last bit. All numbers are dimensionless (see `physics.hybrid`).
+A single environment is a batch of one. Single and vector environments therefore run the same
+instructions, and their results are bitwise equal. All numbers are dimensionless (see
+`physics.hybrid`).
 
-Each walker has its record, which the engine carries along (`engine.layout`), and an entry of the
-*ledger*: what the environment keeps of a stride and an episode.
+Each walker has a record and a row of the *ledger*. The record is the state of the integration
+(`engine.layout`). The ledger holds the accounts of the present stride and episode.
 """
 
 from __future__ import annotations
@@ -38,18 +39,19 @@ from gym_passive_walker.envs.rules import (
 from gym_passive_walker.physics.hybrid import Outcome
 
 EVERY_STEP = ("distance", "energy", "episode_distance", "episode_energy", "strides")
-"""Entries of `info` at every step: progress of the hip along the slope in this step, in leg
-lengths; what the motor is charged for in it, / (m g l); both since the episode began; heelstrikes
-since then."""
+"""Entries of `info` at every step: distance of the hip along the slope in this step, in leg
+lengths; energy that the actuators are charged for, / (m g l); their sums over the episode; number
+of heelstrikes in the episode."""
 
 CHANNELS = ("hip", "ankle", "push_off")
-"""What agents may act by: the controls that are held, and the impulse before heelstrike."""
+"""Channels of an action: controls that are held during a step, and the impulse before
+heelstrike."""
 
 EVERY_STRIDE = (
     "step_length",
     "step_period",
     "speed",
-    "cost_of_transport",  # gravity's work and all motors' charge, over weight and step length
+    "cost_of_transport",  # work of gravity and energy of all actuators, over weight and step length
     "gravity_cost",
     "hip_cost",
     "net_hip_cost",
@@ -60,31 +62,31 @@ EVERY_STRIDE = (
     "friction_cost",
     "kneestrike_time",
 )
-"""Further entries of `info` where a stride ends; zero at other steps."""
+"""Further entries of `info` at steps that end a stride; zero at other steps."""
 
 
 @cache
 def ledger_for(layout: Layout) -> np.dtype:
-    """The layout of a ledger, for walkers with records of a layout."""
+    """Return the data type of a ledger for walkers with records of a layout."""
     channels = (layout.controls + 1,)  # the controls, then the push-off
     return np.dtype(
         [(name, "f8") for name in (*EVERY_STEP[:-1], *EVERY_STRIDE)]
         + [
             ("strides", "i8"),
-            ("outcome", "i8"),  # of a stride or an episode that has ended in this step
-            ("ending", "i8"),  # outcome that ended the episode; 0 while it goes on
-            ("violated", "i8"),  # the same, by a rule of `disturbance_kernels`
+            ("outcome", "i8"),  # of the stride or the episode that this step ends; else 0
+            ("ending", "i8"),  # outcome that ended the episode; 0 before
+            ("violated", "i8"),  # constraint that ended the episode; else 0
             ("truncated", "i8"),
-            ("steps", "i8"),  # of the episode
+            ("steps", "i8"),  # number of control steps in the episode
             ("reward", "f8"),
-            ("total", "f8"),  # of the rewards
+            ("total", "f8"),  # sum of the rewards in the episode
             ("slope", "f8"),
-            ("origin", "f8"),  # where the stance foot would touch the ground at stance angle 0
-            ("place", "f8"),  # of the hip from there, before the step
-            # Of the strides that have ended since the episode began: time, and gravity's work.
+            ("origin", "f8"),  # contact point of the stance foot at stance angle 0
+            ("place", "f8"),  # position of the hip relative to the origin, before the step
+            # Sums over the completed strides of the episode: time, and work of gravity.
             ("clock", "f8"),
             ("descent", "f8"),
-            # Since the stride began: of each channel's motor, and of the hip.
+            # Since the stride began: net work and charge of each channel, distance of the hip.
             ("net_work", "f8", channels),
             ("charge", "f8", channels),
             ("progress", "f8"),
@@ -97,20 +99,20 @@ LEDGER = ledger_for(NARROW)
 
 @cache
 def rules_for(layout: Layout) -> np.dtype:
-    """The layout of a scene's rules, for walkers with records of a layout."""
+    """Return the data type of a scene's rules for walkers with records of a layout."""
     channels = (layout.controls + 1,)
     return np.dtype([
         ("tick", "f8"),
         ("max_stride_time", "f8"),
-        ("actions", "i8"),  # how many an agent has
-        ("channels", "i8", channels),  # of each action: the number of a control, or the last
-        ("largest", "f8", channels),  # of each channel; 0 if it is not in use
+        ("actions", "i8"),  # number of actions
+        ("channels", "i8", channels),  # index for each action; the last is the push-off
+        ("largest", "f8", channels),  # largest value of each channel; 0 if it is not used
         ("energy_weight", "f8"),
         ("step_limit", "f8"),
         ("charged", "i8"),  # an index into ENERGIES
-        # Work / (m g l) of a unit of each control; 0 where it costs none: on feet without mass.
+        # Work / (m g l) of a unit of each control; 0 if it costs none, as on feet without mass.
         ("works", "f8", channels),
-        ("weight", "f8"),  # of the walker, in the unit of its records
+        ("weight", "f8"),  # weight of the walker, in the unit of its records
     ])  # fmt: skip
 
 
@@ -121,21 +123,21 @@ _HEELSTRIKE, _NUMBER = int(Outcome.HEELSTRIKE), np.dtype("f8")
 
 @jitted
 def over(row):
-    """Whether the walker's episode has ended."""
+    """Return whether the walker's episode has ended."""
     return row.ending != 0 or row.truncated != 0
 
 
 @jitted
 def write_observation(record, row, phases, observations, first):
-    """Write a walker's observation."""
+    """Write the observation of a walker into the flat array, from index `first` on."""
     locked = 1.0 if phases[record.phase].links == 2 else 0.0
     for i, value in enumerate(observation(record.state, locked, row.slope)):
-        observations[first + i] = value  # of a user's own system, `custom.everything` is observed
+        observations[first + i] = value  # a user's system observes `custom.everything`
 
 
 @Kernel
 def observe(records, ledger, phases, observations):
-    """Write all walkers' observations, flat."""
+    """Write the observations of all walkers into a flat array."""
     size = len(observations) // len(records)
     for i in range(len(records)):
         write_observation(records[i, 0], ledger[i], phases, observations, i * size)
@@ -143,18 +145,19 @@ def observe(records, ledger, phases, observations):
 
 @jitted
 def write_info(ledger, asked, steps, counts, measures):
-    """Write the numbers that infos report of the walkers asked about; of the others, zeros.
+    """Write the entries of `info` for selected walkers; entries of the others are zero.
 
     Args:
-        ledger: The ledger.
-        asked: Which walkers are asked about.
-        steps: Filled: a row for each of EVERY_STEP but the last.
-        counts: Filled with the number of strides, and with the outcome, as a number, where a stride
-            or an episode has ended.
-        measures: Filled from the front: a row for each of these, with EVERY_STRIDE.
+        ledger: The ledger, (count,).
+        asked: Whether each walker is selected, (count,).
+        steps: Filled with the entries of EVERY_STEP except the last, (entries, count).
+        counts: Filled with the number of strides and the outcome as a number, (2, count). The
+            outcome is 0 if no stride or episode ends.
+        measures: The first rows are filled with EVERY_STRIDE. There is one row for each selected
+            walker with an outcome.
 
     Returns:
-        How many walkers are asked about.
+        Number of selected walkers.
     """
     present, endings, first = 0, 0, len(steps)
     row_words = ledger.itemsize // 8
@@ -177,11 +180,12 @@ def begin(
     records, bodies, radii, ledger, blank_record, blank_row, phases, lanes,
     slopes, gaits, draws, reset_noise_scale, observations,
 ):  # fmt: skip
-    """Begin the episodes of some walkers, each near a section state.
+    """Begin the episodes of some walkers, each near a state on the Poincaré section.
 
-    Slopes and gaits have a row for each, or one for all. Angles, stance rate and swing rates have
-    a factor each, between 1 - perturbation and 1 + perturbation. Columns 1 to 3 of the draws, from
-    0 to 1, give these factors. Thigh and shank share theirs: so the knee of a leg that has just
+    Slopes and gaits have one row for each walker, or one row for all. One random factor scales the
+    angles, one the angular velocity of the stance leg, one those of the swing leg. Each factor lies
+    between 1 - reset_noise_scale and 1 + reset_noise_scale. Columns 1 to 3 of the draws, from 0 to
+    1, give the factors. Thigh and shank share a factor, so that the knee of a leg that has just
     left the ground opens.
     """
     size = len(observations) // len(records)
@@ -207,7 +211,7 @@ def begin(
 
 @jitted
 def first_invalid(ledger, count, actions):
-    """Return the first walker with an episode and an action that is not finite, or -1."""
+    """Return the index of the first walker in an episode with a non-finite action, or -1."""
     for i in range(len(ledger)):
         for j in range(count):
             if not math.isfinite(actions[i * count + j]) and not over(ledger[i]):
@@ -217,7 +221,7 @@ def first_invalid(ledger, count, actions):
 
 @jitted
 def apply_action(records, ledger, rules, actions):
-    """Set every walker's torques, push-off and time to stop; after its episode it rests."""
+    """Set the torques, push-off and end time of each walker; it rests after its episode."""
     count = rules.actions
     for i in range(len(records)):
         record = records[i, 0]
@@ -238,7 +242,7 @@ def apply_action(records, ledger, rules, actions):
 
 @jitted
 def charge(record, row, rules):
-    """Enter the step's work of each motor."""
+    """Add the energy of each actuator in this step to the ledger."""
     push_off = len(record.control)
     for channel in range(push_off):
         if rules.largest[channel] == 0.0 or rules.works[channel] == 0.0:
@@ -256,7 +260,7 @@ def charge(record, row, rules):
 
 @jitted
 def end_stride(record, row, rules):
-    """Measure the stride that a heelstrike has just ended, and open the next one."""
+    """Write the measures of the stride that a heelstrike ended, and begin the next stride."""
     length, push_off = record.step_length, len(record.control)
     way = length * rules.weight
     row.strides += 1
@@ -287,7 +291,7 @@ def end_stride(record, row, rules):
 
 @jitted
 def progress(record, row):
-    """Add the distance of the hip in the step to the stride and the episode."""
+    """Add the distance of the hip in this step to the accounts of stride and episode."""
     came = record.passed if record.outcome == _HEELSTRIKE else record.place
     row.distance = distance_of(row.ending != 0, came - row.place, row.progress)
     row.place = record.place
@@ -299,10 +303,10 @@ def progress(record, row):
 def finish_step(
     records, bodies, ledger, rules, phases, observations, rewards, terminated, truncated
 ):
-    """Work out what every walker's step has come to.
+    """Compute the reward, observation and termination of each walker after integration.
 
     Returns:
-        How many strides, and how many episodes have ended.
+        Number of strides that end, and number of episodes that end.
     """
     strides, endings, size = 0, 0, len(observations) // len(records)
     for i in range(len(records)):
@@ -341,7 +345,7 @@ def finish_step(
 
 @jitted
 def forget_stride(row):
-    """Clear the measures of a stride's end."""
+    """Set the measures of the last stride to zero."""
     row.step_length, row.step_period, row.speed, row.cost_of_transport = 0.0, 0.0, 0.0, 0.0
     row.gravity_cost, row.hip_cost, row.net_hip_cost = 0.0, 0.0, 0.0
     row.ankle_cost, row.net_ankle_cost, row.push_off_cost = 0.0, 0.0, 0.0
@@ -353,7 +357,7 @@ def step(
     records, bodies, ledger, rules, phases, options, tiles, histories,
     actions, observations, rewards, terminated, truncated,
 ):  # fmt: skip
-    """Step every walker by finite actions; returns the result of `finish_step`."""
+    """Step each walker by its finite actions; returns the result of `finish_step`."""
     apply_action(records, ledger, rules[0], actions)
     integrate(records, bodies, phases, options, tiles, histories)
     return finish_step(

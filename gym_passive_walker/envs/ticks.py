@@ -1,7 +1,7 @@
 """Compiled control steps and starts of a batch, called with the addresses of its arrays.
 
-Numba takes 0.3 µs to unbox an array of structures, and a control step needs eight: longer than the
-engine takes for one walker. The addresses of arrays are therefore stored once.
+Numba takes 0.3 µs to unbox an array of structures, and a control step needs eight. That is longer
+than the engine takes for one walker. The addresses of arrays are therefore stored once.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ PLACES = np.dtype(
     + [("constants", "i8"), ("low", "f8"), ("high", "f8"), ("reset_noise_scale", "f8")]
     + [("noted", "i8"), ("paid", "i8"), ("ends", "i8"), ("native", "i8"), ("delay", "i8")]
 )
-"""Addresses of these arrays, the range of slopes at a start, addresses of the user's compiled
-functions (see `transitions.after`), and the number of control steps of `action_delay`."""
+"""Addresses of these arrays; the range of slopes at a start in rad; addresses of users' compiled
+functions (see `transitions.after`); and the number of control steps of `action_delay`."""
 
 _NUMBER, _WORD, _BOOLEAN = np.dtype("f8"), np.dtype("i8"), np.dtype("?")
 _ALL = 1 << 62
@@ -86,12 +86,12 @@ class Kernels(NamedTuple):
 
 @cache
 def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
-    """The compiled calls of a batch; they contain no code that its scene does not need.
+    """Return the compiled calls of a batch, without code that its scene does not need.
 
     Args:
         layout: The layout of its records.
-        disturbed: Whether it has any disturbance of `disturbance_kernels`.
-        custom: Whether it has functions of the user's own.
+        disturbed: Whether the scene has any disturbance of `disturbance_kernels`.
+        custom: Whether the scene has users' functions.
     """
     record, ledger_of, rules_of = (
         record_for(layout),
@@ -127,9 +127,9 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
             lanes: Indices of the walkers.
             alike: Whether slopes and gaits are those of the `EntryPoint`, with new random draws;
                 `slopes`, `gaits` and `draws` are then ignored.
-            slopes: As for `task.begin`.
-            gaits: As for `task.begin`.
-            draws: As for `task.begin`.
+            slopes: Slopes in rad; see `task.begin`.
+            gaits: Initial states; see `task.begin`.
+            draws: Random numbers from 0 to 1; see `task.begin`.
             observations: Filled, flat.
         """
         places, records, bodies, ledger, phases = found(where, 0, _ALL)
@@ -157,8 +157,9 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         """Step some walkers by the actions at `where`.
 
         Returns:
-            Index of the first walker with an action that is not finite, or -1; in that case nothing
-            changes. Number of strides that end, and number of episodes that end.
+            Index of the first walker with a non-finite action, or -1 if all are finite; number of
+            strides that end; and number of episodes that end. No walker steps if an action is not
+            finite.
         """
         places, records, bodies, ledger, phases = found(where, first, last)
         here = places[0]
@@ -218,7 +219,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
             truncated: Filled.
 
         Returns:
-            As `tick`.
+            The result of `tick`.
         """
         answer = tick(
             where, first, last, tiles, histories, observations, rewards, terminated, truncated

@@ -1,4 +1,4 @@
-"""The result of a control step, as users' functions receive it, recorded for each walker.
+"""Results of control steps, recorded for each walker as arguments of users' functions.
 
 Fields that no function reads are not recorded.
 """
@@ -118,14 +118,14 @@ PARTS = (
 
 @cache
 def note_for(layout: Layout) -> np.dtype:
-    """The layout of a walker's recorded transition, and of the results of its functions."""
+    """Return the data type of a recorded transition and of the results of its functions."""
     state, action = (2 * layout.links,), (layout.controls + 1,)
     sizes = {"before": state, "state": state, "action": action, "last_action": action}
     return np.dtype(
         [(name, "f8", sizes.get(name, ())) for name in Transition._fields]
         + [
-            ("began", "f8"),  # the time of its stride as the step began
-            ("lost", "f8"),  # what its kneestrike had cost by then
+            ("began", "f8"),  # time since the stride began, before the step
+            ("lost", "f8"),  # energy lost at kneestrike in the stride, before the step
             ("paid", "f8"),  # result of `reward`
             ("ends", "f8"),  # result of `terminated`
         ]
@@ -139,7 +139,7 @@ _LEDGER, _STATES, _ACTS, _WORKS, _TIMES = (1 << part for part in range(len(PARTS
 
 @Kernel
 def begin(records, ledger, phases, lanes, notes):
-    """Clear the transitions of walkers as their episodes begin."""
+    """Clear the transitions of walkers at the beginning of their episodes."""
     for j in range(len(lanes)):
         i = lanes[j]
         note, record = notes[i], records[i, 0]
@@ -172,7 +172,7 @@ def before(records, notes, noted):
 
 @inlined
 def note_ledger(note, row, struck):
-    """See OF_LEDGER."""
+    """Record the fields in OF_LEDGER."""
     note.distance, note.energy, note.reward = row.distance, row.energy, row.reward
     note.heelstrike, note.fell = 1.0 if struck else 0.0, 1.0 if row.ending != 0 else 0.0
     note.step_length = row.step_length if struck else 0.0
@@ -196,7 +196,7 @@ def after(
         noted: Bits of the groups of PARTS to record.
         paid: Address of the compiled reward; 0 without one.
         ends: Address of the compiled termination; 0 without one.
-        at_once: Whether to enter the results here rather than by `enter`.
+        at_once: Whether to apply the results here rather than in `enter`.
         rewards: Rewards (n,) to fill, if `at_once`.
         terminated: Terminations (n,) to fill, if `at_once`.
 
@@ -248,7 +248,7 @@ def after(
 
 @Kernel
 def enter(records, ledger, notes, pays, stops, rewards, terminated):
-    """Enter rewards and terminations in `notes`; returns the number of episodes that end."""
+    """Apply rewards and terminations in `notes`; returns the number of episodes that end."""
     endings = 0
     for i in range(len(ledger)):
         if records[i, 0].outcome == RESTING:
@@ -269,6 +269,6 @@ def enter(records, ledger, notes, pays, stops, rewards, terminated):
 
 @Kernel
 def look(notes, function, numbers):
-    """Write observations (n, size) by a compiled function."""
+    """Write observations, (n, size), from a compiled function."""
     for i in range(len(notes)):
         call(function, entry(notes, i), address(numbers[i]), 0, 0, 0.0, 0.0)

@@ -31,23 +31,25 @@ _OUTCOMES = np.array(interface.OUTCOMES, object)
 class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, NDArray]):
     """A batch of `PassiveWalkerEnv`; trajectories are bitwise equal to single environments.
 
-    Observations, rewards, endings and infos are those of as many single environments in a
-    `SyncVectorEnv`, seeded alike, to the last bit; the steps of all are one call of one kernel.
-    Infos are a dictionary that is filled when it is first read.
+    Observations, rewards, terminations and infos are bitwise equal to those of a `SyncVectorEnv` of
+    single environments with equal seeds. One call of a compiled kernel steps all walkers. The
+    dictionary of infos is filled when it is first read.
 
     Args:
-        num_envs: How many walkers.
-        scene: As for `PassiveWalkerEnv`.
-        max_episode_steps: Steps after which an episode is truncated; -1 or None for never.
+        num_envs: Number of walkers.
+        scene: A scene, its name, or its arguments; see `PassiveWalkerEnv`.
+        max_episode_steps: Number of steps after which an episode is truncated; -1 or None for no
+            limit.
         autoreset_mode: "NextStep", "SameStep" or "Disabled". "NextStep": the step after the end of
             an episode is its reset. "SameStep": the last step of an episode returns the first
             observation of the next one, and has the last one in ``infos["final_obs"]``.
             "Disabled": call ``reset(options={"reset_mask": ...})``.
-        walkers: A walker for each environment, of one kind, instead of the scene's.
-        slopes: A slope for each environment, instead of the scene's.
-        threads: How many threads large batches use; numba's number when None. It changes no result.
+        walkers: Walkers of one kind, (num_envs,), instead of the scene's.
+        slopes: Slopes in rad, (num_envs,), instead of the scene's.
+        threads: Number of threads for large batches; numba's number when None. Results do not
+            depend on it.
         render_mode: "rgb_array", or None.
-        **changes: As for `PassiveWalkerEnv`.
+        **changes: Arguments of the scene to change; see `PassiveWalkerEnv`.
     """
 
     metadata = {"render_modes": ["rgb_array"], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
@@ -115,9 +117,13 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
         """Begin episodes.
 
         Args:
-            seed: Seeds the environments with seed, seed + 1, ...; or one seed for each.
-            options: "reset_mask", a boolean array of which to reset; "state" and "slope" as for
-                `PassiveWalkerEnv`, one for all or one for each. It is left as it is.
+            seed: Seed of the first environment, the others use seed + 1, ...; or one for each.
+            options: "reset_mask", whether to reset each environment, booleans (num_envs,); "state"
+                and "slope", one for all or one for each, see `PassiveWalkerEnv.reset`. The
+                dictionary is not changed.
+
+        Returns:
+            Observations, (num_envs, k) with k = 8 by default, and an empty dictionary.
 
         Raises:
             ValueError: if an option or the number of seeds is wrong.
@@ -146,13 +152,18 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
         return observations, {}
 
     def step(self, actions: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray, dict[str, Any]]:
-        """A step of every environment; see the class for what happens at endings.
+        """Step every environment; `autoreset_mode` defines the step after the end of an episode.
 
         Args:
-            actions: Shape (num_envs, actions of the scene).
+            actions: Actions, (num_envs, actions of the scene).
+
+        Returns:
+            Observations (num_envs, k), with k = 8 by default; rewards, terminated and truncated,
+            each (num_envs,); and infos, arrays with masks.
 
         Raises:
-            ValueError: if an action is not one finite number; nothing has changed then.
+            ValueError: if an action is not a finite number, or the shape is wrong; nothing has
+                changed then.
             ResetNeeded: if an environment must be reset first.
             RuntimeError: if another thread is using this environment.
         """
@@ -169,7 +180,7 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
                 token.append(None)
 
     def _step(self, actions: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray, dict[str, Any]]:
-        """See `step`."""
+        """Implement `step` without the check for other threads."""
         if type(actions) is not np.ndarray or actions.dtype.kind != "f":
             actions = interface.numbers(actions, self.scene.actions)
         if actions.shape != self._shape:
@@ -185,7 +196,7 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
             if waiting.all():  # NEXT_STEP: all begin in the new scene
                 self.renew()
                 waiting = None
-            else:  # once the others have ended too
+            else:  # they begin when all episodes have ended
                 again = False
         strides, endings = self.batch.step(
             actions.reshape(-1), flat, rewards, terminated, truncated, again=again
@@ -221,24 +232,24 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
     def set_scene(
         self, scene: Scene | str | Mapping[str, Any] | None = None, **changes: Any
     ) -> None:
-        """Change what is simulated in all environments, for a curriculum.
+        """Change the scene of all environments, for example in a curriculum.
 
-        The next step truncates all episodes; those that follow are of the new scene.
+        The next step truncates all episodes. Later episodes use the new scene.
 
         Args:
             scene: Another scene; the present one if None.
             **changes: Arguments of the scene that change.
 
         Raises:
-            SceneError: if there is no such scene, or its observations or actions are other ones;
-                nothing has changed then.
+            SceneError: if the scene is unknown, or its observations or actions differ; nothing has
+                changed then.
         """
         now = self.scene if self._next is None else self._next.scene
         self._next = self.batch.changed(make_scene(now if scene is None else scene, **changes))
         self.batch.rules["step_limit"] = 0.0
 
     def renew(self) -> None:
-        """Go over to the scene that `set_scene` has asked for; all episodes have ended."""
+        """Apply the scene from `set_scene` after all episodes have ended."""
         if self._next is not None:
             self.batch.become(self._next)
             self.scene, self._next = self.batch.scene, None
@@ -247,23 +258,23 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
     def set_slopes(
         self, slopes: ArrayLike, mask: NDArray[np.bool_] | None = None
     ) -> NDArray[np.float32]:
-        """Give the strides that begin slopes of their own: rough ground.
+        """Set the slopes of the strides that begin, for rough ground.
 
-        Possible where a stride begins, just after a heelstrike or a reset. A slope stays until it
-        is set again, or until the next reset.
+        Requires the beginning of a stride, just after a heelstrike or a reset. A slope applies
+        until the next call or the next reset.
 
         Args:
-            slopes: In rad, positive downhill: one for each environment, or one for all.
-            mask: Which environments, a boolean array of shape (num_envs,); None is all.
+            slopes: Slopes in rad, positive downhill; one for each environment, or one for all.
+            mask: Whether to set the slope of each environment, booleans (num_envs,); None for all.
 
         Returns:
-            All environments' observations, which contain the new slopes; shape (num_envs, 8), or
-            (num_envs, 9) with a command.
+            Observations of all environments with the new slopes, (num_envs, k) with k = 8 by
+            default.
 
         Raises:
             ResetNeeded: if no episode has begun.
-            ValueError: if a slope is none, or one of these environments is in the midst of a
-                stride or at the end of an episode; nothing has changed then.
+            ValueError: if a slope is invalid, or a selected environment is within a stride or at
+                the end of an episode; nothing has changed then.
         """
         if not self._begun:
             raise ResetNeeded("no episode has begun: call reset first")
@@ -307,7 +318,10 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
 
     @one_thread
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """A picture of each walker, smaller as they are more; `render.tiled` makes them one."""
+        """Return a picture of each walker; None without a render mode.
+
+        More walkers have smaller pictures. `render.tiled` joins them to one.
+        """
         if self.render_mode is None:
             return None
         from gym_passive_walker.render.screen import Screen
@@ -338,7 +352,7 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
     @property
     @one_thread
     def states(self) -> NDArray[np.float64]:
-        """States in the walkers' own units, shape (num_envs, 6)."""
+        """States in the walkers' units, (num_envs, 6), or (num_envs, 2 m) of a `System`."""
         return self.batch.states
 
     @property
@@ -356,7 +370,8 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
         """Restore a state from `get_state`, of this or an equal vector environment.
 
         Raises:
-            StateError: if it is damaged, or of another environment; nothing has changed then.
+            StateError: if the state is damaged, or of another environment; nothing has changed
+                then.
             RuntimeError: if another thread is using this environment.
         """
         begun = bool(saved.flags(state, "begun"))
@@ -414,7 +429,7 @@ def infos_of(
     measures: NDArray[np.float64],
     extra: Mapping[str, NDArray],
 ) -> dict[str, Any]:
-    """The infos of a vector environment, from `task.write_info` and the walkers' disturbances."""
+    """Return the infos of a vector environment, from `task.write_info` and disturbances."""
     (strides, outcomes), infos = counts, {}
     columns = dict(zip(task.EVERY_STEP, (*steps, strides), strict=True))
     for name, column in (columns | dict(extra)).items():

@@ -285,13 +285,13 @@ class PassiveWalkerEnv(
         """Begin an episode.
 
         Args:
-            seed: Seeds the random numbers of this and the following episodes.
-            options: "state" and "slope" instead of those drawn. The state is just after a
+            seed: Seed of the random numbers of this and the following episodes.
+            options: "state" and "slope" instead of random ones. The state is just after a
                 heelstrike: [stance, thigh, shank] angles in rad and their angular velocities in rad
                 per unit of the walker's time. The slope is in rad.
 
         Raises:
-            ValueError: if an option is unknown or out of its range.
+            ValueError: if an option is unknown or outside its range.
             RuntimeError: if another thread is using this environment.
         """
         super().reset(seed=None if seed is None else seed_number(seed))
@@ -307,10 +307,11 @@ class PassiveWalkerEnv(
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Hold a torque for a tick or a stride.
+        """Hold the controls of an action for a control step: a `tick`, or a stride.
 
         Raises:
-            ValueError: if the action is not one finite number; nothing has changed then.
+            ValueError: if the action is not a finite number, or its shape is wrong; nothing has
+                changed then.
             ResetNeeded: if no episode is under way.
             RuntimeError: if another thread is using this environment.
         """
@@ -357,7 +358,7 @@ class PassiveWalkerEnv(
 
     @one_thread
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
-        """Draw the walker as it stands, in a window ("human") or as an array ("rgb_array")."""
+        """Draw the present state in a window ("human"), or return it as an array ("rgb_array")."""
         if self.render_mode is None:
             gymnasium.logger.warn("render() needs a render_mode: gym.make(..., render_mode=...)")
             return None
@@ -392,25 +393,29 @@ class PassiveWalkerEnv(
     @property
     @one_thread
     def state(self) -> NDArray[np.float64]:
-        """[stance, thigh, shank] angles in rad and their rates, in the walker's own units."""
+        """Angles in rad and angular velocities in the walker's units, (6,).
+
+        The order is stance, thigh, shank. Of a `System` the shape is (2 m,).
+        """
         return self.batch.states[0]
 
     @one_thread
     def set_slope(self, slope: float) -> NDArray[np.float32]:
-        """Put the stride that begins on another slope: rough ground, stride by stride.
+        """Set the slope of the stride that begins, for rough ground.
 
-        Possible where a stride begins, just after a heelstrike or a reset. The slope stays until it
-        is set again, or until the next reset.
+        Requires the beginning of a stride, just after a heelstrike or a reset. The slope applies
+        until the next call or the next reset.
 
         Args:
-            slope: In rad, positive downhill.
+            slope: Slope in rad, positive downhill.
 
         Returns:
             The observation, which contains the new slope.
 
         Raises:
             ResetNeeded: if no episode is under way.
-            ValueError: if it is no slope, or in the midst of a stride; nothing has changed then.
+            ValueError: if the slope is invalid, or the walker is within a stride; nothing has
+                changed then.
         """
         if not self._ready:
             raise ResetNeeded("no episode is under way: call reset first")
@@ -423,15 +428,17 @@ class PassiveWalkerEnv(
     def set_scene(
         self, scene: Scene | str | Mapping[str, Any] | None = None, **changes: Any
     ) -> None:
-        """Change what is simulated, for a curriculum. The episode under way ends: call `reset`.
+        """Change the scene, for example in a curriculum.
+
+        The present episode ends; call `reset`.
 
         Args:
             scene: Another scene; the present one if None.
             **changes: Arguments of the scene that change.
 
         Raises:
-            SceneError: if there is no such scene, or its observations or actions are other ones;
-                nothing has changed then.
+            SceneError: if the scene is unknown, or its observations or actions differ; nothing has
+                changed then.
         """
         scene = make_scene(self.scene if scene is None else scene, **changes)
         self.batch.become(self.batch.changed(scene))
@@ -445,22 +452,23 @@ class PassiveWalkerEnv(
     @property
     @one_thread
     def contact(self) -> float:
-        """Where its stance foot touches the ground, in the walker's own units of length."""
+        """Contact point of the stance foot along the slope, in the walker's units of length."""
         return self.batch.contact(0).x
 
     @one_thread
     def get_state(self) -> dict[str, Any]:
-        """All that decides what comes next, random numbers of later resets included; a copy."""
+        """Return a copy of everything that determines later steps and resets."""
         return {**self.batch.get_state(), "ready": self._ready}
 
     @one_thread
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Go back to a state that `get_state` gave, of this or an equal environment.
+        """Restore a state from `get_state`, of this or an equal environment.
 
-        The time limit is a wrapper's, and goes on counting.
+        The time limit belongs to a wrapper, and its count does not change.
 
         Raises:
-            StateError: if it is damaged, or of another environment; nothing has changed then.
+            StateError: if the state is damaged, or of another environment; nothing has changed
+                then.
             RuntimeError: if another thread is using this environment.
         """
         ready = bool(saved.flags(state, "ready"))

@@ -67,10 +67,10 @@ class DeviceBatch:
 
     Args:
         count: Number of walkers.
-        scene: As for `PassiveWalkerEnv`.
+        scene: A scene, its name, or its arguments; see `PassiveWalkerEnv`.
         step_limit: Steps after which an episode is truncated.
-        seed: Key of the first walker, a whole number below 2^64.
-        **changes: As for `PassiveWalkerEnv`.
+        seed: Key of the first walker, an integer below 2^64.
+        **changes: Arguments of the scene to change; see `PassiveWalkerEnv`.
 
     Attributes:
         buffers: Actions, observations, rewards and terminations, on the GPU; see
@@ -79,7 +79,7 @@ class DeviceBatch:
 
     Raises:
         NoDevice: if there is no GPU.
-        SceneError: if there is no such scene, or a function of it cannot be compiled.
+        SceneError: if the scene is unknown or not supported, or a function cannot be compiled.
     """
 
     def __init__(
@@ -161,7 +161,7 @@ class DeviceBatch:
         """Set the work that the energy term counts; see `PassiveWalkerEnv`.
 
         Raises:
-            SceneError: if there is no such kind.
+            SceneError: if the kind of work is unknown.
         """
         scene = self.scene if energy is None else make_scene(self.scene, energy=energy)
         rules = device.put(rules_of(scene, self._system, self._limit))

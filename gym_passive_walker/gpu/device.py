@@ -1,4 +1,4 @@
-"""The GPU: whether there is one, arrays on it, and kernels."""
+"""Access to the GPU: availability, arrays and kernels."""
 
 from __future__ import annotations
 

@@ -29,10 +29,10 @@ class PassiveWalkerGpuEnv:
 
     Args:
         num_envs: Number of walkers.
-        scene: As for `PassiveWalkerEnv`.
+        scene: A scene, its name, or its arguments; see `PassiveWalkerEnv`.
         max_episode_steps: Steps after which an episode is truncated; None or -1 never truncates.
         seed: Seed of the first walker; the others use seed + 1, seed + 2, ...
-        **changes: As for `PassiveWalkerEnv`.
+        **changes: Arguments of the scene to change; see `PassiveWalkerEnv`.
 
     Attributes:
         batch: The batch of walkers.
@@ -83,8 +83,8 @@ class PassiveWalkerGpuEnv:
         """Step every walker.
 
         Args:
-            actions: On the GPU, (num_envs, actions of the scene). A non-finite action leaves its
-                walker unchanged, and its reward is NaN.
+            actions: Actions on the GPU, (num_envs, actions of the scene). A non-finite action
+                leaves its walker unchanged, and its reward is NaN.
 
         Returns:
             Observations (num_envs, k); rewards, terminated and truncated, each (num_envs,); and

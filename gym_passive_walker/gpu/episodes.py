@@ -32,9 +32,10 @@ class Walkers(NamedTuple):
         keys: Keys of the random numbers, 64 bits each, (n,).
         episodes: Number of episodes that have begun, (n,).
         drawn: Index in `SceneConstants.drawn` of the episode's constants, (n,).
-        disturbances: Of `disturbance_kernels.DISTURBANCE`, (n,); (0,) without disturbances.
+        disturbances: Disturbance states, (n,) of `disturbance_kernels.DISTURBANCE`; (0,) without
+            disturbances.
         pending: Delayed actions, (n, steps, actions); (0, steps, actions) without disturbances.
-        notes: Transitions of `transitions.NOTE`, (n,); (0,) without users' functions.
+        notes: Transitions, (n,) of `transitions.note_for`; (0,) without users' functions.
     """
 
     records: Any
@@ -55,18 +56,18 @@ class SceneConstants(NamedTuple):
     Attributes:
         phases: Phases of the system.
         options: Options of the engine.
-        rules: Of `task.RULES`, (1,).
-        blank: A record as an episode begins, (1,).
-        row: A row of the ledger as an episode begins, (1,).
-        disturbance: Disturbance state as an episode begins, (1,).
+        rules: Rules of the scene, (1,) of `task.RULES`.
+        blank: Record at the beginning of an episode, (1,).
+        row: Row of the ledger at the beginning of an episode, (1,).
+        disturbance: Disturbance state at the beginning of an episode, (1,).
         slopes: Smallest and largest slope of initial states in rad, (2,).
         nodes: Slopes at which initial states are known, in rad, (nodes,).
         states: Initial states there, (nodes, 6).
         reset_noise_scale: Relative range of initial states, (1,).
         drawn: Constants of walkers that episodes draw from, (walkers, constants).
         proportions: Observed proportions of these walkers, (walkers, numbers).
-        settings: Of `disturbance_kernels.SETTINGS`, (1,).
-        hooks: Of `constraints.HOOK`, (phases,).
+        settings: Settings of the disturbances, (1,) of `disturbance_kernels.SETTINGS`.
+        hooks: Functions for pushes and checks, (phases,) of `constraints.HOOK`.
         table: Footholds of the terrain.
         spread: Standard deviations of random footholds.
         own: Groups of fields that users' functions read, and the numbers by which reward,
@@ -160,7 +161,7 @@ def slice_of(i):
 
 
 def own_body(walkers, i):
-    """Return the slice of its constants."""
+    """Return the slice of a walker's constants; all walkers can share one row."""
     return slice_of(i if len(walkers.bodies) == len(walkers.records) else 0)
 
 
@@ -191,7 +192,7 @@ def begin(walkers, constants, i, scratch, observations):
 
 
 def observe_body(walkers, constants, i, observations):
-    """Write what is observed of a walker's body at the end of its observation."""
+    """Write the observed proportions of a walker at the end of its observation."""
     proportions = constants.proportions
     first = len(observations) - proportions.shape[1]
     for k in range(proportions.shape[1]):
@@ -234,7 +235,7 @@ def own_after(walkers, constants, buffers, i, rewards, terminated):
 
 
 def own_sight(walkers, constants, buffers, i, observations, begins):
-    """Clear the transition if an episode begins; observe by a user's function if there is one."""
+    """Clear the transition if an episode begins; evaluate a user's observation if there is one."""
     own = slice_of(i)
     notes = walkers.notes[own]
     if begins:

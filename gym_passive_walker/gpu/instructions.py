@@ -1,6 +1,6 @@
-"""The primitives on a device: single instructions.
+"""The primitives on a GPU: single instructions.
 
-An address is a number. Each function says what it takes and gives, and writes it.
+An address is an integer. Each function declares its types and emits its LLVM instructions.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ exp, sqrt, tanh = math.exp, math.sqrt, math.tanh
 
 
 def _entry(builder, place, kind):
-    """A pointer to one of the words that begin at an address."""
+    """Return a pointer to one of the words that begin at an address."""
     first, word = place
     return builder.gep(builder.inttoptr(first, kind.as_pointer()), [word])
 
 
 @intrinsic
 def address(typing_context, array):
-    """Where an array's entries begin."""
+    """Return the address of the first entry of an array."""
 
     def code(context, builder, signature, arguments):
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
@@ -37,7 +37,7 @@ def address(typing_context, array):
 
 @intrinsic
 def get(typing_context, first, word):
-    """A number."""
+    """Return the float at a word after an address."""
 
     def code(context, builder, signature, arguments):
         return builder.load(_entry(builder, arguments, _NUMBER))
@@ -47,7 +47,7 @@ def get(typing_context, first, word):
 
 @intrinsic
 def get_whole(typing_context, first, word):
-    """A whole number, as a float."""
+    """Return the integer at a word after an address, as a float."""
 
     def code(context, builder, signature, arguments):
         return builder.sitofp(builder.load(_entry(builder, arguments, _WORD)), _NUMBER)
@@ -57,7 +57,7 @@ def get_whole(typing_context, first, word):
 
 @intrinsic
 def put(typing_context, first, word, value):
-    """Write a number."""
+    """Write a float at a word after an address."""
 
     def code(context, builder, signature, arguments):
         *place, value = arguments
@@ -69,7 +69,7 @@ def put(typing_context, first, word, value):
 
 @intrinsic
 def put_whole(typing_context, first, word, value):
-    """Write a whole number, given as a float."""
+    """Write a float as an integer at a word after an address."""
 
     def code(context, builder, signature, arguments):
         *place, value = arguments
@@ -81,7 +81,7 @@ def put_whole(typing_context, first, word, value):
 
 @intrinsic
 def apart(typing_context):
-    """Keep the function that says so from being copied to wherever it is called."""
+    """Prevent inlining of the function that contains this call."""
 
     def code(context, builder, signature, arguments):
         builder.function.attributes.add("noinline")
@@ -92,7 +92,7 @@ def apart(typing_context):
 
 @intrinsic
 def select(typing_context, condition, yes, no):
-    """One of two numbers."""
+    """Return `yes` if the condition holds, else `no`."""
 
     def code(context, builder, signature, arguments):
         return builder.select(*arguments)
@@ -103,7 +103,7 @@ def select(typing_context, condition, yes, no):
 
 @intrinsic
 def bits(typing_context, x):
-    """A number's bits, as a whole number."""
+    """Return the bits of a float as an integer."""
 
     def code(context, builder, signature, arguments):
         return builder.bitcast(arguments[0], _WORD)
@@ -113,7 +113,7 @@ def bits(typing_context, x):
 
 @intrinsic
 def of_bits(typing_context, whole):
-    """The number that has some bits."""
+    """Return the float with these bits."""
 
     def code(context, builder, signature, arguments):
         return builder.bitcast(arguments[0], _NUMBER)
@@ -123,7 +123,7 @@ def of_bits(typing_context, whole):
 
 @intrinsic
 def flip(typing_context, x, last_bit):
-    """A number, its sign changed if another's last bit is set."""
+    """Return x, with the opposite sign if the last bit of `last_bit` is set."""
 
     def code(context, builder, signature, arguments):
         x, other = (builder.bitcast(value, _WORD) for value in arguments)
@@ -135,7 +135,7 @@ def flip(typing_context, x, last_bit):
 
 @intrinsic
 def fma(typing_context, a, b, c):
-    """The sum a * b + c, rounded once."""
+    """Return a * b + c, rounded once."""
 
     def code(context, builder, signature, arguments):
         return builder.fma(*arguments)

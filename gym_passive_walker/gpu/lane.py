@@ -28,7 +28,7 @@ TILE, RUN = kind(tile_for(PAIR, width=1)), kind(HISTORY)
 
 
 def scratch_types(system: System) -> dict[str, np.dtype]:
-    """Return `TILE` and `RUN` for a system; a user's may have more coordinates."""
+    """Return `TILE` and `RUN` for a system; a user's system can have more coordinates."""
     layout = layout_of(system)
     tile = tile_for(PAIR, width=1, layout=layout)
     return {"TILE": kind(tile), "RUN": kind(history_for(layout))}
@@ -44,7 +44,8 @@ class DeviceCode:
         rules: Users' own functions.
 
     Attributes:
-        phases: Phases of the system, (phases,) of `compiled.PHASE`; numbers replace addresses.
+        phases: Phases of the system, (phases,) of `compiled.PHASE`; function numbers replace
+            addresses.
         hooks: Functions for pushes and checks, (phases,) of `constraints.HOOK`.
         bound: Compiles functions of the package for the GPU.
         rules: Numbers by which users' functions are called, by name.

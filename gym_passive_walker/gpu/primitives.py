@@ -1,6 +1,6 @@
-"""What the kernels' source is made of: memory by its address, and a few operations on numbers.
+"""Primitives of the kernels' source: memory access by address, and operations on numbers.
 
-`instructions` has them for a device, `simulated` for numba's simulator of one.
+`instructions` implements them for a GPU, `simulated` for numba's simulator of a GPU.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ NAMES = (
     "address", "apart", "bits", "exp", "flip", "fma", "get", "get_whole", "of_bits", "put",
     "put_whole", "select", "sqrt", "tanh",
 )  # fmt: skip
-"""Of the primitives."""
+"""Names of the primitives."""
 
 BY_NAME: dict[str, Any] = {name: getattr(_own, name) for name in NAMES}
-"""The primitives."""
+"""The primitives, by name."""
 
 
 def jitted(function: Callable[..., Any]) -> Any:
-    """Compile a function that kernels call."""
+    """Compile a function for calls from kernels."""
     return cuda.jit(device=True)(function)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Compile one that melts into its callers."""
+    """Compile a function that is inlined into its callers."""
     return jitted(function) if SIMULATED else cuda.jit(device=True, forceinline=True)(function)

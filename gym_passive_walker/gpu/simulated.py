@@ -1,6 +1,6 @@
-"""The primitives in numba's simulator of a device: functions of Python.
+"""The primitives in numba's simulator of a GPU: Python functions.
 
-An address is an array of the numbers that begin at it.
+An address is an array of the floats that begin at it.
 """
 
 from __future__ import annotations
@@ -18,56 +18,56 @@ sqrt = np.sqrt
 
 
 def fma(a, b, c):
-    """The sum a * b + c, rounded once."""
+    """Return a * b + c, rounded once."""
     return _fused(a, b, c)
 
 
 def address(array):
-    """The numbers of an array."""
-    while not isinstance(array, np.ndarray):  # the simulator's wrappers
+    """Return a flat view of an array as floats."""
+    while not isinstance(array, np.ndarray):  # wrapper objects of the simulator
         array = array._item if hasattr(array, "_item") else array._ary
     return array.reshape(-1).view(np.ndarray).view(np.float64)
 
 
 def get(first, word):
-    """A number."""
+    """Return the float at a word after an address."""
     return first[word]
 
 
 def put(first, word, value):
-    """Write a number."""
+    """Write a float at a word after an address."""
     first[word] = value
 
 
 def get_whole(first, word):
-    """A whole number, as a float."""
+    """Return the integer at a word after an address, as a float."""
     return np.float64(first.view(np.int64)[word])
 
 
 def put_whole(first, word, value):
-    """Write a whole number, given as a float."""
+    """Write a float as an integer at a word after an address."""
     first.view(np.int64)[word] = int(value)
 
 
 def apart():
-    """Nothing: Python copies no function into another."""
+    """Do nothing: Python does not inline functions."""
 
 
 def select(condition, yes, no):
-    """One of two numbers."""
+    """Return `yes` if the condition holds, else `no`."""
     return yes if condition else no
 
 
 def bits(x):
-    """A number's bits, as a whole number."""
+    """Return the bits of a float as an integer."""
     return int(np.float64(x).view(np.int64))
 
 
 def of_bits(whole):
-    """The number that has some bits."""
+    """Return the float with these bits."""
     return np.int64(whole).view(np.float64)
 
 
 def flip(x, last_bit):
-    """A number, its sign changed if another's last bit is set."""
+    """Return x, with the opposite sign if the last bit of `last_bit` is set."""
     return -x if np.float64(last_bit).view(np.int64) & 1 else x

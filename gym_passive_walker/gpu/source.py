@@ -1,8 +1,8 @@
-"""Traced code as Python source over plain numbers, for compilers and simulators that read that.
+"""Traced code as Python source over plain numbers, for GPU compilers and simulators.
 
-The operations are those that `engine.native` writes as machine code for CPUs, in the same
-order, products fused with sums alike: an exact computation of them gives the same walk to the last
-bit. Memory is read and written by `gpu.primitives`.
+The operations, their order and their fused products are those of `engine.native`, which writes
+machine code for CPUs. If each operation rounds correctly, trajectories are bitwise equal.
+`gpu.primitives` reads and writes memory.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ _SIGNS = {"mul": "*", "div": "/", "add": "+", "sub": "-", "and": "&", "or": "|"}
 
 
 class Source(Module):
-    """Functions that belong together, as Python source.
+    """A module of functions as Python source.
 
-    Each is called ``name(first, second, x, y)``, with two addresses and two numbers. `call` finds
-    one by its number: what stands for its address.
+    The signature of each function is ``name(first, second, x, y)``, with two addresses and two
+    numbers. The function `call` in the source selects one by its number, which replaces an address.
 
     Args:
-        before: Source of the functions before these in the same text.
+        before: Source of functions that precede these in the text.
         kind: Prefix of the functions' names.
-        fuses: Whether a product that only a sum needs is rounded together with it.
+        fuses: Whether a product that only a sum uses is fused with the sum.
 
     Attributes:
-        names: Of the functions that `call` finds.
-        parts: Of those that stand for one code of many: each is called in one place.
+        names: Names of the functions that `call` selects.
+        parts: Names of functions that each contain a part of another one, called in one place.
     """
 
     def __init__(self, before: Source | None = None, kind: str = "", *, fuses: bool = True) -> None:
@@ -43,24 +43,24 @@ class Source(Module):
     def function(
         self, name: str, layouts: tuple[np.dtype, ...], *, active: Collection[str] = ()
     ) -> Function:
-        """A new function; there are no tangents here, so `active` must be empty."""
+        """Return a new function; tangents are not supported, so `active` must be empty."""
         return _Function(self, self.kind + name, layouts)
 
     def get_function_address(self, name: str) -> int:
-        """The number by which a function is called, from 1 on."""
+        """Return the number of a function, from 1 on."""
         return 1 + self.names.index(self.kind + name)
 
     def get_global_value_address(self, name: str) -> int:
-        """Of constants, which stand in the text: none."""
+        """Return 0: constants are part of the text."""
         return 0
 
     def text(self) -> str:
-        """The functions, these and those before."""
+        """Return the source of these functions and of those before."""
         before = self.before.text() if self.before else ""
         return before + "".join(f"{function}\n\n" for function in self.functions)
 
     def __str__(self) -> str:
-        """The functions, and the one that calls them by their numbers."""
+        """Return the source of all functions, and of `call`, which calls them by number."""
         cases = "".join(
             f"    if function == {i}:\n        return {name}(first, second, x, y)\n"
             for i, name in enumerate(self.names, 1)
@@ -81,13 +81,13 @@ class _Function(Function):
         self.values = self.block = 0
 
     def new(self, instruction: str) -> str:
-        """The name of what an instruction gives."""
+        """Append an instruction, and return the name of its result."""
         self.values += 1
         self.lines.append(f"v{self.values} = {instruction}")
         return f"v{self.values}"
 
     def over_lanes(self, code: Code) -> None:
-        """Run code over the one walker of a tile, in a part of its own: compilers like it short."""
+        """Write code for the one walker of a tile as a separate function, which compiles faster."""
         part = f"{self.name}_{len(self.lines) + 1}"
         lines, self.lines = self.lines, []
         self._emit(code)
@@ -108,7 +108,7 @@ class _Function(Function):
 
 
 class _Emitter(Emitter):
-    """Lines of Python for expressions, each computed once."""
+    """Writes expressions as lines of Python; each is computed once."""
 
     def _operation(self, op: str, *values: str) -> str:
         if op == "choose":
@@ -150,7 +150,7 @@ class _Emitter(Emitter):
         self.owner.lines.append(f"put{whole}({address}, {word}, {value})")
 
     def _word(self, place: tuple) -> tuple[str, int, str]:
-        """Which address an entry is behind, how many words, and whether it is a whole number."""
+        """Return the address name, the offset in words and the suffix for integers of an entry."""
         base, name, index, _ = place
         field, offset = self.owner.layouts[base].fields[name][:2]  # type: ignore[index]
         whole = "_whole" if field.base.kind == "i" else ""

@@ -66,11 +66,12 @@ def advance(
 
     Args:
         system: Equations of the walkers.
-        bodies: Constants of the walkers, (1, 1, constants) for all alike or (n, 1, constants).
-        records: Shape (n, 1) of RECORD.
+        bodies: Constants of the walkers, (n, 1, constants), or (1, 1, constants) for equal walkers.
+        records: States of the integration, (n, 1) of RECORD.
         tolerance: Error relative to the largest angle or angular velocity.
         scuff: Whether a kneed walker's locked swing leg below the ground ends the stride.
-        from_section: Whether records stand just after heelstrike; else at their phase.
+        from_section: Whether records are on the Poincaré section, just after heelstrike; else they
+            continue in their phase.
         threads: Ignored.
 
     Returns:

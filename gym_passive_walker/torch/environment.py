@@ -146,7 +146,7 @@ class PassiveWalkerTorchEnv(interface.Adapter):
 
 
 def _numbered(outcomes: np.ndarray) -> np.ndarray:
-    """Outcomes as numbers, (n,); 0 for none."""
+    """Return outcomes as numbers, (n,); 0 for None."""
     numbers = np.zeros(len(outcomes), np.int8)
     for i in np.flatnonzero(outcomes):
         numbers[i] = interface.OUTCOMES.index(outcomes[i])

@@ -38,7 +38,7 @@ class Columns(NamedTuple):
     """Columns of the operation's input and result for a kind of walker.
 
     Attributes:
-        report: The results; behind them comes the distance.
+        report: The results; the distance follows them.
         controls: Names of inputs that actuators hold; see `control.ticks.inputs_of`.
         inputs: Places of each input besides the state, by name: the slope, the controls, the next
             foothold, and the initial impulse on the hip. Then the coordinates at the beginning of
@@ -124,7 +124,7 @@ class FlowResult(NamedTuple):
 
     @property
     def distance(self) -> Tensor:
-        """How far hips have come, (n,)."""
+        """Distance of each hip along the slope, in leg lengths, (n,)."""
         return self.values[:, -1]
 
     @property
@@ -325,7 +325,7 @@ def _check(walker: Walker, names: tuple[str, ...], values: NDArray) -> None:
     if not names:
         return
     rows = values
-    if isinstance(walker, Mechanism):  # a check takes long: try those with an extreme value
+    if isinstance(walker, Mechanism):  # a check is slow: only rows with an extreme value
         rows = values[np.unique([values.argmin(axis=0), values.argmax(axis=0)])]
     for row in set(map(tuple, rows.tolist())):
         _check_walker(walker, names, row)

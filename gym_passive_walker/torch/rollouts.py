@@ -416,11 +416,11 @@ def _step(
 
 
 def _works(scene: Scene) -> NDArray[np.float64]:
-    """Work of a unit of each control over what it has moved, (controls,), in units of m g l."""
+    """Return the work of a unit of each control per unit of motion in m g l, (controls,)."""
     weight = 1.0 if scene.own_system is None else scene.own_system.total_mass
     return np.divide(system_of(scene.walker).works, weight)
 
 
 def _locked(scene: Scene, phases: Tensor) -> Tensor:
-    """Whether the swing leg is straight, (n,)."""
+    """Return whether each swing leg is straight, (n,)."""
     return torch.tensor([phase.links == 2 for phase in system_of(scene.walker).phases])[phases]

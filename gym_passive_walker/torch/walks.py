@@ -52,8 +52,8 @@ class Stride(NamedTuple):
         push_off_work: Work of the push-off, just before heelstrike.
         outcome: Outcome of the stride, an `Outcome` as a number.
         walks: Whether the stride ended with a heelstrike; only then are gradients nonzero.
-        margin: Rate with which the event of an impact crosses zero, in rad over sqrt(l/g); the
-            least of the impacts. 0 at grazing, where derivatives are unbounded. NaN after a fall.
+        margin: Smallest rate with which the event of an impact crosses zero, in rad over sqrt(l/g).
+            0 at grazing, where derivatives are unbounded. NaN after a fall.
     """
 
     state: Tensor
@@ -244,7 +244,7 @@ _IN_UNITS = {
     "friction_loss": ("friction_loss", "energy"),
     "push_off_work": ("push_work", "energy"),
 }
-"""Of each name that is reported the result and its unit."""
+"""Entry of the results and unit of each field."""
 
 
 class _Walk(NamedTuple):
@@ -264,7 +264,7 @@ class _Walk(NamedTuple):
         return torch.cat([states[:, :half], states[:, half:] / self.time], 1)
 
     def found(self, kind: type[_Told]) -> _Told:
-        """What is reported: a `Stride` or a `Tick`."""
+        """Return the results as a `Stride` or a `Tick`."""
         moved, units, own = self.moved, self.units, self.own
         found = {
             "state": self.state,
@@ -290,7 +290,7 @@ class _Walk(NamedTuple):
         return kind._make(each if self.several else (x[0] for x in each))
 
     def work(self, controls: range, kind: str) -> Tensor:
-        """Work of some controls, (n,); without gradient where a walker fell."""
+        """Return the work of some controls, (n,); the gradient is zero after a fall."""
         total = torch.zeros(len(self.torques), dtype=torch.float64)
         for j in controls:
             held = self.torques[:, j]
@@ -377,7 +377,7 @@ def _walk(
 def _controls(
     walker: Any, actuation: Actuation, met: tuple[Any, Any, Any], controls: Any
 ) -> tuple[Any, ...]:
-    """What actuators hold, in the order of the walker's controls.
+    """Return the values of the walker's controls, in their order.
 
     Raises:
         ValueError: if the walker has no such actuator, or the foothold's slope changes.
