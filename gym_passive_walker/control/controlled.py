@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import shown
 from gym_passive_walker.control.ticks import Choice, Steps, follow, hold, inputs_of
 from gym_passive_walker.engine.layout import layout_of
-from gym_passive_walker.envs import task
+from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.gaits.actuation import Actuation, for_each
@@ -37,7 +37,6 @@ _STATE = len(State._fields)
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 _SLOPE = 7  # its place in an observation
 _SHIFTS = 1e-6, 5e-4  # of a coordinate, for differences in double and in single precision
-_BOUNDS = np.array(task.BOUNDS)
 _SETTLING, _BESIDE = 100, 15  # strides and walkers before a search begins
 _FAR = 0.1  # how far from the start these are, as a share of it
 
@@ -420,7 +419,7 @@ class ControlledMap(StrideMap):
                 actions = agent.mean_actions(seen)  # those of `linearize`, in a tenth of its time
             elif self.exact:
                 actions, by_seen = agent.linearize(seen)
-                clipped_at = np.inf if self.own else _BOUNDS[:_STATE]
+                clipped_at = np.inf if self.own else rules.BOUNDS[:_STATE]
                 inside = np.abs(self._states(records)) < clipped_at
                 by_state = by_seen[:, :, : self.size] * inside[:, None]
                 slope = self.size if self.own else _SLOPE
@@ -431,7 +430,7 @@ class ControlledMap(StrideMap):
                 begun = np.full(n, step == 0)
                 actions, memory = agent.predict(seen, memory, begun, deterministic=True)
         largest = np.array([self.scene.largest(name) for name in self.scene.actions])
-        least = np.array([0.0 if name == "push_off" else -1.0 for name in self.scene.actions])
+        least = np.array([self.scene.least(name) for name in self.scene.actions])
         actions, shape = np.asarray(actions, dtype=float), (n, len(largest))
         if actions.size != n * len(largest) or not np.all(np.isfinite(actions)):
             raise ValueError(
@@ -440,7 +439,7 @@ class ControlledMap(StrideMap):
             )
         actions = actions.reshape(shape)
         free = (largest * ((actions > least) & (actions < 1.0)))[:, :, None]
-        held = largest * np.clip(actions, least, 1.0)
+        held = largest * rules.clip(actions, least, 1.0)
         by_state, along = (x if x is None else free * x for x in (by_state, along))
         return Choice(held, by_state, along), memory
 
@@ -451,21 +450,17 @@ class ControlledMap(StrideMap):
         scene, record = self.scene, records[:, 0]
         if self.own:
             return np.column_stack([self._states(records), slopes])
-        size = task.SIZE + (scene.command is not None)
-        seen = np.zeros((len(records), size + 2 * scene.terrain_lookahead))
         links = np.array([phase.links for phase in self.walkers.system().phases])
-        seen[:, :_STATE] = np.clip(record["state"], -_BOUNDS[:_STATE], _BOUNDS[:_STATE])
-        seen[:, _STATE] = links[record["phase"]] == 2
-        seen[:, _SLOPE] = np.clip(slopes, -_BOUNDS[_SLOPE], _BOUNDS[_SLOPE])
+        locked = links[record["phase"]] == 2
+        seen = [*rules.observation(record["state"].T, locked, slopes)]
         if scene.command is not None:
-            seen[:, task.SIZE] = np.mean(scene.command)
-        if ahead is not None:
-            bounds = np.tile([task.HIGHEST, task.STEEPEST], scene.terrain_lookahead)
-            seen[:, size:] = np.clip(ahead, -bounds, bounds)
-        if scene.observe_body:
-            body = proportions(self.walker, scene.observe_body)
-            seen = np.hstack([seen, np.tile(body, (len(seen), 1))])
-        return seen
+            seen.append(np.mean(scene.command))
+        if scene.terrain_lookahead:  # without terrain the ground ahead is smooth
+            ahead = np.zeros(2 * scene.terrain_lookahead) if ahead is None else ahead
+            for foothold in np.reshape(ahead, (-1, scene.terrain_lookahead, 2)).transpose(1, 2, 0):
+                seen += rules.foothold(*foothold)
+        seen += map(rules.proportion, proportions(self.walker, scene.observe_body))
+        return np.stack(np.broadcast_arrays(*seen), axis=1, dtype=float)
 
     def _states(self, records: NDArray) -> NDArray[np.float64]:
         """States of walkers, (n, 6)."""

@@ -22,7 +22,7 @@ from gym_passive_walker.envs.custom import RULES, Custom
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
 from gym_passive_walker.envs.interface import refuse
 from gym_passive_walker.envs.one_thread import Token
-from gym_passive_walker.envs.rules import proportion
+from gym_passive_walker.envs.rules import ENERGIES, SIZE, proportion
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import DRAWS, Starts, as_recorded, checked_state
 from gym_passive_walker.envs.transitions import STOPPED
@@ -49,7 +49,7 @@ def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
         channel = scene.channels.index(name)
         rules["channels"][0, i], rules["largest"][0, channel] = channel, scene.largest(name)
     rules["energy_weight"] = scene.energy_weight
-    rules["charged"] = task.ENERGIES.index(scene.energy)
+    rules["charged"] = ENERGIES.index(scene.energy)
     rules["step_limit"] = step_limit
     rules["weight"] = 1.0 if own is None else own.total_mass
     rules["works"][0, : len(system.works)] = np.divide(system.works, rules["weight"])
@@ -71,7 +71,7 @@ def _radii(walkers: Sequence[Walker]) -> NDArray[np.float64]:
 def default_size(scene: Scene) -> int:
     """Return the number of entries of a scene's default observation."""
     commanded, ahead = scene.command is not None, 2 * scene.terrain_lookahead
-    return task.SIZE + commanded + ahead + len(scene.observe_body)
+    return SIZE + commanded + ahead + len(scene.observe_body)
 
 
 def observed_bodies(scene: Scene, walkers: Sequence[Walker]) -> NDArray[np.float32]:
@@ -425,7 +425,7 @@ class Batch:
     @property
     def energy_cost(self) -> str:
         """Work that the energy term counts: "absolute", "positive" or "net"."""
-        return task.ENERGIES[int(self.rules["charged"][0])]
+        return ENERGIES[int(self.rules["charged"][0])]
 
     def set_energy_cost(self, energy: str | None) -> None:
         """Set the work that the energy term counts; None restores the scene's own.
@@ -434,10 +434,10 @@ class Batch:
             ValueError: if the kind of work is unknown.
         """
         energy = self.scene.energy if energy is None else energy
-        if energy not in task.ENERGIES:
-            allowed = ", ".join(map(repr, task.ENERGIES))
+        if energy not in ENERGIES:
+            allowed = ", ".join(map(repr, ENERGIES))
             raise ValueError(f"motors are charged for {allowed} or None, not {energy!r}")
-        self.rules["charged"] = task.ENERGIES.index(energy)
+        self.rules["charged"] = ENERGIES.index(energy)
 
     def reward_terms(self) -> dict[str, NDArray[np.float64]]:
         """Return the terms of the last rewards by name, each (count,); a reward is their sum."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.envs import constraints, disturbance_kernels, task
+from gym_passive_walker.envs import constraints, disturbance_kernels, rules
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.envs.scene import UNDISTURBED, Scene
 from gym_passive_walker.gaits.terrain import Terrain
@@ -145,7 +145,7 @@ class Disturbances:
 def _noise(scene: Scene) -> NDArray[np.float64]:
     """Return the standard deviation of the noise on each observed number except the command."""
     noise, size = scene.observation_noise, state_size(scene.walker)
-    rest = (task.SIZE if scene.own_system is None else size + 1) - size
+    rest = (rules.SIZE if scene.own_system is None else size + 1) - size
     given = noise if isinstance(noise, tuple) else [noise] * size + [0.0] * rest
     return np.array(given, dtype=float)
 

@@ -11,7 +11,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import unknown, whole
-from gym_passive_walker.envs import task
+from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.envs.one_thread import Token, one_thread
 from gym_passive_walker.envs.scene import FASTEST, Scene
@@ -44,10 +44,10 @@ def observation_space(scene: Scene, seen: int | None = None) -> Any:
     if seen is not None:
         return spaces.Box(-np.inf, np.inf, (seen,), np.float32)
     commanded = scene.command is not None
-    ahead = np.tile([task.HIGHEST, task.STEEPEST], scene.terrain_lookahead)
-    body = np.full(len(scene.observe_body), task.LARGEST_PROPORTION)
-    low = np.concatenate([task.LOWEST, [0.0] * commanded, -ahead, -body])
-    high = np.concatenate([task.BOUNDS, [FASTEST] * commanded, ahead, body])
+    ahead = np.tile([rules.HIGHEST, rules.STEEPEST], scene.terrain_lookahead)
+    body = np.full(len(scene.observe_body), rules.LARGEST_PROPORTION)
+    low = np.concatenate([rules.LOWEST, [0.0] * commanded, -ahead, -body])
+    high = np.concatenate([rules.BOUNDS, [FASTEST] * commanded, ahead, body])
     return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
 

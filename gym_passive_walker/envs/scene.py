@@ -26,7 +26,8 @@ from gym_passive_walker.envs.checks import (
     spread,
 )
 from gym_passive_walker.envs.custom import RULES, checked_rule
-from gym_passive_walker.envs.task import CHANNELS, ENERGIES, SIZE
+from gym_passive_walker.envs.rules import ENERGIES, SIZE
+from gym_passive_walker.envs.task import CHANNELS
 from gym_passive_walker.gaits.terrain import Terrain, terrain_from
 from gym_passive_walker.loading import is_file
 from gym_passive_walker.units import PROPORTIONS

@@ -19,13 +19,6 @@ from gym_passive_walker.engine.jit import Kernel, address, call, jitted, merged,
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import NARROW, Layout
 from gym_passive_walker.engine.run import integrate
-from gym_passive_walker.envs.rules import BOUNDS as BOUNDS
-from gym_passive_walker.envs.rules import ENERGIES as ENERGIES
-from gym_passive_walker.envs.rules import HIGHEST as HIGHEST
-from gym_passive_walker.envs.rules import LARGEST_PROPORTION as LARGEST_PROPORTION
-from gym_passive_walker.envs.rules import LOWEST as LOWEST
-from gym_passive_walker.envs.rules import SIZE as SIZE
-from gym_passive_walker.envs.rules import STEEPEST as STEEPEST
 from gym_passive_walker.envs.rules import (
     clip,
     distance_of,

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.envs import task
+from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.custom import RULES
 from gym_passive_walker.envs.scene import (
     by_hip_alone,
@@ -82,30 +82,30 @@ class StepRecorder:
 
     def linearize(self) -> Linear:
         """Return the derivatives of the steps since the last `clear`."""
-        scene, rules = self._scene, self._batch.rules[0]
+        scene, settings = self._scene, self._batch.rules[0]
         shape = (len(self._records), self._batch.count)
-        torques = scene.max_hip_torque * np.concatenate(self._actions).clip(-1.0, 1.0)
+        torques = scene.max_hip_torque * rules.clip(np.concatenate(self._actions), -1.0, 1.0)
         records = np.concatenate(self._records)
         record = records[:, 0]
         record["control"][:, 0] = torques
         record["moved"], record["turned"] = 0.0, 0.0
-        record["end"] = np.minimum(record["time"] + rules["tick"], rules["max_stride_time"])
+        longest = settings["max_stride_time"]
+        record["end"] = rules.step_end(record["time"], settings["tick"], longest)
         walked = go_on(self._recorded(), records, ("state", "hip_torque"))
         results, distance, report = walked.rows, walked.distance, report_of(walked.system)
-        stalled = record["end"] >= rules["max_stride_time"]
-        fell = (walked.outcomes > _STRUCK) | (stalled & (walked.outcomes != _STRUCK))
+        fell = rules.ends_episode(rules.outcome_of(walked.outcomes, record["end"], longest))
         results[fell, :, 1:] = 0.0
         stands = _stands(fell.reshape(shape), record["time"].reshape(shape) == 0.0)
         distance = distance[:, 1:] * stands.reshape(-1, 1)
         energy = np.zeros_like(distance)
         if system_of(scene.walker).works.hip:
-            charged = int(rules["charged"])
+            charged = int(settings["charged"])
             moved, turned = results[:, report.moved[0]], results[:, report.turned[0]]
-            energy += task.motor_charge(charged, torques[:, None], moved[:, 1:], turned[:, 1:])
+            energy += rules.motor_charge(charged, torques[:, None], moved[:, 1:], turned[:, 1:])
             sign = np.where(torques < 0.0, -1.0, 1.0)
-            charge = task.motor_charge(charged, sign, moved[:, 0], turned[:, 0])
+            charge = rules.motor_charge(charged, sign, moved[:, 0], turned[:, 0])
             energy[:, _ACTION] += ~fell * sign * charge
-        rewards = task.reward(distance, energy, scene.energy_weight)
+        rewards = rules.reward(distance, energy, scene.energy_weight)
         states = results[:, _STATE, 1:]
         rewards[:, _ACTION] *= scene.max_hip_torque
         return Linear(

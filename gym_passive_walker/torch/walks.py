@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from gym_passive_walker.arguments import check_tolerance, unknown
-from gym_passive_walker.envs.task import ENERGIES, motor_charge
+from gym_passive_walker.envs.rules import ENERGIES, motor_charge
 from gym_passive_walker.gaits.actuation import Actuation, actuation_units
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE
 from gym_passive_walker.physics.systems import UNEVEN, system_of

@@ -13,7 +13,7 @@ from gym_passive_walker.engine.counter_rng import uniform
 from gym_passive_walker.engine.jit import view
 from gym_passive_walker.engine.layout import HISTORY, PAIR, RECORD, tile_for
 from gym_passive_walker.engine.run import OPTIONS, integrate
-from gym_passive_walker.envs import disturbance_kernels, task
+from gym_passive_walker.envs import disturbance_kernels, rules, task
 from gym_passive_walker.envs.constraints import HOOK, ROOM
 from gym_passive_walker.envs.starts import DRAWS
 from gym_passive_walker.physics.bodies import KneedBody
@@ -29,7 +29,7 @@ LATEST = 64
 FARTHEST = 32
 """Largest number of footholds ahead that are observed."""
 
-_MOST_SEEN = task.SIZE + 2 + 2 * FARTHEST
+_MOST_SEEN = rules.SIZE + 2 + 2 * FARTHEST
 TILE = tile_for(PAIR, width=1)
 
 SHAPE = np.dtype([

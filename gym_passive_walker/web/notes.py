@@ -12,7 +12,7 @@ import numpy as np
 from gym_passive_walker import __version__
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.engine.run import options
-from gym_passive_walker.envs import disturbance_kernels, task
+from gym_passive_walker.envs import disturbance_kernels, rules, task
 from gym_passive_walker.envs.batch import rules_of
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.envs.scene import SCENES, make_scene
@@ -153,10 +153,10 @@ def of_all() -> dict[str, Any]:
         },
         "outcomes": [outcome.name for outcome in Outcome],
         "channels": task.CHANNELS,
-        "energies": task.ENERGIES,
+        "energies": rules.ENERGIES,
         "every_step": task.EVERY_STEP,
         "every_stride": task.EVERY_STRIDE,
-        "bounds": task.BOUNDS.tolist(),
+        "bounds": rules.BOUNDS.tolist(),
         "checks": CHECKS,
         "latest": kernels.LATEST,
         "farthest": kernels.FARTHEST,

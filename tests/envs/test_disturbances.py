@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import gym_passive_walker as gpw
 from gym_passive_walker.engine.run import advance, new_records
-from gym_passive_walker.envs import task
+from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import UNDISTURBED, SceneError, make_scene, undisturbed
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
@@ -230,12 +230,12 @@ def test_an_observation_asked_for_again_errs_in_the_same_way(assert_same):
     again = np.empty(8, np.float32)
     env.batch.observe(again)
     assert_same(again, seen)
-    assert np.all(seen >= task.LOWEST) and np.all(seen <= task.BOUNDS)
+    assert np.all(seen >= rules.LOWEST) and np.all(seen <= rules.BOUNDS)
 
 
 def test_what_erring_sensors_tell_lies_in_the_space_of_observations():
     """Errors as large as what is observed, of every entry: of the knee and of the slope too."""
-    noise = tuple(np.array(task.BOUNDS, float).clip(max=5.0).tolist())
+    noise = tuple(np.array(rules.BOUNDS, float).clip(max=5.0).tolist())
     env = PassiveWalkerVectorEnv(200, "commanded", observation_noise=noise)
     seen, _ = env.reset(seed=0)
     for _ in range(20):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, find_gait
-from gym_passive_walker.envs import starts, task
+from gym_passive_walker.envs import rules, starts
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.scene import SCENES, Scene, SceneError, make_scene
 from gym_passive_walker.envs.starts import (
@@ -21,7 +21,7 @@ def begun(scene, count=200, seed=0):
     """Walkers at the start of their episodes."""
     batch = Batch(scene, count)
     batch.randoms = [np.random.default_rng((seed, i)) for i in range(count)]
-    batch.start(range(count), np.empty(count * task.SIZE, np.float32))
+    batch.start(range(count), np.empty(count * rules.SIZE, np.float32))
     return batch
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gym_passive_walker.engine.counter_rng import uniform
-from gym_passive_walker.envs import task
+from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.scene import SceneError, make_scene
 from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.gpu import batch as device_batch
@@ -109,7 +109,7 @@ def test_another_seed_is_another_walk():
     assert same(there.buffers.observations, first)
     there.seed(1)
     there.reset()
-    assert same(there.buffers.observations[: task.SIZE], first[task.SIZE :])
+    assert same(there.buffers.observations[: rules.SIZE], first[rules.SIZE :])
 
 
 def test_a_function_that_cannot_be_compiled_is_refused():
