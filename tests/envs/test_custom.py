@@ -189,6 +189,18 @@ def test_an_ending_of_ones_own_ends_episodes_wherever_they_are_walked():
     assert not any(info["TimeLimit.truncated"] for info in infos)
 
 
+def test_a_state_after_an_ending_of_ones_own_can_be_put_back():
+    env = PassiveWalkerVectorEnv(COUNT, make_scene(terminated=late))
+    env.reset(seed=0)
+    for _ in range(11):
+        *_, ended, _, _ = env.step(np.zeros((COUNT, 1)))
+    assert ended.all()
+    state = env.get_state()
+    expected = env.step(np.full((COUNT, 1), 0.2))[0]
+    env.set_state(state)
+    np.testing.assert_array_equal(env.step(np.full((COUNT, 1), 0.2))[0], expected)
+
+
 def struck(step):
     """An ending with the first stride."""
     return step.heelstrike

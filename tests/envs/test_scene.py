@@ -39,6 +39,9 @@ def test_arguments_change_a_named_scene():
     scene = make_scene("steep", control="tick")
     assert (scene.slope, scene.control, scene.max_hip_torque) == (0.11, "tick", 0.05)
     assert make_scene(scene, slope=0.1).slope == 0.1
+    given = {"control": "tick", "slope": 0.02}
+    assert make_scene(given, slope=0.1).slope == 0.1
+    assert given == {"control": "tick", "slope": 0.02}
 
 
 @pytest.mark.parametrize(

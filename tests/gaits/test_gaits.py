@@ -47,6 +47,13 @@ def test_a_gait_comes_back_to_itself_and_costs_the_sine_of_the_slope(name, slope
     assert gait.beyond_fold == (kind == "short")
 
 
+def test_gravity_pays_for_the_friction_of_a_hip_as_for_collisions():
+    walker, slope = replace(WALKERS["lab"], hip_friction=0.02), 0.036
+    step = stride(walker, slope, find_gait(walker, slope).state)
+    assert step.friction_loss > 0.01
+    assert step.cost_of_transport == pytest.approx(np.sin(slope), rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("name", "slope"), [("F", 1.4e-7), ("F", 1.76e-8), ("E", 1.12e-8), ("E", 7.23e-8)]
 )
