@@ -33,6 +33,7 @@ SCRIPTS = {
     "design/cheap": "design cost",
     "design/steady": "design return",
     **{f"design/{part}": f"design {part}" for part in ("steep", "tuned")},
+    "agents/random guesses": "optimum",
     "robustness/gauntlet": "gauntlet",
     "policies/policies": "policies",
     "robustness/first passage": "first_passage",
