@@ -46,7 +46,7 @@ _FINEST = 10_000  # angles, and angular velocities
 _EXACT, _ROUGHLY = 1e-13, 1e-8  # tolerances: on a gait, and of a first survey
 _LONGEST_PERIOD = 12
 _SETTLING = 500  # transient strides before the period is measured
-_WALKED, _ALONG = 1e-9, 1e-12  # tolerances of such walks, and along gaits
+_WALKED = 1e-9  # tolerance of such walks
 _SPAN = 2.2  # upper end of a default slice over the gait's angle and angular velocity
 
 
@@ -128,15 +128,10 @@ class Attractors:
 
     def __init__(self, stride_map: StrideMap, gaits: list[Gait], atol: float) -> None:
         self.atol, self._stride_map = atol, stride_map
-        self.points: list[NDArray] = []
-        self.owner: list[int] = []
-        finely = stride_map.with_tolerance(_ALONG)
-        for index, gait in enumerate(gaits):
-            point = finely.points(gait.state)
-            for _ in range(gait.period):
-                self.points.append(point.chart[0])
-                self.owner.append(index)
-                point = finely.at(finely.apply(point.values, gait.slope).ends)
+        every = len(stride_map.ground)  # strides of one application on ground that repeats
+        states = [gait.strides.state[every - 1 :: every] for gait in gaits]
+        self.points = [point for own in states for point in stride_map.points(own).chart]
+        self.owner = [i for i, own in enumerate(states) for _ in own]
 
     def of(self, points: NDArray) -> NDArray[np.int8]:
         """Return the index (n,) of the gait near each point (n, m); UNSETTLED if there is none."""
