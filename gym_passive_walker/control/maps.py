@@ -151,7 +151,7 @@ def _held(walker: Any, controls: Mapping[str, Any]) -> tuple[Policy | None, Scen
     if np.max(np.abs(shares)) > 1.0 + 1e-12:
         raise ValueError(f"the limits of system {walker.title!r} are smaller than {dict(held)}")
     point = np.zeros(state_size(walker))
-    return StrideFeedback("held controls", scene.walker, point, np.array(shares)), scene
+    return StrideFeedback("held controls", scene, point, np.array(shares)), scene
 
 
 def _repeating(terrain: TerrainLike | None) -> Terrain | None:
@@ -231,7 +231,7 @@ def acting_as(strides: StrideMap, slope: float) -> tuple[Policy, Scene]:
     )  # fmt: skip
     shares = np.array([[np.sign(held[name]) for name in used]])
     point = np.zeros(strides.dimension)
-    return StrideFeedback(strides.controller_name, strides.walker, point, shares), scene
+    return StrideFeedback(strides.controller_name, scene, point, shares), scene
 
 
 def map_in(scene: Scene, policy: Policy | None) -> StrideMap:
