@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from operator import mul, truediv
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -62,16 +63,12 @@ def actuation_units(units: Units) -> Actuation:
 
 def to_dimensionless(units: Units, actuation: Actuation) -> Actuation:
     """Return an actuation in a walker's own units in dimensionless form."""
-    return Actuation(
-        *(part / unit for part, unit in zip(actuation, actuation_units(units), strict=True))
-    )
+    return Actuation(*map(truediv, actuation, actuation_units(units)))
 
 
 def to_own(units: Units, actuation: Actuation) -> Actuation:
     """Return a dimensionless actuation in a walker's own units."""
-    return Actuation(
-        *(part * unit for part, unit in zip(actuation, actuation_units(units), strict=True))
-    )
+    return Actuation(*map(mul, actuation, actuation_units(units)))
 
 
 def check_actuation(walker: Walker, actuation: Actuation) -> Actuation:

@@ -439,7 +439,8 @@ def flow(
             followed to k times, side by side. Later ones than its stride's end give the state that
             it ends with; one that is not finite gives nothing.
         by: Variables of the tangents, in order; see `go_on`.
-        along: Directions for "point" instead of the coordinates, (n, m, k); of states, (n, 6, k).
+        along: Changes of the states along all k tangents, (n, 6, k), instead of those that `by`
+            names; "point" then stands for any number of them.
         lanes: Indices of these walkers, if parameters are given for more.
         threads: Number of threads; all of numba's when None. It changes no result.
         backend: Function that integrates: `engine.run.advance`, or `gpu.advance` on a GPU.
@@ -482,7 +483,6 @@ def go_on(
     *,
     lanes: NDArray | slice = _ALL,
     on_section: bool = False,
-    uneven: bool = False,
 ) -> Flow:
     """Integrate walkers from their states, each to its `end`, its heelstrike or its fall.
 
@@ -497,8 +497,8 @@ def go_on(
             "start" gives one tangent for each coordinate; its controls are `controls_of`.
         lanes: Indices of these walkers, if parameters are given for more.
         on_section: Whether a stride begins here.
-        uneven: Whether the next footholds differ in height or slope from these.
     """
+    uneven = records["ground"][..., 2:].any()  # so lie the next footholds
     tangents = _tangents_by(walkers, by) if by else _NONE
     walked = np.zeros((len(records), 1 + len(tangents.names)), records.dtype)
     walked[:, :1] = records
@@ -512,16 +512,12 @@ def go_on(
 
 
 def _tangents_by(walkers: Walkers, by: Sequence[str], along: NDArray | None = None) -> Tangents:
-    """Tangents by name, for "point" along directions (n, m, k) if they are given."""
+    """Tangents by name, with changes of the states (n, 6, k) if they are given."""
     if along is None:
         return _tangents(walkers.walker, tuple(by))
-    tangents = _tangents(walkers.walker, tuple(by), along.shape[2])
-    states = np.zeros((len(along), *tangents.states.shape))
-    of_point = [i for i, name in enumerate(tangents.names) if name == "point"]
-    of_state = along.shape[1] == walkers.section.size
-    ways = along.swapaxes(1, 2)
-    states[:, of_point] = ways if of_state else walkers.section.state(ways)
-    return tangents._replace(states=states)
+    others = sum(name != "point" for name in by)
+    tangents = _tangents(walkers.walker, tuple(by), along.shape[2] - others)
+    return tangents._replace(states=along.swapaxes(1, 2))
 
 
 def _seed(records: NDArray, tangents: Tangents) -> None:

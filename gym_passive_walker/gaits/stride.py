@@ -278,17 +278,17 @@ def stride(
         **given,
     )  # fmt: skip
     record = walked.records[:, 0]
-    nothing = np.zeros(shape)[()]
-    works, pushed = ((nothing, nothing), (nothing, nothing)), nothing
+    nothing = np.zeros(count)
+    works, pushed = [(nothing, nothing), (nothing, nothing)], nothing
     if actuation is not PASSIVE:  # each costs time for a single walker
         powers = (record["control"] * (np.array(walked.system.works) * units.energy)).T
         moved, turned = record["moved"].T, record["turned"].T
-        works = tuple(
-            (_shaped(power * net, shape), _shaped(np.abs(power) * absolute, shape))
+        works = [
+            (power * net, np.abs(power) * absolute)
             for power, net, absolute in zip(powers, moved, turned, strict=True)
-        )
+        ]
     if actuation.using:
-        pushed = _shaped(record["push_work"] * units.energy, shape)
+        pushed = record["push_work"] * units.energy
     return account(walker, walked.system, walked.bodies, record, works, pushed, shape)
 
 
@@ -308,8 +308,8 @@ def account(
         system: The walker's equations.
         bodies: Constants of the walkers, from `Walkers.bodies`.
         record: Records at the end of the strides, (n,); modified in place.
-        works: Net and absolute work of hip and of ankle, in the walker's units, of shape `shape`.
-        pushed: Work of push-offs in the walker's units, of shape `shape`.
+        works: Net and absolute work of hip and of ankle, in the walker's units, (n,) each.
+        pushed: Work of push-offs in the walker's units, (n,).
         shape: Shape of the strides: (n,), or () for one.
     """
     units, (hip, ankle) = units_of(walker), works
@@ -323,7 +323,7 @@ def account(
         gravity[lost], spring[lost] = conservative_work(system, bodies, record[lost])
 
     def shaped(values: NDArray) -> NDArray:
-        return _shaped(values, shape)
+        return values.reshape(shape) if shape else values[0]
 
     return Stride(
         state=units.to_own(states_in(record, system.coordinates)).reshape(
@@ -333,22 +333,18 @@ def account(
         outcome=shaped(outcome) if shape else Outcome(int(outcome[0])),  # type: ignore[arg-type]
         kneestrike_time=shaped(knee_time * units.time),
         step_length=shaped(length * units.length),
-        hip_work=hip[0],
-        hip_work_absolute=hip[1],
+        hip_work=shaped(hip[0]),
+        hip_work_absolute=shaped(hip[1]),
         kneestrike_loss=shaped(record["knee_loss"] * units.energy),
         heelstrike_loss=shaped(record["heel_loss"] * units.energy),
         gravity_work=shaped(gravity * units.energy),
         weight=walker.total_mass if isinstance(walker, Mechanism) else units.force,
         spring_work=shaped(spring * units.energy),
         friction_loss=shaped(record["friction_loss"] * units.energy),
-        ankle_work=ankle[0],
-        ankle_work_absolute=ankle[1],
-        push_off_work=pushed,
+        ankle_work=shaped(ankle[0]),
+        ankle_work_absolute=shaped(ankle[1]),
+        push_off_work=shaped(pushed),
     )
-
-
-def _shaped(values: NDArray, shape: tuple[int, ...]) -> NDArray:
-    return values.reshape(shape) if shape else values[0]
 
 
 def together(strides: Sequence[Stride]) -> Stride:
