@@ -212,7 +212,9 @@ class ControlledMap(StrideMap):
         if width and not self.exact:
             return self._differences(points, slopes, lanes, seeds, place)
         tilt, height_change, slope_change = self.ground[place]
-        slopes, sound = slopes + tilt, self._sound(points)
+        slopes, sound = slopes + tilt, np.isfinite(points).all(axis=1)
+        if not self.own:  # the stance foot is ahead, and no leg lies on the ground
+            sound = (points[:, 0] > 0.0) & (points[:, 0] < 0.5 * math.pi)
         states = self.state(np.where(np.isfinite(points), points, 0.5), place)
         change = self.state_by(points, seeds, place)
         steps = self._steps(
@@ -252,8 +254,8 @@ class ControlledMap(StrideMap):
             product(sine[there], ended[:, at["step_length"]]) + ended[:, at["push_work"]]
         )
         if self.terrain is not None:
-            heights, columns = np.zeros((len(there), 1 + width)), [0, *moving.values()]
-            columns[1:] = [1 + tangent for tangent in columns[1:]]
+            heights = np.zeros((len(there), 1 + width))
+            columns = [0, *(1 + tangent for tangent in moving.values())]
             bodies = self.walkers.bodies(tuple(moving), lanes[there])
             heights[:, columns] = self._heights(bodies, (len(there), len(columns)), place)
             supplied[there] -= product(cosine[there], heights)
@@ -440,12 +442,6 @@ class ControlledMap(StrideMap):
     def _states(self, records: NDArray) -> NDArray[np.float64]:
         """States of walkers, (n, 6)."""
         return states_in(records[:, 0], self.size // 2)
-
-    def _sound(self, points: NDArray) -> NDArray[np.bool_]:
-        """Return where strides may begin: the stance foot ahead, and no leg on the ground."""
-        if self.own:
-            return np.asarray(np.isfinite(points).all(axis=1))
-        return (points[:, 0] > 0.0) & (points[:, 0] < 0.5 * math.pi)
 
     def _taken(
         self, state: ArrayLike, slope: ArrayLike, rise: ArrayLike, turn: ArrayLike, ahead: NDArray

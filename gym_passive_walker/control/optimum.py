@@ -293,8 +293,10 @@ class Problem:
                 break
             free |= wanted
             z, said = self._minimised(z, free, _ITERATIONS, patience)
-            if known is not None and self._hopeless(z, known):
-                break
+            if known is not None:
+                cost_now, _, gap, _ = self.at(z)
+                if cost_now > known and float(np.max(np.abs(gap))) > _OPEN:
+                    break
         z = self._closed(z)
         driving, braking = self.parts(z)
         both = np.minimum(driving, braking)  # to push both ways at once does nothing, and costs
@@ -329,11 +331,6 @@ class Problem:
         except NoStride:
             return True
         return False
-
-    def _hopeless(self, z: NDArray, known: float) -> bool:
-        """Return whether z neither closes its stride nor is as cheap as a known gait."""
-        cost, _, gap, _ = self.at(z)
-        return cost > known and float(np.max(np.abs(gap))) > _OPEN
 
     def _motors(self) -> str:
         """Return a description of the actuators, for messages."""

@@ -237,15 +237,13 @@ class Walkers:
 class Flow:
     """Result of a flow of n walkers; dimensionless.
 
-    ``walked["time"]`` is any field of `engine.layout.RECORD`: values, and k tangents behind each,
-    (n, 1 + k, ...).
-
     Attributes:
         walkers: The walkers.
         system: Equations of the walkers.
         tangents: Variables of the tangents.
         bodies: The walkers' constants with their tangents, as in `Walkers.bodies`.
-        records: Records at the end, tangents behind the values, (n, 1 + k).
+        records: Records at the end, of `engine.layout.RECORD`: values, and k tangents behind each,
+            (n, 1 + k).
         began: Gives the records from which they came; None for strides after the first.
         on_section: Whether a stride began there.
         instants: Of each of n walkers there are so many in a row, followed to a time each; None
@@ -260,9 +258,6 @@ class Flow:
     began: Callable[[], NDArray] | None
     on_section: bool
     instants: int | None = None
-
-    def __getitem__(self, name: str) -> NDArray:
-        return self.records[name]
 
     @cached_property
     def before(self) -> NDArray:

@@ -101,6 +101,14 @@ class StrideMap(Section):
 
     controlled: ClassVar[bool] = False
     """Whether a controller observes the walker and sets its torques."""
+    exact: ClassVar[bool] = True
+    """Whether derivatives are exact."""
+    closes: ClassVar[float] = 1e-9
+    """Largest violation of the gait equations at which a point counts as a gait."""
+    hold: ClassVar[float] = math.inf
+    """Time for which torques are held; infinite if they are constant within a stride."""
+    terrain_lookahead: ClassVar[int] = 0
+    """Number of footholds ahead that a controller observes."""
 
     @classmethod
     def of(cls, walker: WalkerLike, *, controller: Actuation = PASSIVE, **fields: Any) -> Self:
@@ -145,26 +153,6 @@ class StrideMap(Section):
     def controller_name(self) -> str:
         """Name of the controller; empty if there is none."""
         return "" if self.passive else str(self.controller)
-
-    @property
-    def exact(self) -> bool:
-        """Whether derivatives are exact."""
-        return True
-
-    @property
-    def closes(self) -> float:
-        """Largest violation of the gait equations at which a point counts as a gait."""
-        return 1e-9
-
-    @property
-    def hold(self) -> float:
-        """Time for which torques are held; infinite if they are constant within a stride."""
-        return math.inf
-
-    @property
-    def terrain_lookahead(self) -> int:
-        """Number of footholds ahead that a controller observes."""
-        return 0
 
     @property
     def passive(self) -> bool:

@@ -281,7 +281,7 @@ def _walked(
         own_jacobians[:, :, range(size)] = 0.0
         own_jacobians[:, :, moved] += reported[:, :, 1 : 1 + size] @ by_push
     jacobians[lanes] = own_jacobians
-    after[lanes], outcomes[lanes] = walked["phase"][:, 0], walked.outcomes
+    after[lanes], outcomes[lanes] = walked.records["phase"][:, 0], walked.outcomes
     margins[lanes] = walked.margins
     if options.whole:
         stalled = going & (outcomes == _RUNNING)
