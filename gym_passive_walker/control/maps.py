@@ -14,13 +14,7 @@ from gym_passive_walker.control.controlled import ControlledMap
 from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting, as_policy
 from gym_passive_walker.control.optimum import OptimalGait
 from gym_passive_walker.control.policy import Policy
-from gym_passive_walker.envs.scene import (
-    CHANNELS,
-    UNDISTURBED,
-    Scene,
-    make_scene,
-    plain,
-)
+from gym_passive_walker.envs.scene import CHANNELS, UNDISTURBED, Scene, make_scene, plain
 from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, one_actuation
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait

@@ -19,11 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.control.ticks import TickedStride, before_kneestrike, ticked_stride
-from gym_passive_walker.envs.scene import (
-    CHANNELS,
-    Scene,
-    with_parameters,
-)
+from gym_passive_walker.envs.scene import CHANNELS, Scene, with_parameters
 from gym_passive_walker.gaits.design_nlp import slsqp
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
@@ -43,9 +39,7 @@ _NEAR = 1e-7  # a bound, at which an unknown counts as at it
 _AHEAD = np.array([[-1.0, 1.0], [1.0, 1.0]])
 """Derivatives, by stance and swing angle, of the swing leg's lead and of its extra inclination."""
 
-_CLEAR = (
-    1e-3  # rad of either as the knee locks, at the least, where the toe has to clear the ground
-)
+_CLEAR = 1e-3  # rad of either as the knee locks, at the least, where the toe has to clear
 _SHARES = {"absolute": (1.0, 0.0), "positive": (0.5, 0.5), "net": (0.0, 1.0)}
 """Shares of absolute and of net work in the energy that is charged."""
 
@@ -174,7 +168,7 @@ class Problem:
         self.largest_push = largest[-1]
         works = (
             Walkers(walker=scene.walker).system().works
-        )  # a hip's work is none on feet of vanishing mass
+        )  # on feet of vanishing mass the hip's is 0
         self.works = np.repeat(np.array(works)[: self.motors], ticks)
         self._last: tuple[Any, Any] = None, None
 

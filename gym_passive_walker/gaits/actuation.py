@@ -103,11 +103,6 @@ def check_actuation(walker: Walker, actuation: Actuation) -> Actuation:
     return Actuation(hip, ankle, push)
 
 
-def actuation_shapes(actuation: Actuation) -> list[tuple[int, ...]]:
-    """Return the shapes of the parts of an actuation; empty if all are floats."""
-    return [] if _single(actuation) else [np.shape(part) for part in actuation]
-
-
 def one_actuation(walker: Walker, actuation: Actuation) -> Actuation:
     """Check an actuation of single numbers.
 

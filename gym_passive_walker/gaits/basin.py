@@ -18,14 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import (
-    check_tolerance,
-    instance,
-    number,
-    real_array,
-    shown,
-    whole,
-)
+from gym_passive_walker.arguments import check_tolerance, instance, number, real_array, shown, whole
 from gym_passive_walker.gaits.bifurcation import period_of
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
@@ -315,8 +308,7 @@ def basin_of_attraction(
     angles = _axis(stance_angles, share * (gait.stance_angle if gait else 0.0), "stance_angles")
     if stride_map.own and stride_map.size < 4:
         raise ValueError("the slice of a basin needs a system of two coordinates or more")
-    first = len(gait.state) // 2 if gait else 0  # index of the stance rate
-    rates = share[::-1] * (gait.state[first] if gait else 0.0)
+    rates = share[::-1] * (gait.state[stride_map.size // 2] if gait else 0.0)
     rates = _axis(stance_rates, rates, "stance_rates")
     if np.any(angles <= 0.0) and not stride_map.own:
         raise ValueError("stance_angles must be positive: they are those just after heelstrike")

@@ -252,18 +252,10 @@ class DesignProblem:
         value, gradient = judged.quantities[self.objective]
         return self.sign * value / self.unit, self.sign * gradient / self.unit
 
-    def equalities(self, z: NDArray) -> tuple[NDArray, NDArray]:
-        """Return the equality constraints and their derivatives."""
-        return self._stacked(z, self.equal)
-
-    def inequalities(self, z: NDArray) -> tuple[NDArray, NDArray]:
-        """Return the inequality constraints, which must not be negative, and their derivatives."""
-        return self._stacked(z, self.beyond, circle=self.sought or self.radius is not None)
-
-    def _stacked(
-        self, z: NDArray, sides: list[tuple[str, float, float]], circle: bool = False
-    ) -> tuple[NDArray, NDArray]:
-        count = len(sides)
+    def constraints(self, z: NDArray, equal: bool) -> tuple[NDArray, NDArray]:
+        """Return the constraints that must be zero, or not negative, and their derivatives."""
+        sides = self.equal if equal else self.beyond
+        circle, count = not equal and (self.sought or self.radius is not None), len(sides)
         values = -np.ones(count + CIRCLE * circle)
         derivatives = np.zeros((len(values), len(z)))
         judged = self.candidates.at(z[: self.count])
@@ -285,11 +277,12 @@ class DesignProblem:
             bounds.append((_LEAST_RADIUS, _LARGEST_RADIUS))
         with progress(f"{self.objective}: iterations") as one_more:
             return slsqp(
-                self.cost, start, bounds, equal=self.equalities, beyond=self.inequalities,
-                iterations=iterations, callback=lambda _: one_more(),
+                self.cost, start, bounds, equal=lambda z: self.constraints(z, True),
+                beyond=lambda z: self.constraints(z, False), iterations=iterations,
+                callback=lambda _: one_more(),
             )  # fmt: skip
 
     def missed(self, z: NDArray) -> float:
         """Return the largest violation of the constraints, over their sizes."""
-        equal, beyond = self.equalities(z)[0], self.inequalities(z)[0]
+        equal, beyond = (self.constraints(z, kind)[0] for kind in (True, False))
         return float(max(np.abs(equal).max(initial=0.0), (-beyond).max(initial=0.0)))

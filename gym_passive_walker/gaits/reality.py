@@ -323,8 +323,7 @@ def reality_check(
             free = [phase for phase in parts if not phase.locked]
             bent = turns(phase.flexion for phase in free)
             flexions.append(Extreme(0.0, time) if bends else least(bent))
-            locked = parts[len(free)]
-            knees.append(kneestrike(walker, free[-1], locked.state_at(locked.start)))
+            knees.append(kneestrike(walker, free[-1], parts[len(free)].state_at(free[-1].end)))
         look = walks.look(first, np.array([slope]), np.array([[float(end.duration) / own.time]]))
         heel, push = heelstrike(walker, parts[-1], end.state, float(look.controls[0, 0, 2]))
         heels.append(heel)

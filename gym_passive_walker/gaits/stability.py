@@ -74,16 +74,13 @@ def stride_jacobian(
     stride_map = (controlled or StrideMap.of(walker, controller=motors)).with_tolerance(tolerance)
     stride_map = replace(stride_map, max_stride_time=LONGEST_STRIDE)
     names = [wrt] if isinstance(wrt, str) else list(wrt) if np.iterable(wrt) else []
-    if not names:
+    allowed = ("state", "slope", *stride_map.parameters)
+    strange = [shown(name) for name in names if name not in allowed]
+    if strange or not names:
         raise ValueError(
-            f"wrt must be the name of what to differentiate by, or some, not {shown(wrt)}"
+            f"wrt: cannot differentiate by {', '.join(strange) or shown(wrt)}: choose one or some "
+            f"of {', '.join(allowed)}"
         )
-    for name in names:
-        allowed = ("state", "slope", *stride_map.parameters)
-        if name not in allowed:
-            raise ValueError(
-                f"wrt: cannot differentiate by {shown(name)}: choose from {', '.join(allowed)}"
-            )
     states, units = check_state(state, size=stride_map.size), stride_map.units
     points, driving = stride_map.points_at(states), actuation_units(units)._asdict()
     moved = set(names)

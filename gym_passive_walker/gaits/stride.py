@@ -19,12 +19,7 @@ from gym_passive_walker.arguments import (
     shown,
     whole,
 )
-from gym_passive_walker.gaits.actuation import (
-    PASSIVE,
-    actuation_shapes,
-    check_actuation,
-    to_dimensionless,
-)
+from gym_passive_walker.gaits.actuation import PASSIVE, check_actuation, to_dimensionless
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE, Walkers, advance, flow, states_in
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.physics.hybrid import Ground, Outcome, System
@@ -243,7 +238,7 @@ def stride(
     ground = check_foothold(height_change, slope_change)
     check_heights_only(walker, slope_change)
     try:
-        around = (*actuation_shapes(actuation), *(part.shape for part in ground or ()))
+        around = [part.shape for part in (*actuation, *(ground or ())) if type(part) is not float]
         shape = np.broadcast_shapes(states.shape[:-1], slopes.shape, *around)
     except ValueError:
         raise ValueError(

@@ -21,14 +21,7 @@ from gym_passive_walker.arguments import unknown
 from gym_passive_walker.control.ticks import hold, inputs_of
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.actuation import Actuation, check_actuation
-from gym_passive_walker.gaits.flow import (
-    MIRRORED,
-    Report,
-    Walkers,
-    go_on,
-    new_records,
-    report_of,
-)
+from gym_passive_walker.gaits.flow import MIRRORED, Report, Walkers, go_on, new_records, report_of
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import UNEVEN, system_of
 from gym_passive_walker.walkers import PARAMETERS, Mechanism, Walker, WalkerError
