@@ -254,9 +254,10 @@ class DesignProblem:
 
     def constraints(self, z: NDArray, equal: bool) -> tuple[NDArray, NDArray]:
         """Return the constraints that must be zero, or not negative, and their derivatives."""
-        sides = self.equal if equal else self.beyond
-        circle, count = not equal and (self.sought or self.radius is not None), len(sides)
-        values = -np.ones(count + CIRCLE * circle)
+        sides, radius = (self.equal, None) if equal else (self.beyond, self.radius)
+        radius = z[-1] if self.sought and not equal else radius
+        count = len(sides)
+        values = -np.ones(count + CIRCLE * (radius is not None))
         derivatives = np.zeros((len(values), len(z)))
         judged = self.candidates.at(z[: self.count])
         if judged is None:  # no step of a line search ends here
@@ -264,8 +265,8 @@ class DesignProblem:
         for i, (name, bound, scale) in enumerate(sides):
             value, gradient = judged.quantities[name]
             values[i], derivatives[i, : self.count] = scale * (value - bound), scale * gradient
-        if circle:
-            values[count:], by = judged.inside(z[-1] if self.sought else self.radius)
+        if radius is not None:
+            values[count:], by = judged.inside(radius)
             derivatives[count:] = by[:, : len(z)]  # by the radius as well if it is part of z
         return values, derivatives
 

@@ -387,18 +387,26 @@ class Flow:
             records["ground"][:, 0, :2], records["ground"][:, 0, 2:] = turned, foothold
             ways = turned[:, None, ::-1] * [1.0, -1.0]
             records["ground"][:, 1:, :2] = self.tangents.slopes[:, None] * ways
-        return _followed(
-            self.walkers, self.system, self.tangents, bodies, records, None, on_section=True
-        )
+        later = Flow(self.walkers, self.system, self.tangents, bodies, records, None, True)
+        return later.integrate()
 
     def again(self, lanes: NDArray, until: NDArray) -> Flow:
         """The same way once more for some walkers, to other times, without tangents."""
         records = self.before[lanes]
         records["end"], records["outcome"] = until[:, None], 0
         bodies = (self.bodies if len(self.bodies) == 1 else self.bodies[lanes])[:, :1]
-        return _followed(
-            self.walkers, self.system, _NONE, bodies, records, None, on_section=self.on_section
-        )
+        once_more = Flow(self.walkers, self.system, _NONE, bodies, records, None, self.on_section)
+        return once_more.integrate()
+
+    def integrate(
+        self, backend: Callable[..., object] = advance, threads: int | None = None
+    ) -> Flow:
+        """Carry the records on, in place; arguments as for `flow`."""
+        backend(
+            self.system, self.bodies, self.records, tolerance=self.walkers.tolerance,
+            scuff=self.walkers.end_on_toe_stub, from_section=self.on_section, threads=threads,
+        )  # fmt: skip
+        return self
 
 
 def flow(
@@ -465,10 +473,9 @@ def flow(
     records = began(len(tangents.names))
     if by:
         _seed(records, tangents)
-    return _followed(
-        walkers, system, tangents, walkers.bodies(tangents.names, lanes), records, began, True,
-        instants, backend, threads,
-    )  # fmt: skip
+    bodies = walkers.bodies(tangents.names, lanes)
+    walked = Flow(walkers, system, tangents, bodies, records, began, True, instants)
+    return walked.integrate(backend, threads)
 
 
 def go_on(
@@ -500,10 +507,9 @@ def go_on(
     walked["outcome"] = 0
     if by:
         _seed(walked, tangents)
-    return _followed(
-        walkers, walkers.system((*by, *UNEVEN) if uneven else by), tangents,
-        walkers.bodies(tangents.names, lanes), walked, lambda: records, on_section,
-    )  # fmt: skip
+    system = walkers.system((*by, *UNEVEN) if uneven else by)
+    bodies = walkers.bodies(tangents.names, lanes)
+    return Flow(walkers, system, tangents, bodies, walked, lambda: records, on_section).integrate()
 
 
 def _tangents_by(walkers: Walkers, by: Sequence[str], along: NDArray | None = None) -> Tangents:
@@ -525,26 +531,6 @@ def _seed(records: NDArray, tangents: Tangents) -> None:
         changes["ground"][..., :2] = tangents.slopes[:, None] * slope_change
     for name, index, values in tangents.inputs:
         changes[name][index] = values
-
-
-def _followed(
-    walkers: Walkers,
-    system: System,
-    tangents: Tangents,
-    bodies: NDArray,
-    records: NDArray,
-    began: Callable[[], NDArray] | None,
-    on_section: bool,
-    instants: int | None = None,
-    backend: Callable[..., object] = advance,
-    threads: int | None = None,
-) -> Flow:
-    """Carry records on, in place."""
-    backend(
-        system, bodies, records, tolerance=walkers.tolerance, scuff=walkers.end_on_toe_stub,
-        from_section=on_section, threads=threads,
-    )  # fmt: skip
-    return Flow(walkers, system, tangents, bodies, records, began, on_section, instants)
 
 
 def accelerations(
