@@ -105,34 +105,6 @@ class _StandsStill(Exception):
     """An optimization makes no progress: it zigzags about a corner of the cost."""
 
 
-class _Seen:
-    """The best of the points that an optimization has come through.
-
-    Attributes:
-        best: That point.
-        said: Message about the end of the optimization.
-    """
-
-    def __init__(self, start: NDArray, patience: int) -> None:
-        self.patience = patience
-        self.best, self.said = start, "it gets no further"
-        self._least, self._since = math.inf, 0
-
-    def take(self, point: NDArray, merit: float) -> None:
-        """See a point; a smaller merit is better.
-
-        Raises:
-            _StandsStill: if points have become no better for long.
-        """
-        self._since += 1
-        if merit < self._least * (1.0 - _GAIN):
-            self._since = 0
-        if merit < self._least:
-            self.best, self._least = point.copy(), merit
-        if self._since > self.patience:
-            raise _StandsStill
-
-
 def slope_of(scene: Scene) -> float:
     """The one slope that a gait has.
 
@@ -340,16 +312,22 @@ class Problem:
     ) -> tuple[NDArray, str]:
         """Optimize some of the unknowns, the others held; return z and the message of SLSQP."""
         scale = 100.0  # of the cost, to the size of the constraints
-        z, seen = start.copy(), _Seen(start[free], patience)
+        z, best, said = start.copy(), start[free], "it gets no further"
+        least, since = math.inf, 0  # the best merit so far, and points since it became better
 
         def at(unknown: NDArray) -> tuple[Any, ...]:
             z[free] = unknown
             return *self.at(z), *self.room(z)
 
         def look(unknown: NDArray) -> None:
+            nonlocal best, least, since
             cost, _, gap, _, room, _ = at(unknown)
-            missed = np.abs(gap).sum() + np.maximum(-room, 0.0).sum()
-            seen.take(unknown, cost + 10.0 * float(missed))
+            merit = cost + 10.0 * float(np.abs(gap).sum() + np.maximum(-room, 0.0).sum())
+            since = 0 if merit < least * (1.0 - _GAIN) else since + 1
+            if merit < least:
+                best, least = unknown.copy(), merit
+            if since > patience:
+                raise _StandsStill
 
         look(start[free])
         with warnings.catch_warnings(), suppress(_StandsStill):
@@ -362,10 +340,10 @@ class Problem:
                 beyond=lambda unknown: (at(unknown)[4], at(unknown)[5][:, free]),
                 iterations=iterations, accuracy=1e-11, callback=look,
             )  # fmt: skip
-            seen.said = found.message
+            said = found.message
             look(found.x)
-        z[free] = seen.best
-        return np.clip(z, *self.box.T), seen.said
+        z[free] = best
+        return np.clip(z, *self.box.T), said
 
     def _leaving(self, z: NDArray) -> NDArray[np.bool_]:
         """Which unknowns are between their bounds, or better were; those without effect are not."""

@@ -213,19 +213,15 @@ def stride(
     walker, slope, state, actuation, _, controlled = walk_of(
         walker, slope, state, hip_torque, ankle_torque, push_off
     )
-    tolerance = check_tolerance(tolerance)
+    tolerance, ground = check_tolerance(tolerance), check_foothold(height_change, slope_change)
     if controlled is not None:
         if max_stride_time != LONGEST_STRIDE or end_on_toe_stub or backend is not advance:
             raise ValueError(
                 "a stride map with a controller or a terrain has its own rules: "
                 "leave max_stride_time, end_on_toe_stub and backend out"
             )
-        given = (
-            {}
-            if check_foothold(height_change, slope_change) is None
-            else {"height_change": height_change, "slope_change": slope_change}
-        )
-        return controlled.with_tolerance(tolerance).stride(check_state(state), slope, **given)
+        foothold = {"height_change": ground[0], "slope_change": ground[1]} if ground else {}
+        return controlled.with_tolerance(tolerance).stride(check_state(state), slope, **foothold)
     own = isinstance(walker, Mechanism)
     size = state_size(walker)
     states, slopes = check_state(state, size=size), check_slope(slope)  # type: ignore[arg-type]
@@ -235,7 +231,6 @@ def stride(
     threads = None if threads is None else whole(threads, "threads")
     if not callable(backend):
         raise ValueError(f"backend must be a function, such as gpu.advance, not {shown(backend)}")
-    ground = check_foothold(height_change, slope_change)
     check_heights_only(walker, slope_change)
     try:
         around = [part.shape for part in (*actuation, *(ground or ())) if type(part) is not float]
