@@ -31,7 +31,6 @@ from gym_passive_walker.gaits.stride_map import Samples, Seeds, StrideMap
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.progress import progress
 from gym_passive_walker.units import proportions
-from gym_passive_walker.walkers import PARAMETERS
 
 _STATE = len(State._fields)
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
@@ -110,13 +109,6 @@ class ControlledMap(StrideMap):
     def terrain_lookahead(self) -> int:
         """Number of footholds ahead that the controller observes."""
         return self.scene.terrain_lookahead
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Parameters that may be varied, in the walker's own units."""
-        if self.own:
-            return super().parameters
-        return {name: getattr(self.walker, name) for name in PARAMETERS}
 
     @cached_property
     def _motors(self) -> list[int]:

@@ -161,11 +161,13 @@ class StrideMap(Section):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Parameters that may be varied, of walker and actuation, in the walker's units."""
+        """Parameters of walker and constant actuation that may be varied, in the walker's units."""
         if self.own:
             return self.walker.body._asdict()  # type: ignore[attr-defined]
-        own = to_own(units_of(self.walker), self.actuation)
-        return {name: getattr(self.walker, name) for name in PARAMETERS} | own._asdict()
+        parameters = {name: getattr(self.walker, name) for name in PARAMETERS}
+        if self.controlled:
+            return parameters
+        return parameters | to_own(units_of(self.walker), self.actuation)._asdict()
 
     def unit(self, parameter: str) -> float:
         """Return a parameter's unit in this map, in the walker's units; 1 for a walker's own."""

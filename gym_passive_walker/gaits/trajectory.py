@@ -17,7 +17,7 @@ from gym_passive_walker.arguments import (
 )
 from gym_passive_walker.gaits.actuation import Actuation, to_dimensionless
 from gym_passive_walker.gaits.given import GaitLike, walk_of
-from gym_passive_walker.gaits.stride import STATE_NAMES, stride
+from gym_passive_walker.gaits.stride import STATE_NAMES, stride, together
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, contacts, terrain_from
 from gym_passive_walker.physics.hybrid import Outcome
@@ -192,10 +192,8 @@ def simulate(
         if walks[-1].outcome != Outcome.HEELSTRIKE:
             break
         starts.append(walks[-1].state)
-    made = len(walks)
-    durations, lengths = (
-        np.array([getattr(walk, name) for walk in walks]) for name in ("duration", "step_length")
-    )
+    made, taken = len(walks), together(walks)
+    durations, lengths = taken.duration, taken.step_length
     first, tilts = np.array(starts[:made]), ground[:made, 0]
     # Impact times of the two integrations differ by the tolerance: end earlier by more than that.
     instants = np.linspace(0.0, 1.0 - 10.0 * tolerance - 1e-12, samples) * durations[:, None]
@@ -223,7 +221,7 @@ def simulate(
         tilts=np.repeat(tilts, samples),
         strides=np.repeat(np.arange(made), samples),
         phases=seen.stages.ravel(),
-        outcomes=np.array([int(walk.outcome) for walk in walks]),
+        outcomes=taken.outcome,
         torques=(
             seen.controls
             if isinstance(walker, Mechanism)
