@@ -213,15 +213,12 @@ class ControlledMap(StrideMap):
             states, slopes, lanes, np.flatnonzero(sound), seeds, change, rises=height_change,
             turns=slope_change, ahead=self.ahead(place),
         )  # fmt: skip
-        report = report_of(self.system)
-        at, of, rows, struck = report.at, steps.walkers, steps.rows, steps.outcomes == _STRUCK
+        at, of, rows = report_of(self.system).at, steps.walkers, steps.rows
+        struck, over = steps.outcomes == _STRUCK, steps.outcomes != _RUNNING
         there, ended = of[struck], rows[struck]
-        results, outcomes = (
-            np.full((n, m + 6, 1 + width), np.nan),
-            np.full(n, int(Outcome.DIVERGED)),
-        )
+        results = np.full((n, m + 6, 1 + width), np.nan)
+        outcomes = np.full(n, int(Outcome.DIVERGED))
         results[sound, m + 2 :], outcomes[sound] = 0.0, _STALLED
-        over = steps.outcomes != _RUNNING
         outcomes[of[over]] = steps.outcomes[over]
         results[there, : m + 2] = ended[:, [*self.coordinates, at["time"], at["step_length"]]]
         results[of[steps.locked], m + 4] = rows[steps.locked, at["knee_time"]]
@@ -233,7 +230,7 @@ class ControlledMap(StrideMap):
         works = self.walkers.system().works
         for j, channel in enumerate(self._motors):
             if channel < len(works):
-                work = product(steps.held[:, j], rows[:, report.moved[channel]])
+                work = product(steps.held[:, j], rows[:, at["moved", channel]])
                 np.add.at(supplied, of, works[channel] * work)
             else:
                 results[there, m + 5] = steps.held[struck, j]

@@ -406,7 +406,8 @@ def ticked_strides(
     found, outcomes = np.zeros((n, m + 4 + 2 * size, 1 + width)), np.full(n, int(Outcome.STALLED))
     angles = found[:, m + 2 : -2].reshape(n, 2, motors, count, -1)  # a view: swing and turn
     report = report_of(walkers.system())
-    turned = steps.rows[:, np.array([report.moved, report.turned])[:, :motors]]
+    places = [[report.at[name, j] for j in range(motors)] for name in ("moved", "turned")]
+    turned = steps.rows[:, places]
     held_in = np.minimum(steps.numbers, count - 1)
     np.add.at(angles, (steps.walkers, slice(None), slice(None), held_in), turned)  # type: ignore[arg-type]
     struck, over = steps.outcomes == _STRUCK, steps.outcomes != _RUNNING

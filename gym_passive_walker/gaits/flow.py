@@ -61,16 +61,13 @@ class Report(NamedTuple):
     Attributes:
         entries: Each as an entry of a record, for `rows_of`.
         size: Numbers of a state; after a heelstrike it is that of the next stride.
-        at: Place of each entry.
-        moved: Places of what each control has moved, net: the work of a unit.
-        turned: Places of the same, either way.
+        at: Place of each entry. What control j has moved is ("moved", j), net: the work of a unit;
+            and ("turned", j), either way.
     """
 
     entries: tuple[Entry, ...]
     size: int
     at: dict[Entry, int]
-    moved: list[int]
-    turned: list[int]
 
 
 def report_of(system: System) -> Report:
@@ -81,11 +78,9 @@ def report_of(system: System) -> Report:
 @lru_cache
 def _report(coordinates: int, controls: int, room: int) -> Report:
     states = [("state", i + part) for part in (0, room) for i in range(coordinates)]
-    angles = [[(name, j) for j in range(controls)] for name in ("moved", "turned")]
-    entries: list[Entry] = [*states, *MEASURES, *angles[0], *angles[1]]
-    at = {entry: place for place, entry in enumerate(entries)}
-    moved, turned = ([at[entry] for entry in each] for each in angles)
-    return Report(tuple(entries), len(states), at, moved, turned)
+    angles = [(name, j) for name in ("moved", "turned") for j in range(controls)]
+    entries: tuple[Entry, ...] = (*states, *MEASURES, *angles)
+    return Report(entries, len(states), {entry: place for place, entry in enumerate(entries)})
 
 
 @lru_cache
