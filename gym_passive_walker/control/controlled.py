@@ -239,9 +239,8 @@ class ControlledMap(StrideMap):
         if "slope" in moving:
             tangent = 1 + moving["slope"]
             sine[:, tangent], cosine[:, tangent] = cosine[:, 0], -sine[:, 0]
-        supplied[there] += (
-            product(sine[there], ended[:, at["step_length"]]) + ended[:, at["push_work"]]
-        )
+        fallen = product(sine[there], ended[:, at["step_length"]])
+        supplied[there] += fallen + ended[:, at["push_work"]]
         if self.terrain is not None:
             heights = np.zeros((len(there), 1 + width))
             columns = [0, *(1 + tangent for tangent in moving.values())]
@@ -473,7 +472,11 @@ class ControlledMap(StrideMap):
         )  # fmt: skip
         rows, columns = np.nonzero(np.isfinite(times))
         wanted = times[rows, columns]
-        step = self._step_at(steps, rows, wanted)
+        # The control step of each time, of a walker's own one after the other; the last at the end.
+        order, counts = np.lexsort((steps.numbers, steps.walkers)), np.bincount(steps.walkers)
+        number = np.searchsorted(self.hold * np.arange(1, counts.max() + 1), wanted)
+        begin = (np.cumsum(counts) - counts)[rows]
+        step = order[begin + np.minimum(number, counts[rows] - 1)]
         for first in (True, False):
             some = (steps.numbers[step] == 0) == first
             if not some.any():
@@ -487,13 +490,3 @@ class ControlledMap(StrideMap):
                 controls = np.column_stack([controls, records["push_off"]])
             found.controls[here] = controls[:, : found.controls.shape[2]]
         return found
-
-    def _step_at(self, steps: Steps, walkers: NDArray, times: NDArray) -> NDArray[np.intp]:
-        """Return the control steps of some walkers at some times, (k,): the last one at the end."""
-        count = int(steps.numbers.max()) + 1
-        place = np.zeros((int(steps.walkers.max()) + 1, count), np.intp)
-        place[steps.walkers, steps.numbers] = np.arange(len(steps.walkers))
-        last = np.zeros(len(place), np.intp)
-        np.maximum.at(last, steps.walkers, steps.numbers)
-        number = np.searchsorted(self.hold * np.arange(1, count + 1), times)
-        return place[walkers, np.minimum(number, last[walkers])]

@@ -270,10 +270,8 @@ def calm(scene: Scene, slope: float | None = None) -> Scene:
     slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
     command = None if scene.command is None else float(np.mean(scene.command))
     plain(scene, "controllers of stride maps have", "observation")
-    smooth = (
-        {"terrain": Terrain(), "terrain_lookahead": scene.terrain_lookahead}
-        if scene.terrain_lookahead
-        else {}
-    )
     alike = {"energy": "absolute", "reset_noise_scale": 0.0, "domain_randomization": {}}
-    return make_scene(scene, **alike, **UNDISTURBED | smooth | {"slope": slope, "command": command})
+    alike |= UNDISTURBED | {"slope": slope, "command": command}
+    if scene.terrain_lookahead:
+        alike |= {"terrain": Terrain(), "terrain_lookahead": scene.terrain_lookahead}
+    return make_scene(scene, **alike)

@@ -138,9 +138,7 @@ class Problem:
         largest = [scene.largest(name) * (name in scene.actions) for name in CHANNELS]
         self.largest = np.repeat(largest[: self.motors], ticks)  # torque of each part
         self.largest_push = largest[-1]
-        works = (
-            Walkers(walker=scene.walker).system().works
-        )  # on feet of vanishing mass the hip's is 0
+        works = Walkers(walker=scene.walker).system().works  # 0 of a hip, with feet of no mass
         self.works = np.repeat(np.array(works)[: self.motors], ticks)
         self._last: tuple[Any, Any] = None, None
 

@@ -127,14 +127,12 @@ def _tangents(walker: Walker, by: tuple[str, ...], directions: int | None = None
     """Tangents by name; of "point" as many as directions are given, else one a coordinate."""
     section = Section(walker=walker)
     size = section.size
-    of_point = (
-        section.state(np.eye(section.dimension))
-        if directions is None
-        else np.zeros((directions, size))
-    )
+    points = np.eye(section.dimension)
+    if directions is not None:
+        points = np.zeros((directions, section.dimension))
     starts = np.eye(size // 2) if section.own else MIRRORED[None]
     of_start = np.zeros((len(starts), size))
-    of_state = {"state": np.eye(size), "point": of_point, "start": of_start}
+    of_state = {"state": np.eye(size), "point": section.state(points), "start": of_start}
     states = [of_state.get(name, np.zeros((1, size))) for name in by]
     names = tuple(name for name, rows in zip(by, states, strict=True) for _ in rows)
 

@@ -208,9 +208,8 @@ def simulate(
     states = units.to_own(seen.states)
     began = np.cumsum([0.0, *durations[:-1]])[:, None]
     rolled = walker.foot_radius * (first[:, :1] - states[:, :, 0])
-    places = (
-        contacts(walker, ground[:made], lengths)[:, None] + rolled * np.exp(-1j * tilts)[:, None]
-    )
+    places = contacts(walker, ground[:made], lengths)[:, None]
+    places = places + rolled * np.exp(-1j * tilts)[:, None]
     return Trajectory(
         walker=walker,
         slope=slope,
