@@ -36,7 +36,7 @@ _CHUNK = 1 << 16  # cells in one batch
 _PUSHES = 512  # perturbations in one batch
 _FINEST_PUSH = 1e-15  # relative to the gait's stance angular velocity
 _FINEST = 10_000  # angles, and angular velocities
-_EXACT, _ROUGHLY = 1e-13, 1e-8  # tolerances: on a gait, and of a first survey
+_ROUGHLY = 1e-8  # tolerance of a first survey
 _LONGEST_PERIOD = 12
 _SETTLING = 500  # transient strides before the period is measured
 _WALKED = 1e-9  # tolerance of such walks
@@ -223,9 +223,8 @@ def _slice(
         swing = [rates * ratio for ratio in ratios[: stride_map.dimension - 2]]
         return np.column_stack([angles, rates, *swing])
     assert gait is not None
-    exact = stride_map.with_tolerance(_EXACT)
     duration = float(gait.stride.duration) / stride_map.units.time
-    before = exact.before_strike(gait.point.values[0], gait.slope, duration)
+    before = gait.stride_map.before_strike(gait.point.values[0], gait.slope, duration)
     if stride_map.own:
         system: Any = stride_map.walker
         m = system.coordinates
