@@ -256,37 +256,31 @@ class ControlledMap(StrideMap):
         self, points: NDArray, slopes: NDArray, lanes: NDArray, seeds: Seeds, place: int
     ) -> tuple[NDArray, NDArray]:
         """Return what `_stride` does, by central differences along the tangents."""
-        change, n = seeds.points, len(points)
+        change, (n, m) = seeds.points, points.shape
+        if len(seeds.moving.keys() - {"slope"}) > 1:
+            raise ValueError(f"give one parameter of {', '.join(seeds.moving)} at a time")
         size = np.abs(change).max(axis=1)
         size[:, list(seeds.moving.values())] += 1.0
         steps = _SHIFTS[self._single] / np.where(size > 0.0, size, 1.0)  # (n, k)
+        count, still = steps.shape[1], Seeds(np.zeros((n * steps.shape[1], m, 0)), {})
         results = []
-        for sign in (0.0, 1.0, -1.0):
-            shifts = sign * steps if sign else np.zeros((n, 1))
-            ways = change if sign else np.zeros((n, self.dimension, 1))
-            starts = points[:, None] + (ways * shifts[:, None]).swapaxes(1, 2)
-            grounds, count = np.repeat(slopes[:, None], shifts.shape[1], axis=1), shifts.shape[1]
-            for name, tangent in seeds.moving.items() if sign else ():
+        for shifts in (steps, -steps):
+            starts = points[:, None] + (change * shifts[:, None]).swapaxes(1, 2)
+            grounds = np.repeat(slopes[:, None], count, axis=1)
+            batch, every = self, np.repeat(lanes, count)
+            for name, tangent in seeds.moving.items():
                 if name == "slope":
                     grounds[:, tangent] += shifts[:, tangent]
-            batch, every = self, np.repeat(lanes, count)
-            varied = [name for name in seeds.moving if name != "slope"]
-            if varied:
-                (name,) = varied
-                own = self.parameters[name] if self.values is None else self.values[lanes]
-                values = np.repeat(np.broadcast_to(own, n)[:, None], count, axis=1)
-                if sign:
-                    values[:, seeds.moving[name]] += shifts[:, seeds.moving[name]]
-                batch, every = self.with_parameter(name, values.ravel()), np.arange(n * count)
-            nothing = Seeds(np.zeros((n * count, self.dimension, 0)), {})
-            taken, outcomes = batch._stride(
-                starts.reshape(-1, self.dimension), grounds.ravel(), every, nothing, place
-            )
-            results.append(taken[:, :, 0].reshape(n, count, self.dimension + 6).swapaxes(1, 2))
-            if not sign:
-                ended = outcomes
-        by = (results[1] - results[2]) / (2.0 * steps[:, None])
-        return np.concatenate([results[0], by], axis=2), ended
+                else:
+                    own = self.parameters[name] if self.values is None else self.values[lanes]
+                    values = np.repeat(np.broadcast_to(own, n)[:, None], count, axis=1)
+                    values[:, tangent] += shifts[:, tangent]
+                    batch, every = self.with_parameter(name, values.ravel()), np.arange(n * count)
+            taken, _ = batch._stride(starts.reshape(-1, m), grounds.ravel(), every, still, place)
+            results.append(taken[:, :, 0].reshape(n, count, m + 6).swapaxes(1, 2))
+        by = (results[0] - results[1]) / (2.0 * steps[:, None])
+        values, ended = self._stride(points, slopes, lanes, Seeds(change[:, :, :0], {}), place)
+        return np.concatenate([values, by], axis=2), ended
 
     def _steps(
         self,
