@@ -143,7 +143,7 @@ class RealityCheck(Table):
         knee_normal, heel_normal = Extreme(knee.normal, knee.time), Extreme(heel.normal, heel.time)
 
         def pushed(what: str, extreme: Extreme, unit: float, name: str) -> list[Any]:
-            there = not np.isnan(self.push_off_impulse.normal)
+            there = not np.isnan([self.push_off_impulse.normal, extreme.value]).all()
             return [(what, extreme, unit * time, name)] if there else []
 
         table: dict[str, list[tuple[str, Extreme, float, str]]] = {
