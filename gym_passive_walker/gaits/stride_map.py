@@ -434,12 +434,8 @@ class StrideMap(Section):
         strides: list[Stride] = []
         for tilt, height_change, slope_change in np.tile(self.ground, (count, 1)).tolist():
             here = state if not strides else strides[-1].state
-            foothold = {
-                "height_change": height_change * self.walker.leg_length,
-                "slope_change": slope_change,
-            }
-            seen = self.ahead(len(strides))
-            strides.append(self.stride(here, slope + tilt, **foothold, ahead=seen))
+            rise, seen = height_change * self.walker.leg_length, self.ahead(len(strides))
+            strides.append(self._taken(here, slope + tilt, rise, slope_change, seen))
         return strides
 
     def stride(
