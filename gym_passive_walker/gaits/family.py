@@ -316,7 +316,7 @@ def parameter_family(
     for value in (low, high):
         try:
             if own:
-                changed(stride_map.walker, parameter, value)
+                changed(stride_map.walker, **{parameter: value})
             else:
                 held = stride_map.controller or Actuation()
                 one_actuation(stride_map.walker, held._replace(**{parameter: value}))
