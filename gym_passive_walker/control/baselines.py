@@ -21,7 +21,6 @@ from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker
 
 _STANDS = 1e-5  # rad, in single precision: legs that mirror each other have just changed roles
 _SWAPPED = 0.1  # rad: angles of both legs jump by more where they change roles on uneven ground
@@ -80,7 +79,7 @@ class StrideFeedback:
 
     Args:
         name: Name of the policy.
-        walker: The walker.
+        scene: The scene in which it acts.
         point: The gait on the section, dimensionless, (m,).
         actions: Of the gait in each control step, as shares of the largest, (N, actions), or (N,)
             where there is one; the last are held until heelstrike.
@@ -88,24 +87,19 @@ class StrideFeedback:
             or (N, m). They do not when None.
 
     Attributes:
+        scene: The scene.
         every: Whether each observation is at the start of a stride, as with control="stride".
     """
 
-    every = False
-
     def __init__(
-        self,
-        name: str,
-        walker: Walker,
-        point: NDArray,
-        actions: NDArray,
-        rows: NDArray | None = None,
+        self, name: str, scene: Scene, point: NDArray, actions: NDArray, rows: NDArray | None = None
     ) -> None:
-        self.name, self.point = name, point
+        self.name, self.scene, self.point = name, scene, point
+        self.every = scene.control == "stride"
         self.actions = actions.reshape(len(actions), -1)
         rows = np.zeros((self.actions.size, len(point))) if rows is None else rows
         self.rows = rows.reshape(*self.actions.shape, -1)
-        self._seen = Section(walker=walker).coordinates
+        self._seen = Section(walker=scene.walker).coordinates
 
     def plan(self, points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
         """Actions of strides, (n, N, actions), that start at points (n, m), on any slope."""
@@ -158,17 +152,16 @@ class Schedule(StrideFeedback):
     """
 
     def __init__(self, scene: Scene | str | dict[str, Any], gait: OptimalGait) -> None:
-        self.scene = make_scene(scene)
+        scene = make_scene(scene)
         count = len(gait.torques)
         given = {
             "hip": gait.torques,
             "ankle": gait.ankle_torques or [0.0] * count,
             "push_off": [gait.push_off] * count,
         }
-        actions = np.array([given[name] for name in self.scene.actions], dtype=float).T
-        largest = np.array([self.scene.largest(name) for name in self.scene.actions])
-        super().__init__("schedule", self.scene.walker, np.array(gait.point), actions / largest)
-        self.every = self.scene.control == "stride"
+        actions = np.array([given[name] for name in scene.actions], dtype=float).T
+        largest = np.array([scene.largest(name) for name in scene.actions])
+        super().__init__("schedule", scene, np.array(gait.point), actions / largest)
 
 
 class LinearFeedback(StrideFeedback):
@@ -198,7 +191,7 @@ class LinearFeedback(StrideFeedback):
         pieces: int = 1,
         torque_weight: float = 100.0,
     ) -> None:
-        self.scene = scene = make_scene(scene)
+        scene = make_scene(scene)
         if pieces not in (1, 2) or (pieces == 2 and scene.control == "stride"):
             raise ValueError(
                 f'pieces must be 1, or 2 with control="tick", not {pieces!r} with '
@@ -219,8 +212,7 @@ class LinearFeedback(StrideFeedback):
         self.closed_loop = walked.by_point - by_torque @ answer
         name = {"lqr": "LQR", "deadbeat": "deadbeat"}[method] + (", two torques" * (pieces - 1))
         scale = scene.max_hip_torque
-        super().__init__(name, walker, point, torques / scale, held @ answer / scale)
-        self.every = scene.control == "stride"
+        super().__init__(name, scene, point, torques / scale, held @ answer / scale)
 
 
 class Optimal(StrideFeedback):
@@ -249,10 +241,9 @@ class Optimal(StrideFeedback):
         *,
         torque_weight: float = 10.0,
     ) -> None:
-        name, self.scene = scene, make_scene(scene)
-        scene = self.scene
+        given, scene = scene, make_scene(scene)
         if gait is None:
-            known = optimal.load(name if isinstance(name, str) else optimal.stored_name(scene))
+            known = optimal.load(given if isinstance(given, str) else optimal.stored_name(scene))
             gait = max(known, key=lambda g: g.speed * (1.0 - scene.energy_weight * g.hip_cost))
         self.gait = gait
         point, torques = np.array(gait.point), np.array(gait.torques)
@@ -261,8 +252,7 @@ class Optimal(StrideFeedback):
         rows = gains(walked.by_point, walked.by_torque, torque_weight=torque_weight)
         self.closed_loop = walked.by_point - walked.by_torque @ rows
         scale = scene.max_hip_torque
-        super().__init__("optimal", scene.walker, point, torques / scale, rows / scale)
-        self.every = scene.control == "stride"
+        super().__init__("optimal", scene, point, torques / scale, rows / scale)
 
 
 CONSTANT_TORQUE = 0.0025

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,11 +27,10 @@ from gym_passive_walker.gaits.actuation import Actuation, for_each
 from gym_passive_walker.gaits.flow import Walkers, go_on, new_records, report_of, states_in
 from gym_passive_walker.gaits.passage import imbalance, product
 from gym_passive_walker.gaits.stride import Stride, account
-from gym_passive_walker.gaits.stride_map import Samples, StrideMap
+from gym_passive_walker.gaits.stride_map import Samples, Seeds, StrideMap
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.progress import progress
 from gym_passive_walker.units import proportions
-from gym_passive_walker.walkers import PARAMETERS
 
 _STATE = len(State._fields)
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
@@ -39,18 +38,6 @@ _SLOPE = 7  # its place in an observation
 _SHIFTS = 1e-6, 5e-4  # of a coordinate, for differences in double and in single precision
 _SETTLING, _BESIDE = 100, 15  # strides and walkers before a search begins
 _FAR = 0.1  # how far from the start these are, as a share of it
-
-
-class _Seeds(NamedTuple):
-    """Changes of walkers along k tangents.
-
-    Attributes:
-        points: Changes of points of the section, (n, m, k).
-        moving: Parameters that change along a tangent, with its number.
-    """
-
-    points: NDArray[np.float64]
-    moving: dict[str, int]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -123,13 +110,6 @@ class ControlledMap(StrideMap):
         """Number of footholds ahead that the controller observes."""
         return self.scene.terrain_lookahead
 
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Parameters that may be varied, in the walker's own units."""
-        if self.own:
-            return super().parameters
-        return {name: getattr(self.walker, name) for name in PARAMETERS}
-
     @cached_property
     def _motors(self) -> list[int]:
         """Index of each action among the scene's channels."""
@@ -192,15 +172,8 @@ class ControlledMap(StrideMap):
         m, n = self.dimension, len(points)
         if refused := set(by) & {*Actuation._fields}:
             raise ValueError(f"{', '.join(sorted(refused))} follow {self.controller_name}")
-        ways = np.broadcast_to(np.eye(m), (n, m, m)) if along is None else along
-        parts, moving, columns = [np.zeros((n, m, 0))], {}, 0
-        for name in by:
-            parts.append(ways if name == "point" else np.zeros((n, m, 1)))
-            if name != "point":
-                moving[name] = columns
-            columns += parts[-1].shape[2]
-        change = np.concatenate(parts, axis=2)
-        total = np.zeros((n, m + 6, 1 + columns))
+        change, moving = self.seeds(n, by, along)
+        total = np.zeros((n, m + 6, 1 + change.shape[2]))
         outcomes = np.full(n, _STRUCK)
         places = np.tile(np.arange(len(self.ground)), strides).tolist()
         with (
@@ -208,7 +181,7 @@ class ControlledMap(StrideMap):
             progress("strides under a controller", len(places)) as taken,
         ):
             for place in places:
-                results, ended = self._stride(points, slopes, lanes, _Seeds(change, moving), place)
+                results, ended = self._stride(points, slopes, lanes, Seeds(change, moving), place)
                 outcomes = np.where(outcomes == _STRUCK, ended, outcomes)
                 total[:, m : m + 4] += results[:, m : m + 4]
                 total[:, :m], total[:, m + 4 :] = results[:, :m], results[:, m + 4 :]
@@ -221,7 +194,7 @@ class ControlledMap(StrideMap):
         return total.transpose(2, 1, 0), outcomes.astype(np.int8)
 
     def _stride(
-        self, points: NDArray, slopes: NDArray, lanes: NDArray, seeds: _Seeds, place: int
+        self, points: NDArray, slopes: NDArray, lanes: NDArray, seeds: Seeds, place: int
     ) -> tuple[NDArray, NDArray]:
         """One stride, as `_follow` but for the imbalance, (n, m + 6, 1 + k); and the outcomes.
 
@@ -231,27 +204,21 @@ class ControlledMap(StrideMap):
         if width and not self.exact:
             return self._differences(points, slopes, lanes, seeds, place)
         tilt, height_change, slope_change = self.ground[place]
-        slopes, sound = slopes + tilt, self._sound(points)
+        slopes, sound = slopes + tilt, np.isfinite(points).all(axis=1)
+        if not self.own:  # the stance foot is ahead, and no leg lies on the ground
+            sound = (points[:, 0] > 0.0) & (points[:, 0] < 0.5 * math.pi)
         states = self.state(np.where(np.isfinite(points), points, 0.5), place)
-        change = self.state_by(points, seeds.points, place)
-        if self.terrain is not None:
-            for name, tangent in moving.items():
-                if name != "slope":
-                    change[:, :, tangent] += self.state_by_parameter(points, name, place)
+        change = self.state_by(points, seeds, place)
         steps = self._steps(
             states, slopes, lanes, np.flatnonzero(sound), seeds, change, rises=height_change,
-            turns=slope_change,
-            ahead=self.ahead(place),
+            turns=slope_change, ahead=self.ahead(place),
         )  # fmt: skip
-        report = report_of(self.system)
-        at, of, rows, struck = report.at, steps.walkers, steps.rows, steps.outcomes == _STRUCK
+        at, of, rows = report_of(self.system).at, steps.walkers, steps.rows
+        struck, over = steps.outcomes == _STRUCK, steps.outcomes != _RUNNING
         there, ended = of[struck], rows[struck]
-        results, outcomes = (
-            np.full((n, m + 6, 1 + width), np.nan),
-            np.full(n, int(Outcome.DIVERGED)),
-        )
+        results = np.full((n, m + 6, 1 + width), np.nan)
+        outcomes = np.full(n, int(Outcome.DIVERGED))
         results[sound, m + 2 :], outcomes[sound] = 0.0, _STALLED
-        over = steps.outcomes != _RUNNING
         outcomes[of[over]] = steps.outcomes[over]
         results[there, : m + 2] = ended[:, [*self.coordinates, at["time"], at["step_length"]]]
         results[of[steps.locked], m + 4] = rows[steps.locked, at["knee_time"]]
@@ -263,7 +230,7 @@ class ControlledMap(StrideMap):
         works = self.walkers.system().works
         for j, channel in enumerate(self._motors):
             if channel < len(works):
-                work = product(steps.held[:, j], rows[:, report.moved[channel]])
+                work = product(steps.held[:, j], rows[:, at["moved", channel]])
                 np.add.at(supplied, of, works[channel] * work)
             else:
                 results[there, m + 5] = steps.held[struck, j]
@@ -272,12 +239,11 @@ class ControlledMap(StrideMap):
         if "slope" in moving:
             tangent = 1 + moving["slope"]
             sine[:, tangent], cosine[:, tangent] = cosine[:, 0], -sine[:, 0]
-        supplied[there] += (
-            product(sine[there], ended[:, at["step_length"]]) + ended[:, at["push_work"]]
-        )
+        fallen = product(sine[there], ended[:, at["step_length"]])
+        supplied[there] += fallen + ended[:, at["push_work"]]
         if self.terrain is not None:
-            heights, columns = np.zeros((len(there), 1 + width)), [0, *moving.values()]
-            columns[1:] = [1 + tangent for tangent in columns[1:]]
+            heights = np.zeros((len(there), 1 + width))
+            columns = [0, *(1 + tangent for tangent in moving.values())]
             bodies = self.walkers.bodies(tuple(moving), lanes[there])
             heights[:, columns] = self._heights(bodies, (len(there), len(columns)), place)
             supplied[there] -= product(cosine[there], heights)
@@ -287,40 +253,34 @@ class ControlledMap(StrideMap):
         return results, outcomes
 
     def _differences(
-        self, points: NDArray, slopes: NDArray, lanes: NDArray, seeds: _Seeds, place: int
+        self, points: NDArray, slopes: NDArray, lanes: NDArray, seeds: Seeds, place: int
     ) -> tuple[NDArray, NDArray]:
         """Return what `_stride` does, by central differences along the tangents."""
-        change, n = seeds.points, len(points)
+        change, (n, m) = seeds.points, points.shape
+        if len(seeds.moving.keys() - {"slope"}) > 1:
+            raise ValueError(f"give one parameter of {', '.join(seeds.moving)} at a time")
         size = np.abs(change).max(axis=1)
         size[:, list(seeds.moving.values())] += 1.0
         steps = _SHIFTS[self._single] / np.where(size > 0.0, size, 1.0)  # (n, k)
+        count, still = steps.shape[1], Seeds(np.zeros((n * steps.shape[1], m, 0)), {})
         results = []
-        for sign in (0.0, 1.0, -1.0):
-            shifts = sign * steps if sign else np.zeros((n, 1))
-            ways = change if sign else np.zeros((n, self.dimension, 1))
-            starts = points[:, None] + (ways * shifts[:, None]).swapaxes(1, 2)
-            grounds, count = np.repeat(slopes[:, None], shifts.shape[1], axis=1), shifts.shape[1]
-            for name, tangent in seeds.moving.items() if sign else ():
+        for shifts in (steps, -steps):
+            starts = points[:, None] + (change * shifts[:, None]).swapaxes(1, 2)
+            grounds = np.repeat(slopes[:, None], count, axis=1)
+            batch, every = self, np.repeat(lanes, count)
+            for name, tangent in seeds.moving.items():
                 if name == "slope":
                     grounds[:, tangent] += shifts[:, tangent]
-            batch, every = self, np.repeat(lanes, count)
-            varied = [name for name in seeds.moving if name != "slope"]
-            if varied:
-                (name,) = varied
-                own = self.parameters[name] if self.values is None else self.values[lanes]
-                values = np.repeat(np.broadcast_to(own, n)[:, None], count, axis=1)
-                if sign:
-                    values[:, seeds.moving[name]] += shifts[:, seeds.moving[name]]
-                batch, every = self.with_parameter(name, values.ravel()), np.arange(n * count)
-            nothing = _Seeds(np.zeros((n * count, self.dimension, 0)), {})
-            taken, outcomes = batch._stride(
-                starts.reshape(-1, self.dimension), grounds.ravel(), every, nothing, place
-            )
-            results.append(taken[:, :, 0].reshape(n, count, self.dimension + 6).swapaxes(1, 2))
-            if not sign:
-                ended = outcomes
-        by = (results[1] - results[2]) / (2.0 * steps[:, None])
-        return np.concatenate([results[0], by], axis=2), ended
+                else:
+                    own = self.parameters[name] if self.values is None else self.values[lanes]
+                    values = np.repeat(np.broadcast_to(own, n)[:, None], count, axis=1)
+                    values[:, tangent] += shifts[:, tangent]
+                    batch, every = self.with_parameter(name, values.ravel()), np.arange(n * count)
+            taken, _ = batch._stride(starts.reshape(-1, m), grounds.ravel(), every, still, place)
+            results.append(taken[:, :, 0].reshape(n, count, m + 6).swapaxes(1, 2))
+        by = (results[0] - results[1]) / (2.0 * steps[:, None])
+        values, ended = self._stride(points, slopes, lanes, Seeds(change[:, :, :0], {}), place)
+        return np.concatenate([values, by], axis=2), ended
 
     def _steps(
         self,
@@ -328,7 +288,7 @@ class ControlledMap(StrideMap):
         slopes: NDArray,
         lanes: NDArray,
         chosen: NDArray | None = None,
-        seeds: _Seeds | None = None,
+        seeds: Seeds | None = None,
         change: NDArray | None = None,
         *,
         rises: ArrayLike = 0.0,
@@ -353,7 +313,7 @@ class ControlledMap(StrideMap):
 
         def choose(chosen: NDArray, records: NDArray, number: int) -> Choice:
             nonlocal memory
-            own = None if seeds is None else _Seeds(seeds.points[chosen], moving)
+            own = None if seeds is None else Seeds(seeds.points[chosen], moving)
             seen = ahead[chosen] if np.ndim(ahead) == 2 else ahead  # type: ignore[index]
             choice, memory = self._choice(records, slopes[chosen], memory, number, own, seen)
             return choice
@@ -362,8 +322,7 @@ class ControlledMap(StrideMap):
             self.walkers, self._begun(states, slopes, rises, turns), choose,
             motors=self._inputs, tick=self.hold,
             max_stride_time=self.scene.max_stride_time, lanes=lanes, chosen=chosen,
-            change=change if seeds and seeds.points.shape[2] else None, moving=tuple(moving),
-            columns=tuple(moving.values()), uneven=bool(np.any(rises) or np.any(turns)),
+            change=change if seeds and seeds.points.shape[2] else None, moving=moving,
         )  # fmt: skip
 
     def _begun(
@@ -393,11 +352,11 @@ class ControlledMap(StrideMap):
 
     def _choice(
         self, records: NDArray, slopes: NDArray, memory: Any, step: int,
-        seeds: _Seeds | None = None, ahead: NDArray | None = None,
+        seeds: Seeds | None = None, ahead: NDArray | None = None,
     ) -> tuple[Choice, Any]:  # fmt: skip
         """Return the controls of a control step, and the controller's memory."""
         agent, n = self.agent, len(records)
-        seeds = seeds or _Seeds(np.zeros((n, self.dimension, 0)), {})
+        seeds = seeds or Seeds(np.zeros((n, self.dimension, 0)), {})
         width = seeds.points.shape[2]
         by_slope, by_state, along = np.zeros(width), None, None
         if "slope" in seeds.moving:
@@ -466,29 +425,15 @@ class ControlledMap(StrideMap):
         """States of walkers, (n, 6)."""
         return states_in(records[:, 0], self.size // 2)
 
-    def _sound(self, points: NDArray) -> NDArray[np.bool_]:
-        """Return where strides may begin: the stance foot ahead, and no leg on the ground."""
-        if self.own:
-            return np.asarray(np.isfinite(points).all(axis=1))
-        return (points[:, 0] > 0.0) & (points[:, 0] < 0.5 * math.pi)
-
     def _taken(
-        self,
-        state: ArrayLike,
-        slope: ArrayLike,
-        height_change: ArrayLike,
-        slope_change: ArrayLike,
-        ahead: NDArray,
+        self, state: ArrayLike, slope: ArrayLike, rise: ArrayLike, turn: ArrayLike, ahead: NDArray
     ) -> Stride:
-        """The stride of `stride`, of which the ground is known."""
-        shape, starts = np.shape(state)[:-1], self.dimensionless(state)
+        """Take the stride of `stride`, with known changes to the next foothold."""
+        starts = self.dimensionless(state)
         slopes = for_each(slope, len(starts))
         units, system, n = self.units, self.walkers.system(), len(starts)
-        steps = self._steps(
-            starts, slopes, np.arange(n), rises=np.divide(height_change, units.length),
-            turns=slope_change,
-            ahead=ahead,
-        )  # fmt: skip
+        rises = np.divide(rise, units.length)
+        steps = self._steps(starts, slopes, np.arange(n), rises=rises, turns=turn, ahead=ahead)
         works, ended = np.zeros((2, 2, n)), self._begun(starts, slopes)
         before, after = steps.before[:, 0], steps.after[:, 0]
         for motor, unit in enumerate(system.works):
@@ -498,9 +443,8 @@ class ControlledMap(StrideMap):
             np.add.at(works[place, 1], steps.walkers, np.abs(power) * after["turned"][:, motor])
         ended[steps.walkers, 0] = after  # the last of a walker's steps stays
         record, pushed = ended[:, 0], ended["push_work"][:, 0] * units.energy
-        if not shape:
-            works, pushed = works[..., 0], pushed[0]
-        return account(self.walker, system, self.walkers.constants, record, works, pushed, shape)
+        constants, shape = self.walkers.constants, np.shape(state)[:-1]
+        return account(self.walker, system, constants, record, works, pushed, shape)
 
     def look(
         self,
@@ -514,7 +458,6 @@ class ControlledMap(StrideMap):
         """Sample strides from states (n, 6) just after heelstrike; see `_steps` for the ground."""
         (n, k), each = times.shape, np.arange(len(states))
         rises, turns = (0.0 if x is None else x for x in (rises, turns))
-        uneven = bool(np.any(rises) or np.any(turns))
         slopes = for_each(slopes, n)
         steps = self._steps(states, slopes, each, rises=rises, turns=turns, ahead=ahead)
         found = Samples(
@@ -523,27 +466,21 @@ class ControlledMap(StrideMap):
         )  # fmt: skip
         rows, columns = np.nonzero(np.isfinite(times))
         wanted = times[rows, columns]
-        step = self._step_at(steps, rows, wanted)
+        # The control step of each time, of a walker's own one after the other; the last at the end.
+        order, counts = np.lexsort((steps.numbers, steps.walkers)), np.bincount(steps.walkers)
+        number = np.searchsorted(self.hold * np.arange(1, counts.max() + 1), wanted)
+        begin = (np.cumsum(counts) - counts)[rows]
+        step = order[begin + np.minimum(number, counts[rows] - 1)]
         for first in (True, False):
             some = (steps.numbers[step] == 0) == first
             if not some.any():
                 continue
             here, records = (rows[some], columns[some]), steps.before[step[some]]
             records["end"][:, 0] = wanted[some]
-            seen = go_on(self.walkers, records, lanes=here[0], on_section=first, uneven=uneven)
+            seen = go_on(self.walkers, records, lanes=here[0], on_section=first)
             found.states[here], found.stages[here] = seen.states, seen.stages
             controls = records["control"][:, 0]
             if not self.own:
                 controls = np.column_stack([controls, records["push_off"]])
             found.controls[here] = controls[:, : found.controls.shape[2]]
         return found
-
-    def _step_at(self, steps: Steps, walkers: NDArray, times: NDArray) -> NDArray[np.intp]:
-        """Return the control steps of some walkers at some times, (k,): the last one at the end."""
-        count = int(steps.numbers.max()) + 1
-        place = np.zeros((int(steps.walkers.max()) + 1, count), np.intp)
-        place[steps.walkers, steps.numbers] = np.arange(len(steps.walkers))
-        last = np.zeros(len(place), np.intp)
-        np.maximum.at(last, steps.walkers, steps.numbers)
-        number = np.searchsorted(self.hold * np.arange(1, count + 1), times)
-        return place[walkers, np.minimum(number, last[walkers])]

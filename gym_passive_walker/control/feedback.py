@@ -66,32 +66,23 @@ def powered_gait(walker: Walker, slope: float) -> PoweredGait:
     work = walker.total_mass * walker.gravity * gait.step_length
     work *= math.sin(_REFERENCE_SLOPE) - math.sin(slope)
     torque = work / (4.0 * gait.stance_angle)
-    state, share, step = gait.state, 0.0, 0.25
-    while share < 1.0:
+    state, here, share, step = gait.state, _REFERENCE_SLOPE, 0.0, 0.25
+    while share < 1.0 and step >= 0.5**_HALVINGS:
         goal = min(1.0, share + step)
+        here = (1.0 - goal) * _REFERENCE_SLOPE + goal * slope
         try:
-            here = (1.0 - goal) * _REFERENCE_SLOPE + goal * slope
             state = _converged(walker, here, state, goal * torque)
             share = goal
         except GaitNotFound:
             step *= 0.5
-            if step < 0.5**_HALVINGS:
-                return _sought(walker, slope, here)
-    return PoweredGait(state, torque)
-
-
-def _sought(walker: Walker, slope: float, lost: float) -> PoweredGait:
-    """A gait under one of some constant torques, searched for.
-
-    Raises:
-        GaitNotFound: if there is none.
-    """
+    if share == 1.0:
+        return PoweredGait(state, torque)
     found = first_driven(walker, slope, "hip_torque", _TORQUES)
     if found is not None:
         return PoweredGait(found[0], found[1].hip_torque)
     raise GaitNotFound(
         f"no gait with a constant torque was found at slope {slope} rad: the gait of slope "
-        f"{_REFERENCE_SLOPE} rad was lost at {lost:.4g} rad, and a search found none with up to "
+        f"{_REFERENCE_SLOPE} rad was lost at {here:.4g} rad, and a search found none with up to "
         f"{_TORQUES[-1]:g} m g l"
     )
 

@@ -14,13 +14,7 @@ from gym_passive_walker.control.controlled import ControlledMap
 from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting, as_policy
 from gym_passive_walker.control.optimum import OptimalGait
 from gym_passive_walker.control.policy import Policy
-from gym_passive_walker.envs.scene import (
-    CHANNELS,
-    UNDISTURBED,
-    Scene,
-    make_scene,
-    plain,
-)
+from gym_passive_walker.envs.scene import CHANNELS, UNDISTURBED, Scene, make_scene, plain
 from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, one_actuation
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
@@ -151,7 +145,7 @@ def _held(walker: Any, controls: Mapping[str, Any]) -> tuple[Policy | None, Scen
     if np.max(np.abs(shares)) > 1.0 + 1e-12:
         raise ValueError(f"the limits of system {walker.title!r} are smaller than {dict(held)}")
     point = np.zeros(state_size(walker))
-    return StrideFeedback("held controls", scene.walker, point, np.array(shares)), scene
+    return StrideFeedback("held controls", scene, point, np.array(shares)), scene
 
 
 def _repeating(terrain: TerrainLike | None) -> Terrain | None:
@@ -231,7 +225,7 @@ def acting_as(strides: StrideMap, slope: float) -> tuple[Policy, Scene]:
     )  # fmt: skip
     shares = np.array([[np.sign(held[name]) for name in used]])
     point = np.zeros(strides.dimension)
-    return StrideFeedback(strides.controller_name, strides.walker, point, shares), scene
+    return StrideFeedback(strides.controller_name, scene, point, shares), scene
 
 
 def map_in(scene: Scene, policy: Policy | None) -> StrideMap:
@@ -276,10 +270,8 @@ def calm(scene: Scene, slope: float | None = None) -> Scene:
     slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
     command = None if scene.command is None else float(np.mean(scene.command))
     plain(scene, "controllers of stride maps have", "observation")
-    smooth = (
-        {"terrain": Terrain(), "terrain_lookahead": scene.terrain_lookahead}
-        if scene.terrain_lookahead
-        else {}
-    )
     alike = {"energy": "absolute", "reset_noise_scale": 0.0, "domain_randomization": {}}
-    return make_scene(scene, **alike, **UNDISTURBED | smooth | {"slope": slope, "command": command})
+    alike |= UNDISTURBED | {"slope": slope, "command": command}
+    if scene.terrain_lookahead:
+        alike |= {"terrain": Terrain(), "terrain_lookahead": scene.terrain_lookahead}
+    return make_scene(scene, **alike)

@@ -19,11 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.control.ticks import TickedStride, before_kneestrike, ticked_stride
-from gym_passive_walker.envs.scene import (
-    CHANNELS,
-    Scene,
-    with_parameters,
-)
+from gym_passive_walker.envs.scene import CHANNELS, Scene, with_parameters
 from gym_passive_walker.gaits.design_nlp import slsqp
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
@@ -43,9 +39,7 @@ _NEAR = 1e-7  # a bound, at which an unknown counts as at it
 _AHEAD = np.array([[-1.0, 1.0], [1.0, 1.0]])
 """Derivatives, by stance and swing angle, of the swing leg's lead and of its extra inclination."""
 
-_CLEAR = (
-    1e-3  # rad of either as the knee locks, at the least, where the toe has to clear the ground
-)
+_CLEAR = 1e-3  # rad of either as the knee locks, at the least, where the toe has to clear
 _SHARES = {"absolute": (1.0, 0.0), "positive": (0.5, 0.5), "net": (0.0, 1.0)}
 """Shares of absolute and of net work in the energy that is charged."""
 
@@ -111,34 +105,6 @@ class _StandsStill(Exception):
     """An optimization makes no progress: it zigzags about a corner of the cost."""
 
 
-class _Seen:
-    """The best of the points that an optimization has come through.
-
-    Attributes:
-        best: That point.
-        said: Message about the end of the optimization.
-    """
-
-    def __init__(self, start: NDArray, patience: int) -> None:
-        self.patience = patience
-        self.best, self.said = start, "it gets no further"
-        self._least, self._since = math.inf, 0
-
-    def take(self, point: NDArray, merit: float) -> None:
-        """See a point; a smaller merit is better.
-
-        Raises:
-            _StandsStill: if points have become no better for long.
-        """
-        self._since += 1
-        if merit < self._least * (1.0 - _GAIN):
-            self._since = 0
-        if merit < self._least:
-            self.best, self._least = point.copy(), merit
-        if self._since > self.patience:
-            raise _StandsStill
-
-
 def slope_of(scene: Scene) -> float:
     """The one slope that a gait has.
 
@@ -172,9 +138,7 @@ class Problem:
         largest = [scene.largest(name) * (name in scene.actions) for name in CHANNELS]
         self.largest = np.repeat(largest[: self.motors], ticks)  # torque of each part
         self.largest_push = largest[-1]
-        works = (
-            Walkers(walker=scene.walker).system().works
-        )  # a hip's work is none on feet of vanishing mass
+        works = Walkers(walker=scene.walker).system().works  # 0 of a hip, with feet of no mass
         self.works = np.repeat(np.array(works)[: self.motors], ticks)
         self._last: tuple[Any, Any] = None, None
 
@@ -293,8 +257,10 @@ class Problem:
                 break
             free |= wanted
             z, said = self._minimised(z, free, _ITERATIONS, patience)
-            if known is not None and self._hopeless(z, known):
-                break
+            if known is not None:
+                cost_now, _, gap, _ = self.at(z)
+                if cost_now > known and float(np.max(np.abs(gap))) > _OPEN:
+                    break
         z = self._closed(z)
         driving, braking = self.parts(z)
         both = np.minimum(driving, braking)  # to push both ways at once does nothing, and costs
@@ -330,11 +296,6 @@ class Problem:
             return True
         return False
 
-    def _hopeless(self, z: NDArray, known: float) -> bool:
-        """Return whether z neither closes its stride nor is as cheap as a known gait."""
-        cost, _, gap, _ = self.at(z)
-        return cost > known and float(np.max(np.abs(gap))) > _OPEN
-
     def _motors(self) -> str:
         """Return a description of the actuators, for messages."""
         units = ("m g l at the hip", "m g l at the ankle", "m sqrt(g l) as a push-off")
@@ -349,16 +310,22 @@ class Problem:
     ) -> tuple[NDArray, str]:
         """Optimize some of the unknowns, the others held; return z and the message of SLSQP."""
         scale = 100.0  # of the cost, to the size of the constraints
-        z, seen = start.copy(), _Seen(start[free], patience)
+        z, best, said = start.copy(), start[free], "it gets no further"
+        least, since = math.inf, 0  # the best merit so far, and points since it became better
 
         def at(unknown: NDArray) -> tuple[Any, ...]:
             z[free] = unknown
             return *self.at(z), *self.room(z)
 
         def look(unknown: NDArray) -> None:
+            nonlocal best, least, since
             cost, _, gap, _, room, _ = at(unknown)
-            missed = np.abs(gap).sum() + np.maximum(-room, 0.0).sum()
-            seen.take(unknown, cost + 10.0 * float(missed))
+            merit = cost + 10.0 * float(np.abs(gap).sum() + np.maximum(-room, 0.0).sum())
+            since = 0 if merit < least * (1.0 - _GAIN) else since + 1
+            if merit < least:
+                best, least = unknown.copy(), merit
+            if since > patience:
+                raise _StandsStill
 
         look(start[free])
         with warnings.catch_warnings(), suppress(_StandsStill):
@@ -371,10 +338,10 @@ class Problem:
                 beyond=lambda unknown: (at(unknown)[4], at(unknown)[5][:, free]),
                 iterations=iterations, accuracy=1e-11, callback=look,
             )  # fmt: skip
-            seen.said = found.message
+            said = found.message
             look(found.x)
-        z[free] = seen.best
-        return np.clip(z, *self.box.T), seen.said
+        z[free] = best
+        return np.clip(z, *self.box.T), said
 
     def _leaving(self, z: NDArray) -> NDArray[np.bool_]:
         """Which unknowns are between their bounds, or better were; those without effect are not."""

@@ -8,7 +8,7 @@ here is dimensionless.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -100,9 +100,7 @@ def follow(
     max_stride_time: float = LONGEST,
     lanes: NDArray | None = None,
     change: NDArray | None = None,
-    moving: Sequence[str] = (),
-    columns: Sequence[int] = (),
-    uneven: bool = False,
+    moving: Mapping[str, int] | None = None,
     chosen: NDArray | None = None,
     in_turn: bool = False,
 ) -> Steps:
@@ -118,20 +116,18 @@ def follow(
         max_stride_time: Time after which a stride is given up, over sqrt(l/g).
         lanes: Index of each walker among `batch`, where these differ in a parameter.
         change: Changes of the states along k tangents, (n, 6, k); None without tangents.
-        moving: Parameters that change along one tangent each: "slope", or the walkers' own.
-        columns: Numbers of these tangents.
-        uneven: Whether next footholds lie otherwise than these.
+        moving: Parameters that change along one tangent each, with its number: "slope", or the
+            walkers' own.
         chosen: Indices of the walkers to follow; all when None.
         in_turn: Whether control steps are followed one after the other with their tangents.
     """
     again = partial(
         follow, batch, records, choose, motors=motors, tick=tick, max_stride_time=max_stride_time,
-        lanes=lanes,
-        change=change, moving=moving, columns=columns, uneven=uneven,
+        lanes=lanes, change=change, moving=moving,
     )  # fmt: skip
     chosen = np.arange(len(records)) if chosen is None else chosen
     lanes = np.arange(len(records)) if lanes is None else lanes
-    width = 0 if change is None else change.shape[2]
+    width, moving = 0 if change is None else change.shape[2], moving or {}
     if len(chosen) > (most := _TOGETHER[width > 0]):
         parts = [chosen[i : i + most] for i in range(0, len(chosen), most)]
         return _beside([again(chosen=part, in_turn=in_turn) for part in parts])
@@ -151,10 +147,8 @@ def follow(
         found["end"] = max_stride_time if last else (number + 1) * tick
         found["moved"], found["turned"] = 0.0, 0.0
         before = found[on]
-        walked = go_on(
-            batch, before, by if in_turn else (), lanes=lanes[chosen[on]],
-            on_section=number == 0, uneven=uneven,
-        )  # fmt: skip
+        tangents, own = by if in_turn else (), lanes[chosen[on]]
+        walked = go_on(batch, before, tangents, lanes=own, on_section=number == 0)
         taken.append((on, before, walked.records))
         choices.append(choice._make(x if x is None else x[on] for x in choice))
         found[on] = walked.here
@@ -170,10 +164,9 @@ def follow(
         rows, states = rows_of(after, report.entries), np.zeros((len(walkers), report.size, 0))
         return Steps(chosen[walkers], numbers, before, plain, states, held, rows)
     if not in_turn:
-        after, alike = _side_by_side(
-            batch, before, plain, by, lanes[chosen[walkers]], edges[1], uneven
-        )
+        after, alike = _side_by_side(batch, before, plain, by, lanes[chosen[walkers]], edges[1])
         astray, plain = np.unique(walkers[~alike]), after[:, :1]
+    columns = [*moving.values()]
     states, along, rows = _chained(after, walkers, edges, choices, change[chosen], columns, report)
     steps = Steps(
         chosen[walkers], numbers, before, plain, states,
@@ -193,7 +186,7 @@ def _chained(
     edges: NDArray,
     choices: Sequence[Choice],
     change: NDArray,
-    columns: Sequence[int],
+    columns: list[int],
     report: Report,
 ) -> tuple[NDArray, NDArray, NDArray]:
     """Tangents of control steps' states and motors, and their results, by the chain rule.
@@ -207,8 +200,7 @@ def _chained(
         columns: Tangents along which a parameter changes.
         report: The rows that are reported.
     """
-    columns, size = list(columns), report.size
-    width, motors = change.shape[2], choices[0].held.shape[1]
+    size, width, motors = report.size, change.shape[2], choices[0].held.shape[1]
     values, by_state, by_held, by_rest, by_start = np.split(
         rows_of(after, report.entries), np.cumsum([1, size, motors, len(columns)]), axis=2
     )
@@ -236,7 +228,6 @@ def _side_by_side(
     by: Sequence[str],
     lanes: NDArray,
     first: int,
-    uneven: bool,
 ) -> tuple[NDArray, NDArray[np.bool_]]:
     """Control steps with their tangents, all followed at once, (s, 1 + k); and of which they hold.
 
@@ -244,7 +235,7 @@ def _side_by_side(
     control step to the next.
     """
     after = _joined([
-        go_on(batch, before[some], by, lanes=lanes[some], on_section=begins, uneven=uneven).records
+        go_on(batch, before[some], by, lanes=lanes[some], on_section=begins).records
         for begins, some in ((True, slice(first)), (False, slice(first, None)))
         if len(before[some])
     ])  # fmt: skip
@@ -410,12 +401,13 @@ def ticked_strides(
     change[:, :, :m] = section.state(np.eye(m)).T
     steps = follow(
         walkers, new_records(section.state(points), slopes), choose, motors=using, tick=tick,
-        change=change, moving=by, columns=range(width - len(by), width),
+        change=change, moving=dict(zip(by, range(width - len(by), width), strict=True)),
     )  # fmt: skip
     found, outcomes = np.zeros((n, m + 4 + 2 * size, 1 + width)), np.full(n, int(Outcome.STALLED))
     angles = found[:, m + 2 : -2].reshape(n, 2, motors, count, -1)  # a view: swing and turn
     report = report_of(walkers.system())
-    turned = steps.rows[:, np.array([report.moved, report.turned])[:, :motors]]
+    places = [[report.at[name, j] for j in range(motors)] for name in ("moved", "turned")]
+    turned = steps.rows[:, places]
     held_in = np.minimum(steps.numbers, count - 1)
     np.add.at(angles, (steps.walkers, slice(None), slice(None), held_in), turned)  # type: ignore[arg-type]
     struck, over = steps.outcomes == _STRUCK, steps.outcomes != _RUNNING

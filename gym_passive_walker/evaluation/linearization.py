@@ -100,7 +100,7 @@ class StepRecorder:
         energy = np.zeros_like(distance)
         if system_of(scene.walker).works.hip:
             charged = int(settings["charged"])
-            moved, turned = results[:, report.moved[0]], results[:, report.turned[0]]
+            moved, turned = (results[:, report.at[name, 0]] for name in ("moved", "turned"))
             energy += rules.motor_charge(charged, torques[:, None], moved[:, 1:], turned[:, 1:])
             sign = np.where(torques < 0.0, -1.0, 1.0)
             charge = rules.motor_charge(charged, sign, moved[:, 0], turned[:, 0])

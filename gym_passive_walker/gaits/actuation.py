@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from operator import mul, truediv
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -62,16 +63,12 @@ def actuation_units(units: Units) -> Actuation:
 
 def to_dimensionless(units: Units, actuation: Actuation) -> Actuation:
     """Return an actuation in a walker's own units in dimensionless form."""
-    return Actuation(
-        *(part / unit for part, unit in zip(actuation, actuation_units(units), strict=True))
-    )
+    return Actuation(*map(truediv, actuation, actuation_units(units)))
 
 
 def to_own(units: Units, actuation: Actuation) -> Actuation:
     """Return a dimensionless actuation in a walker's own units."""
-    return Actuation(
-        *(part * unit for part, unit in zip(actuation, actuation_units(units), strict=True))
-    )
+    return Actuation(*map(mul, actuation, actuation_units(units)))
 
 
 def check_actuation(walker: Walker, actuation: Actuation) -> Actuation:
@@ -104,11 +101,6 @@ def check_actuation(walker: Walker, actuation: Actuation) -> Actuation:
     if np.any(np.less(push, 0.0)):
         raise ValueError("push_off must not be negative: the ground cannot pull")
     return Actuation(hip, ankle, push)
-
-
-def actuation_shapes(actuation: Actuation) -> list[tuple[int, ...]]:
-    """Return the shapes of the parts of an actuation; empty if all are floats."""
-    return [] if _single(actuation) else [np.shape(part) for part in actuation]
 
 
 def one_actuation(walker: Walker, actuation: Actuation) -> Actuation:

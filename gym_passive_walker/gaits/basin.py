@@ -18,14 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import (
-    check_tolerance,
-    instance,
-    number,
-    real_array,
-    shown,
-    whole,
-)
+from gym_passive_walker.arguments import check_tolerance, instance, number, real_array, shown, whole
 from gym_passive_walker.gaits.bifurcation import period_of
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
@@ -43,10 +36,10 @@ _CHUNK = 1 << 16  # cells in one batch
 _PUSHES = 512  # perturbations in one batch
 _FINEST_PUSH = 1e-15  # relative to the gait's stance angular velocity
 _FINEST = 10_000  # angles, and angular velocities
-_EXACT, _ROUGHLY = 1e-13, 1e-8  # tolerances: on a gait, and of a first survey
+_ROUGHLY = 1e-8  # tolerance of a first survey
 _LONGEST_PERIOD = 12
 _SETTLING = 500  # transient strides before the period is measured
-_WALKED, _ALONG = 1e-9, 1e-12  # tolerances of such walks, and along gaits
+_WALKED = 1e-9  # tolerance of such walks
 _SPAN = 2.2  # upper end of a default slice over the gait's angle and angular velocity
 
 
@@ -128,15 +121,10 @@ class Attractors:
 
     def __init__(self, stride_map: StrideMap, gaits: list[Gait], atol: float) -> None:
         self.atol, self._stride_map = atol, stride_map
-        self.points: list[NDArray] = []
-        self.owner: list[int] = []
-        finely = stride_map.with_tolerance(_ALONG)
-        for index, gait in enumerate(gaits):
-            point = finely.points(gait.state)
-            for _ in range(gait.period):
-                self.points.append(point.chart[0])
-                self.owner.append(index)
-                point = finely.at(finely.apply(point.values, gait.slope).ends)
+        every = len(stride_map.ground)  # strides of one application on ground that repeats
+        states = [gait.strides.state[every - 1 :: every] for gait in gaits]
+        self.points = [point for own in states for point in stride_map.points(own).chart]
+        self.owner = [i for i, own in enumerate(states) for _ in own]
 
     def of(self, points: NDArray) -> NDArray[np.int8]:
         """Return the index (n,) of the gait near each point (n, m); UNSETTLED if there is none."""
@@ -235,9 +223,8 @@ def _slice(
         swing = [rates * ratio for ratio in ratios[: stride_map.dimension - 2]]
         return np.column_stack([angles, rates, *swing])
     assert gait is not None
-    exact = stride_map.with_tolerance(_EXACT)
     duration = float(gait.stride.duration) / stride_map.units.time
-    before = exact.before_strike(gait.point.values[0], gait.slope, duration)
+    before = gait.stride_map.before_strike(gait.point.values[0], gait.slope, duration)
     if stride_map.own:
         system: Any = stride_map.walker
         m = system.coordinates
@@ -320,8 +307,7 @@ def basin_of_attraction(
     angles = _axis(stance_angles, share * (gait.stance_angle if gait else 0.0), "stance_angles")
     if stride_map.own and stride_map.size < 4:
         raise ValueError("the slice of a basin needs a system of two coordinates or more")
-    first = len(gait.state) // 2 if gait else 0  # index of the stance rate
-    rates = share[::-1] * (gait.state[first] if gait else 0.0)
+    rates = share[::-1] * (gait.state[stride_map.size // 2] if gait else 0.0)
     rates = _axis(stance_rates, rates, "stance_rates")
     if np.any(angles <= 0.0) and not stride_map.own:
         raise ValueError("stance_angles must be positive: they are those just after heelstrike")

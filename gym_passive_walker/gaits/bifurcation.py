@@ -227,19 +227,17 @@ def bifurcation_diagram(
             f"n_recorded must be above the longest period {longest_period}, not {n_recorded}"
         )
     points = beginnings(stride_map, values, kind, start)
-    if sweep:
-        angles = np.full((len(values), n_recorded), np.nan)
-        with progress("slopes", len(values)) as done:
-            for i in range(len(values)):
-                if i > 0 and np.all(np.isfinite(points[i - 1])):
-                    points[i] = points[i - 1]
-                at = slice(i, i + 1)
-                angles[at], points[at] = _settle(
-                    stride_map, points[at], values[at], n_transient, n_recorded
-                )
-                done()
-    else:
-        angles, points = _settle(stride_map, points, values, n_transient, n_recorded)
+    together = 1 if sweep else len(values)
+    angles = np.empty((len(values), n_recorded))
+    with progress("slopes", len(values)) as done:
+        for i in range(0, len(values), together):
+            if i > 0 and np.all(np.isfinite(points[i - 1])):
+                points[i] = points[i - 1]
+            at = slice(i, i + together)
+            angles[at], points[at] = _settle(
+                stride_map, points[at], values[at], n_transient, n_recorded
+            )
+            done(together)
     period = period_of(angles, longest_period)
     return BifurcationDiagram(
         stride_map.walker, values, angles, period, stride_map.states_at(points)

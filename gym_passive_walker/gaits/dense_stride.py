@@ -219,11 +219,6 @@ class Phase(NamedTuple):
     swing_knee: Chebyshev
 
     @property
-    def start(self) -> float:
-        """When it starts."""
-        return float(self.clearance.domain[0])
-
-    @property
     def end(self) -> float:
         """When it ends."""
         return float(self.clearance.domain[1])

@@ -142,11 +142,10 @@ def optimize_walker(
             f"the constraints: the search ended {missed:.1e} of their size from it "
             f"({found.message}); widen the bounds, or begin with a walker that is nearer to it"
         )
-    place = last.gait.place
     return Design(
         objective=objective,
         before=before,
-        after=measure(place.point, place.slope, 1),
+        after=measure(last.gait.place, last.gait.place.section.slope, 1),
         values={name: (_value(problem.first, name), _value(last, name)) for name in sorted(names)},
         tried=candidates.tried,
         converged=bool(found.success),
@@ -329,6 +328,6 @@ def _nearest(start: Gait, tuned: Walker, radius: float) -> Gait | None:
     if judged is None or circle(found.x)[0].min() < -_MET:
         return None
     place = judged.gait.place
-    tuned_map = place.point.section.with_walker(tune(place.walker))
-    exact = place_near(tuned_map, place.slope, place.u)  # tuned to the last digit
-    return exact and measure(exact.point, exact.slope, 1)
+    tuned_map = place.section.with_walker(tune(place.section.walker))
+    exact = place_near(tuned_map, tuned_map.slope, place.chart[0])  # tuned to the last digit
+    return exact and measure(exact, tuned_map.slope, 1)

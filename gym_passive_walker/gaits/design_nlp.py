@@ -20,9 +20,9 @@ from gym_passive_walker.gaits.objectives import (
     spectral_radius,
 )
 from gym_passive_walker.gaits.passage import NoStride
+from gym_passive_walker.gaits.section import Points
 from gym_passive_walker.gaits.sensitivity import (
     SLOPE,
-    Place,
     Sensitivity,
     map_change,
     place_near,
@@ -95,11 +95,10 @@ class Candidates:
         self._start, self._parameters, self._names = start, tuple(parameters), tuple(names)
         self._low, self._width, self._multipliers = box[:, 0], box[:, 1] - box[:, 0], multipliers
         self._sizes = [size_of(name, start.walker, start.slope) for name in parameters]
-        place = Place(start.point, start.slope)
-        self._here = sensitivity(place, self._parameters)
+        self._here = sensitivity(start.point, self._parameters)
         self._last: tuple[bytes, Judged | None] = b"", None
         self.tried = 0
-        self.first = (self._values(place) - self._low) / self._width
+        self.first = (self._values(start.point) - self._low) / self._width
 
     def at(self, x: NDArray) -> Judged | None:
         """Return a candidate's quantities; None where its gait is lost, or it is no walker."""
@@ -112,9 +111,9 @@ class Candidates:
             self._last = x.tobytes(), judged
         return self._last[1]
 
-    def _values(self, place: Place) -> NDArray[np.float64]:
+    def _values(self, place: Points) -> NDArray[np.float64]:
         """Return the parameters at a place, (k,)."""
-        own = {**vars(place.walker), SLOPE: place.slope}
+        own = {**vars(place.section.walker), SLOPE: place.section.slope}
         return np.array([own[name] for name in self._parameters])
 
     def _followed(self, values: NDArray) -> Sensitivity | None:
@@ -125,7 +124,7 @@ class Candidates:
             for share in np.arange(1, pieces + 1) / pieces:
                 goal = origin + share * (values - origin)
                 moved = goal - self._values(here.place)
-                place = self._beside(goal, here.place.u + here.coordinates @ moved)
+                place = self._beside(goal, here.place.chart[0] + here.coordinates @ moved)
                 if place is None:
                     break
                 here = sensitivity(place, self._parameters)
@@ -134,13 +133,13 @@ class Candidates:
                 return here
         return None
 
-    def _beside(self, values: NDArray, guess: NDArray) -> Place | None:
+    def _beside(self, values: NDArray, guess: NDArray) -> Points | None:
         """Return the gait at some parameters that is near to a guess; None if there is none."""
         changed = dict(zip(self._parameters, values.tolist(), strict=True))
         slope = changed.pop(SLOPE, self._start.slope)
         walker = replace(self._start.walker, **changed)
         place = place_near(self._start.stride_map.with_walker(walker), slope, guess)
-        return place if place and np.abs(place.u - guess).max() < _LEAP else None
+        return place if place and np.abs(place.chart[0] - guess).max() < _LEAP else None
 
     def _judged(self, values: NDArray) -> Judged | None:
         gait = self._followed(values)
@@ -252,19 +251,12 @@ class DesignProblem:
         value, gradient = judged.quantities[self.objective]
         return self.sign * value / self.unit, self.sign * gradient / self.unit
 
-    def equalities(self, z: NDArray) -> tuple[NDArray, NDArray]:
-        """Return the equality constraints and their derivatives."""
-        return self._stacked(z, self.equal)
-
-    def inequalities(self, z: NDArray) -> tuple[NDArray, NDArray]:
-        """Return the inequality constraints, which must not be negative, and their derivatives."""
-        return self._stacked(z, self.beyond, circle=self.sought or self.radius is not None)
-
-    def _stacked(
-        self, z: NDArray, sides: list[tuple[str, float, float]], circle: bool = False
-    ) -> tuple[NDArray, NDArray]:
+    def constraints(self, z: NDArray, equal: bool) -> tuple[NDArray, NDArray]:
+        """Return the constraints that must be zero, or not negative, and their derivatives."""
+        sides, radius = (self.equal, None) if equal else (self.beyond, self.radius)
+        radius = z[-1] if self.sought and not equal else radius
         count = len(sides)
-        values = -np.ones(count + CIRCLE * circle)
+        values = -np.ones(count + CIRCLE * (radius is not None))
         derivatives = np.zeros((len(values), len(z)))
         judged = self.candidates.at(z[: self.count])
         if judged is None:  # no step of a line search ends here
@@ -272,8 +264,8 @@ class DesignProblem:
         for i, (name, bound, scale) in enumerate(sides):
             value, gradient = judged.quantities[name]
             values[i], derivatives[i, : self.count] = scale * (value - bound), scale * gradient
-        if circle:
-            values[count:], by = judged.inside(z[-1] if self.sought else self.radius)
+        if radius is not None:
+            values[count:], by = judged.inside(radius)
             derivatives[count:] = by[:, : len(z)]  # by the radius as well if it is part of z
         return values, derivatives
 
@@ -285,11 +277,12 @@ class DesignProblem:
             bounds.append((_LEAST_RADIUS, _LARGEST_RADIUS))
         with progress(f"{self.objective}: iterations") as one_more:
             return slsqp(
-                self.cost, start, bounds, equal=self.equalities, beyond=self.inequalities,
-                iterations=iterations, callback=lambda _: one_more(),
+                self.cost, start, bounds, equal=lambda z: self.constraints(z, True),
+                beyond=lambda z: self.constraints(z, False), iterations=iterations,
+                callback=lambda _: one_more(),
             )  # fmt: skip
 
     def missed(self, z: NDArray) -> float:
         """Return the largest violation of the constraints, over their sizes."""
-        equal, beyond = self.equalities(z)[0], self.inequalities(z)[0]
+        equal, beyond = (self.constraints(z, kind)[0] for kind in (True, False))
         return float(max(np.abs(equal).max(initial=0.0), (-beyond).max(initial=0.0)))

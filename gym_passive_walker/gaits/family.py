@@ -26,6 +26,7 @@ from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.search import seek
 from gym_passive_walker.gaits.sensitivity import size_of
+from gym_passive_walker.gaits.stride import STATE_NAMES
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
@@ -118,20 +119,15 @@ class GaitFamily(Table):
             "ends": " and ".join(f"at {value:.6g} ({reason})" for value, reason in self.ends),
         }
 
-    def _of_state(self) -> dict[str, NDArray]:
-        """Columns of the states."""
-        if self.stride_map.own:
-            names = self.stride_map.walker.State._fields  # type: ignore[attr-defined]
-            return dict(zip(names, self.state.T, strict=True))
-        rates = zip(("stance_rate", "thigh_rate", "shank_rate"), self.state[:, 3:].T, strict=True)
-        return {"stance_angle": self.stance_angle, **dict(rates)}
-
     def columns(self) -> dict[str, NDArray]:
         """A row for each gait, in order along the curve."""
         varied = {} if self.parameter == "slope" else {self.parameter: self.value}
+        names, columns = STATE_NAMES[:1] + STATE_NAMES[3:], [0, 3, 4, 5]
+        if self.stride_map.own:
+            names, columns = self.stride_map.walker.State._fields, slice(None)  # type: ignore[attr-defined]
         return varied | {
             "slope": self.slope,
-            **self._of_state(),
+            **dict(zip(names, self.state.T[columns], strict=True)),
             "step_length": self.step_length,
             "step_period": self.step_period,
             "speed": self.speed,
@@ -320,7 +316,7 @@ def parameter_family(
     for value in (low, high):
         try:
             if own:
-                changed(stride_map.walker, parameter, value)
+                changed(stride_map.walker, **{parameter: value})
             else:
                 held = stride_map.controller or Actuation()
                 one_actuation(stride_map.walker, held._replace(**{parameter: value}))

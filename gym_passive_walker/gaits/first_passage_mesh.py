@@ -197,24 +197,14 @@ def _mass(low: NDArray, high: NDArray) -> NDArray[np.float64]:
     return np.where(low > 0.0, ndtr(-low) - ndtr(-high), ndtr(high) - ndtr(low))
 
 
-class _Strides(NamedTuple):
-    """Strides from n states of a mesh to Gauss points of the next height.
+def _strides(chain: Chain, nodes: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Integrate over the next height, cell by cell, between the heights at which walkers fall.
 
-    Attributes:
-        rows: Index of the initial state of each of q strides, (q,).
-        ends: Final state of each stride, (q, k).
-        weights: Probability of each stride, (q,).
-        falls: Probability of a fall in the stride from each state, (n,).
+    Returns:
+        Of q strides from n states of a mesh to Gauss points of the height: index of the initial
+        state (q,), final state (q, k), and probability (q,). Then the probability of a fall in the
+        stride from each state, (n,).
     """
-
-    rows: NDArray[np.intp]
-    ends: NDArray[np.float64]
-    weights: NDArray[np.float64]
-    falls: NDArray[np.float64]
-
-
-def _strides(chain: Chain, nodes: NDArray) -> _Strides:
-    """Integrate over the next height, cell by cell, between the heights at which walkers fall."""
     edges, count = np.linspace(-_HIGHEST, _HIGHEST, _CELLS + 1), len(nodes)
     _, struck = chain.step(np.repeat(nodes, len(edges), axis=0), np.tile(edges, count))
     walks = struck.reshape(count, -1)
@@ -240,7 +230,7 @@ def _strides(chain: Chain, nodes: NDArray) -> _Strides:
     rows, heights, weights = np.repeat(rows, _POINTS), heights.ravel(), weights.ravel()
     ends, struck = chain.step(nodes[rows], heights)
     np.add.at(falls, rows[~struck], weights[~struck])
-    return _Strides(rows[struck], ends[struck], weights[struck], falls)
+    return rows[struck], ends[struck], weights[struck], falls
 
 
 class _Interpolation:
@@ -303,20 +293,20 @@ def _eigenvalue(chain: Chain, nodes: NDArray, spacing: float) -> float:
     interpolated; f is 0 on the gait, which is the first state of the mesh. With the matrix K of
     strides, (1 - K)(a - u f) = (1 - lambda)(a - u f).
     """
-    walked = _strides(chain, nodes)
-    if not walked.falls.any():
+    rows, ends, weights, falls = _strides(chain, nodes)
+    if not falls.any():
         return math.inf
-    between = _Interpolation(chain.place(nodes), chain.place(walked.ends), spacing)
+    between = _Interpolation(chain.place(nodes), chain.place(ends), spacing)
     forgotten = math.ceil(math.log(0.05) / math.log(max(chain.memory, 0.5)))
-    chances = walked.falls
+    chances = falls
     for _ in range(min(2 * forgotten, 60)):
-        later = walked.weights * _chance(between(_distance(chances)))
-        chances = walked.falls + np.bincount(walked.rows, later, len(nodes))
+        later = weights * _chance(between(_distance(chances)))
+        chances = falls + np.bincount(rows, later, len(nodes))
     shape = _chance(_distance(chances))
-    ahead = walked.weights * _chance(between(_distance(shape)))
-    passing = between.weighted(walked.rows, ahead) - np.diag(shape)
+    ahead = weights * _chance(between(_distance(shape)))
+    passing = between.weighted(rows, ahead) - np.diag(shape)
     states = -np.diag(shape)
-    passing[:, 0], states[:, 0] = walked.falls, 1.0
+    passing[:, 0], states[:, 0] = falls, 1.0
     factors, size = lu_factor(passing), len(nodes)
     inverse = LinearOperator((size, size), matvec=lambda x: lu_solve(factors, states @ x))  # type: ignore[call-arg]
     start = np.zeros(size)

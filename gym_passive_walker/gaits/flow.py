@@ -61,16 +61,13 @@ class Report(NamedTuple):
     Attributes:
         entries: Each as an entry of a record, for `rows_of`.
         size: Numbers of a state; after a heelstrike it is that of the next stride.
-        at: Place of each entry.
-        moved: Places of what each control has moved, net: the work of a unit.
-        turned: Places of the same, either way.
+        at: Place of each entry. What control j has moved is ("moved", j), net: the work of a unit;
+            and ("turned", j), either way.
     """
 
     entries: tuple[Entry, ...]
     size: int
     at: dict[Entry, int]
-    moved: list[int]
-    turned: list[int]
 
 
 def report_of(system: System) -> Report:
@@ -81,11 +78,9 @@ def report_of(system: System) -> Report:
 @lru_cache
 def _report(coordinates: int, controls: int, room: int) -> Report:
     states = [("state", i + part) for part in (0, room) for i in range(coordinates)]
-    angles = [[(name, j) for j in range(controls)] for name in ("moved", "turned")]
-    entries: list[Entry] = [*states, *MEASURES, *angles[0], *angles[1]]
-    at = {entry: place for place, entry in enumerate(entries)}
-    moved, turned = ([at[entry] for entry in each] for each in angles)
-    return Report(tuple(entries), len(states), at, moved, turned)
+    angles = [(name, j) for name in ("moved", "turned") for j in range(controls)]
+    entries: tuple[Entry, ...] = (*states, *MEASURES, *angles)
+    return Report(entries, len(states), {entry: place for place, entry in enumerate(entries)})
 
 
 @lru_cache
@@ -132,14 +127,12 @@ def _tangents(walker: Walker, by: tuple[str, ...], directions: int | None = None
     """Tangents by name; of "point" as many as directions are given, else one a coordinate."""
     section = Section(walker=walker)
     size = section.size
-    of_point = (
-        section.state(np.eye(section.dimension))
-        if directions is None
-        else np.zeros((directions, size))
-    )
+    points = np.eye(section.dimension)
+    if directions is not None:
+        points = np.zeros((directions, section.dimension))
     starts = np.eye(size // 2) if section.own else MIRRORED[None]
     of_start = np.zeros((len(starts), size))
-    of_state = {"state": np.eye(size), "point": of_point, "start": of_start}
+    of_state = {"state": np.eye(size), "point": section.state(points), "start": of_start}
     states = [of_state.get(name, np.zeros((1, size))) for name in by]
     names = tuple(name for name, rows in zip(by, states, strict=True) for _ in rows)
 
@@ -237,15 +230,13 @@ class Walkers:
 class Flow:
     """Result of a flow of n walkers; dimensionless.
 
-    ``walked["time"]`` is any field of `engine.layout.RECORD`: values, and k tangents behind each,
-    (n, 1 + k, ...).
-
     Attributes:
         walkers: The walkers.
         system: Equations of the walkers.
         tangents: Variables of the tangents.
         bodies: The walkers' constants with their tangents, as in `Walkers.bodies`.
-        records: Records at the end, tangents behind the values, (n, 1 + k).
+        records: Records at the end, of `engine.layout.RECORD`: values, and k tangents behind each,
+            (n, 1 + k).
         began: Gives the records from which they came; None for strides after the first.
         on_section: Whether a stride began there.
         instants: Of each of n walkers there are so many in a row, followed to a time each; None
@@ -260,9 +251,6 @@ class Flow:
     began: Callable[[], NDArray] | None
     on_section: bool
     instants: int | None = None
-
-    def __getitem__(self, name: str) -> NDArray:
-        return self.records[name]
 
     @cached_property
     def before(self) -> NDArray:
@@ -392,18 +380,26 @@ class Flow:
             records["ground"][:, 0, :2], records["ground"][:, 0, 2:] = turned, foothold
             ways = turned[:, None, ::-1] * [1.0, -1.0]
             records["ground"][:, 1:, :2] = self.tangents.slopes[:, None] * ways
-        return _followed(
-            self.walkers, self.system, self.tangents, bodies, records, None, on_section=True
-        )
+        later = Flow(self.walkers, self.system, self.tangents, bodies, records, None, True)
+        return later.integrate()
 
     def again(self, lanes: NDArray, until: NDArray) -> Flow:
         """The same way once more for some walkers, to other times, without tangents."""
         records = self.before[lanes]
         records["end"], records["outcome"] = until[:, None], 0
         bodies = (self.bodies if len(self.bodies) == 1 else self.bodies[lanes])[:, :1]
-        return _followed(
-            self.walkers, self.system, _NONE, bodies, records, None, on_section=self.on_section
-        )
+        once_more = Flow(self.walkers, self.system, _NONE, bodies, records, None, self.on_section)
+        return once_more.integrate()
+
+    def integrate(
+        self, backend: Callable[..., object] = advance, threads: int | None = None
+    ) -> Flow:
+        """Carry the records on, in place; arguments as for `flow`."""
+        backend(
+            self.system, self.bodies, self.records, tolerance=self.walkers.tolerance,
+            scuff=self.walkers.end_on_toe_stub, from_section=self.on_section, threads=threads,
+        )  # fmt: skip
+        return self
 
 
 def flow(
@@ -439,7 +435,8 @@ def flow(
             followed to k times, side by side. Later ones than its stride's end give the state that
             it ends with; one that is not finite gives nothing.
         by: Variables of the tangents, in order; see `go_on`.
-        along: Directions for "point" instead of the coordinates, (n, m, k); of states, (n, 6, k).
+        along: Changes of the states along all k tangents, (n, 6, k), instead of those that `by`
+            names; "point" then stands for any number of them.
         lanes: Indices of these walkers, if parameters are given for more.
         threads: Number of threads; all of numba's when None. It changes no result.
         backend: Function that integrates: `engine.run.advance`, or `gpu.advance` on a GPU.
@@ -469,10 +466,9 @@ def flow(
     records = began(len(tangents.names))
     if by:
         _seed(records, tangents)
-    return _followed(
-        walkers, system, tangents, walkers.bodies(tangents.names, lanes), records, began, True,
-        instants, backend, threads,
-    )  # fmt: skip
+    bodies = walkers.bodies(tangents.names, lanes)
+    walked = Flow(walkers, system, tangents, bodies, records, began, True, instants)
+    return walked.integrate(backend, threads)
 
 
 def go_on(
@@ -482,7 +478,6 @@ def go_on(
     *,
     lanes: NDArray | slice = _ALL,
     on_section: bool = False,
-    uneven: bool = False,
 ) -> Flow:
     """Integrate walkers from their states, each to its `end`, its heelstrike or its fall.
 
@@ -497,31 +492,26 @@ def go_on(
             "start" gives one tangent for each coordinate; its controls are `controls_of`.
         lanes: Indices of these walkers, if parameters are given for more.
         on_section: Whether a stride begins here.
-        uneven: Whether the next footholds differ in height or slope from these.
     """
+    uneven = records["ground"][..., 2:].any()  # so lie the next footholds
     tangents = _tangents_by(walkers, by) if by else _NONE
     walked = np.zeros((len(records), 1 + len(tangents.names)), records.dtype)
     walked[:, :1] = records
     walked["outcome"] = 0
     if by:
         _seed(walked, tangents)
-    return _followed(
-        walkers, walkers.system((*by, *UNEVEN) if uneven else by), tangents,
-        walkers.bodies(tangents.names, lanes), walked, lambda: records, on_section,
-    )  # fmt: skip
+    system = walkers.system((*by, *UNEVEN) if uneven else by)
+    bodies = walkers.bodies(tangents.names, lanes)
+    return Flow(walkers, system, tangents, bodies, walked, lambda: records, on_section).integrate()
 
 
 def _tangents_by(walkers: Walkers, by: Sequence[str], along: NDArray | None = None) -> Tangents:
-    """Tangents by name, for "point" along directions (n, m, k) if they are given."""
+    """Tangents by name, with changes of the states (n, 6, k) if they are given."""
     if along is None:
         return _tangents(walkers.walker, tuple(by))
-    tangents = _tangents(walkers.walker, tuple(by), along.shape[2])
-    states = np.zeros((len(along), *tangents.states.shape))
-    of_point = [i for i, name in enumerate(tangents.names) if name == "point"]
-    of_state = along.shape[1] == walkers.section.size
-    ways = along.swapaxes(1, 2)
-    states[:, of_point] = ways if of_state else walkers.section.state(ways)
-    return tangents._replace(states=states)
+    others = sum(name != "point" for name in by)
+    tangents = _tangents(walkers.walker, tuple(by), along.shape[2] - others)
+    return tangents._replace(states=along.swapaxes(1, 2))
 
 
 def _seed(records: NDArray, tangents: Tangents) -> None:
@@ -534,26 +524,6 @@ def _seed(records: NDArray, tangents: Tangents) -> None:
         changes["ground"][..., :2] = tangents.slopes[:, None] * slope_change
     for name, index, values in tangents.inputs:
         changes[name][index] = values
-
-
-def _followed(
-    walkers: Walkers,
-    system: System,
-    tangents: Tangents,
-    bodies: NDArray,
-    records: NDArray,
-    began: Callable[[], NDArray] | None,
-    on_section: bool,
-    instants: int | None = None,
-    backend: Callable[..., object] = advance,
-    threads: int | None = None,
-) -> Flow:
-    """Carry records on, in place."""
-    backend(
-        system, bodies, records, tolerance=walkers.tolerance, scuff=walkers.end_on_toe_stub,
-        from_section=on_section, threads=threads,
-    )  # fmt: skip
-    return Flow(walkers, system, tangents, bodies, records, began, on_section, instants)
 
 
 def accelerations(

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.gaits.flow import accelerations
 from gym_passive_walker.physics import legs, straight
 from gym_passive_walker.physics.bodies import KneedBody, SimplestBody
 from gym_passive_walker.physics.hybrid import Control, Ground, State
@@ -20,7 +21,7 @@ from gym_passive_walker.physics.legs import hip_torque as torque_at_hip
 from gym_passive_walker.physics.legs import impulse, turned
 from gym_passive_walker.physics.legs import knee_torque as torque_at_knee
 from gym_passive_walker.physics.numbers import sine_cosine
-from gym_passive_walker.physics.systems import body_of, system_of
+from gym_passive_walker.physics.systems import bodies, body_of, system_of
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 
@@ -235,18 +236,16 @@ def forces(
     state, stages = State(*given.T), np.asarray(phases)
     control = Control(hip_torque / units.torque, ankle_torque / units.energy)
     ground = Ground(np.sin(slope), np.cos(slope))
-    turns = np.zeros((3, len(given)))
+    turns = np.zeros((len(given), 3))
     for phase in system.phases:
-        found = phase.accelerations(body, state, control, ground)
-        here = stages == phase.stage
-        for link in range(3):  # the shank of a straight leg goes with the thigh
-            turns[link, here] = found[min(link, phase.links - 1)][here]
-    tangential, normal, *knees = borne(body, state, turns, control, ground)
+        here, held = stages == phase.stage, np.array([control])
+        turns[here] = accelerations(system, phase, bodies(walker)[0], given[here], held, ground)
+    tangential, normal, *knees = borne(body, state, turns.T, control, ground)
     torques = np.stack(np.broadcast_arrays(*knees)) * units.energy
     if not walker.knees:
         torques = np.full_like(torques, np.nan)
     return Reactions(
-        accelerations=turns.T * units.rate**2,
+        accelerations=turns * units.rate**2,
         normal=normal * units.force,
         tangential=-tangential * units.force,
         stance_knee=torques[0],

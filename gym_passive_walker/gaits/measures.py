@@ -100,12 +100,11 @@ def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.floa
     mass = np.zeros((links, links))
     mass[np.triu_indices(links)] = system.mass_matrix(body_of(walker), state)
     mass += np.triu(mass, 1).T
-    mass = mass * walker.total_mass * units_of(walker).length ** 2
-    jumps = np.eye(3)[:links]
+    units, jumps = units_of(walker), np.eye(3)[:links]
+    mass = mass * walker.total_mass * units.length**2
     if not walker.knees:
         jumps[1, 2] = 1.0
-    angles = np.tile([stance_angle, -stance_angle, -stance_angle], (links, 1))
-    units = units_of(walker)
+    angles = np.tile(state[:3], (links, 1))
     back, up, *_ = struck(body_of(walker), angles.T, jumps.T * units.time, (0.0, 0.0))
     momentum = np.stack([-back, up]) * units.force * units.time
     matrix = walker.total_mass * np.eye(2) - momentum @ np.linalg.solve(mass, momentum.T)

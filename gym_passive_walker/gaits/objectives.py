@@ -28,7 +28,7 @@ Graded = tuple[float, NDArray[np.float64]]
 
 def _in_units(gait: Sensitivity, quantity: Graded, *, length: int = 0, time: int = 0) -> Graded:
     """Convert a dimensionless quantity by powers of the walker's units of length and time."""
-    walker, (value, gradient) = gait.place.walker, quantity
+    walker, (value, gradient) = gait.place.section.walker, quantity
     units = units_of(walker)
     own = units.length**length * units.time**time
     grown = np.zeros(len(gait.by))
@@ -51,7 +51,7 @@ def _quotient(gait: Sensitivity, above: str, below: str) -> Graded:
 
 
 def _stance_angle(gait: Sensitivity) -> Graded:
-    angle = float(gait.place.point.values[0, 0])
+    angle = float(gait.place.values[0, 0])
     return angle, angle * gait.coordinates[0]
 
 
@@ -61,15 +61,15 @@ def _knee_margin(gait: Sensitivity) -> Graded:
 
 
 def _total_mass(gait: Sensitivity) -> Graded:
-    mass = gait.place.walker.total_mass
+    mass = gait.place.section.walker.total_mass
     both = {"thigh_mass": 2.0, "shank_mass": 2.0, "hip_mass": 1.0}
     return mass, np.array([both.get(name, 0.0) for name in gait.by])
 
 
 def _clearance(gait: Sensitivity) -> Graded:
-    point, slope = gait.place
-    walker, units = gait.place.walker, point.section.units
-    lowest = reality_check(point.section, slope, point.states[0]).clearance
+    point, stride_map = gait.place, gait.place.section
+    walker, slope, units = stride_map.walker, stride_map.slope, stride_map.units
+    lowest = reality_check(stride_map, slope, point.states[0]).clearance
     time = lowest.time / units.time
     knee = float(gait.passage.knee_times[0])
     # At its lowest the height does not change with time, so the gradient is that of the height at
@@ -89,7 +89,10 @@ def _clearance(gait: Sensitivity) -> Graded:
 
 
 QUANTITIES: dict[str, Callable[[Sensitivity], Graded]] = {
-    "slope": lambda gait: (gait.place.slope, np.array([float(x == SLOPE) for x in gait.by])),
+    "slope": lambda gait: (
+        gait.place.section.slope,
+        np.array([x == SLOPE for x in gait.by], float),
+    ),
     "cost_of_transport": lambda gait: _quotient(gait, "lost", "lengths"),
     "speed": lambda gait: _in_units(
         gait, _quotient(gait, "lengths", "durations"), length=1, time=-1

@@ -29,7 +29,7 @@ from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import SMOOTH, Outcome
-from gym_passive_walker.physics.systems import body_of, kind_of, system_of
+from gym_passive_walker.physics.systems import body_of, system_of
 from gym_passive_walker.walkers import Walker
 
 ACCURACY = 1e-12
@@ -51,12 +51,8 @@ _ALIKE, _NEARLY = 1e-6, 1e-3  # gaits closer than this are one: exact derivative
 _EXCESSES = (-6.0, -4.0, -2.8, -2.0, -1.5, -1.0, -0.7, -0.45, -0.25, -0.1)
 _EXCESSES += (0.0, 0.1, 0.3, 0.6, 1.0, 1.6, 2.2, 2.8)
 _RATIOS = -np.geomspace(1.005, 2.0, 16), np.array(_EXCESSES)
-_RATIOS_OF = {
-    "kneed": _RATIOS,
-    "straight": _RATIOS,
-    "simplest": (-np.geomspace(1.005, 2.0, 200), np.zeros(1)),
-}
-_LOSS_SHARES = {"kneed": (1.0, 0.6, 0.3), "straight": (1.0,), "simplest": (1.0,)}
+_RATIOS_OF_THE_SIMPLEST = -np.geomspace(1.005, 2.0, 200), np.zeros(1)
+_LOSS_SHARES = (1.0, 0.6, 0.3)  # of the energy supplied, lost at heelstrike; 1 without knees
 _ANGLES = np.geomspace(1e-10, 0.7, 80)
 _PUSHED_ANGLES = np.geomspace(1e-4, 0.7, 120)  # no tiny steps with a push-off
 _LEAST = 1e-300  # smallest energy, so that logarithms are finite
@@ -117,7 +113,7 @@ def _starts(stride_map: StrideMap, slope: float) -> NDArray:
     if not np.any(supply > 0.0):
         return np.empty((0, stride_map.dimension))
     found = []
-    for share in _LOSS_SHARES[kind_of(stride_map.walker)]:
+    for share in _LOSS_SHARES if stride_map.walker.knees else _LOSS_SHARES[:1]:
         excess = loss - np.log(np.maximum(share * supply, _LEAST))
         short = excess < 0.0
         # With a push-off uphill, steps of two sizes are in balance.
@@ -139,7 +135,8 @@ def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray, NDArray | 
         (ratios, angles); and the work of the push-off before it, (ratios, angles) or 0.
     """
     stride_map = StrideMap.of(walker)
-    stance, excess = (x.ravel() for x in np.meshgrid(*_RATIOS_OF[kind_of(walker)]))
+    ratios = _RATIOS_OF_THE_SIMPLEST if walker.massless_legs else _RATIOS
+    stance, excess = (x.ravel() for x in np.meshgrid(*ratios))
     angles = _PUSHED_ANGLES if push_off else _ANGLES
     angle = np.tile(angles, len(stance))
     stance_rate = np.repeat(stance, len(angles)) * angle

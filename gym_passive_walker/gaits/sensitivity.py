@@ -9,6 +9,7 @@ relative error below 1e-8 (see `tests/gaits/test_sensitivity.py`).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -30,33 +31,11 @@ _PLACES = np.array([-2.0, -1.0, 1.0, 2.0])
 _WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
 
 
-class Place(NamedTuple):
-    """A gait of one stride: its point of the Poincaré section and its slope.
-
-    Attributes:
-        point: The point, of a stride map as section.
-        slope: Slope in rad.
-    """
-
-    point: Points
-    slope: float
-
-    @property
-    def walker(self) -> Walker:
-        """The walker."""
-        return self.point.section.walker
-
-    @property
-    def u(self) -> NDArray[np.float64]:
-        """Coordinates of the point in the chart, (m,)."""
-        return self.point.chart[0]
-
-
 class Sensitivity(NamedTuple):
     """A gait of one stride, and its derivatives by k parameters.
 
     Attributes:
-        place: The gait.
+        place: The gait's point; the section is its stride map, which has its slope.
         by: Names of the parameters: "slope", or parameters of the walker.
         coordinates: Derivatives of the gait's coordinates u in the chart, (m, k).
         map: The stride map's derivative by u, (m, m). Its eigenvalues are the multipliers.
@@ -64,7 +43,7 @@ class Sensitivity(NamedTuple):
         change: Derivatives of `passage` along the gaits, with k columns.
     """
 
-    place: Place
+    place: Points
     by: tuple[str, ...]
     coordinates: NDArray
     map: NDArray[np.float64]
@@ -72,8 +51,8 @@ class Sensitivity(NamedTuple):
     change: Change
 
 
-def place_near(stride_map: StrideMap, slope: float, guess: NDArray) -> Place | None:
-    """Return the gait of one stride nearest to a guess; None if Newton's method finds none.
+def place_near(stride_map: StrideMap, slope: float, guess: NDArray) -> Points | None:
+    """Return the point of the gait of one stride nearest to a guess; None if none is found.
 
     Args:
         stride_map: The stride map of the gait.
@@ -86,23 +65,22 @@ def place_near(stride_map: StrideMap, slope: float, guess: NDArray) -> Place | N
     )  # fmt: skip
     if not found.sizes[0] < stride_map.closes:
         return None
-    return Place(stride_map.from_chart(found.points), slope)
+    return replace(stride_map, slope=slope).from_chart(found.points)
 
 
-def sensitivity(place: Place, by: Sequence[str]) -> Sensitivity:
+def sensitivity(place: Points, by: Sequence[str]) -> Sensitivity:
     """Return the exact derivatives of a gait.
 
     Args:
-        place: The gait.
+        place: The gait's point, of a stride map with its slope.
         by: "slope", or parameters of the walker or of its actuation. All other dimensionless
             quantities are held constant, as for `StrideMap.linearize`.
 
     Raises:
         numpy.linalg.LinAlgError: at a fold, where the derivatives do not exist.
     """
-    point, slope = place
-    m = point.section.dimension
-    gait = gait_equations(point.section, point.chart, slope, by=by)
+    m = place.section.dimension
+    gait = gait_equations(place.section, place.chart, place.section.slope, by=by)
     coordinates = -np.linalg.solve(gait.derivatives[0, :, :m], gait.derivatives[0, :, m:])
     along = {
         name: value[..., :m] @ coordinates + value[..., m:]
@@ -133,7 +111,8 @@ def change_along(gait: Sensitivity, sizes: Sequence[float], look: Look) -> NDArr
     Returns:
         Derivatives (..., k), by the parameters in the last axis.
     """
-    stride_map, slope, u = gait.place.point.section, gait.place.slope, gait.place.u
+    stride_map, u = gait.place.section, gait.place.chart[0]
+    slope = stride_map.slope
     columns = []
     for name, direction, size in zip(gait.by, gait.coordinates.T, sizes, strict=True):
         step = _STEP / max(1.0 / size, np.abs(direction).max())

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope, shown
+from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope, unknown
 from gym_passive_walker.gaits.actuation import Actuation, actuation_units, one_actuation
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE
 from gym_passive_walker.gaits.given import GaitLike, walk_of
@@ -74,16 +74,9 @@ def stride_jacobian(
     stride_map = (controlled or StrideMap.of(walker, controller=motors)).with_tolerance(tolerance)
     stride_map = replace(stride_map, max_stride_time=LONGEST_STRIDE)
     names = [wrt] if isinstance(wrt, str) else list(wrt) if np.iterable(wrt) else []
-    if not names:
-        raise ValueError(
-            f"wrt must be the name of what to differentiate by, or some, not {shown(wrt)}"
-        )
-    for name in names:
-        allowed = ("state", "slope", *stride_map.parameters)
-        if name not in allowed:
-            raise ValueError(
-                f"wrt: cannot differentiate by {shown(name)}: choose from {', '.join(allowed)}"
-            )
+    known = ("state", "slope", *stride_map.parameters)
+    if strange := unknown(names or [wrt], known, "wrt: the stride map"):
+        raise ValueError(strange)
     states, units = check_state(state, size=stride_map.size), stride_map.units
     points, driving = stride_map.points_at(states), actuation_units(units)._asdict()
     moved = set(names)

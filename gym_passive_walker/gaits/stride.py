@@ -19,12 +19,7 @@ from gym_passive_walker.arguments import (
     shown,
     whole,
 )
-from gym_passive_walker.gaits.actuation import (
-    PASSIVE,
-    actuation_shapes,
-    check_actuation,
-    to_dimensionless,
-)
+from gym_passive_walker.gaits.actuation import PASSIVE, check_actuation, to_dimensionless
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE, Walkers, advance, flow, states_in
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.physics.hybrid import Ground, Outcome, System
@@ -218,19 +213,15 @@ def stride(
     walker, slope, state, actuation, _, controlled = walk_of(
         walker, slope, state, hip_torque, ankle_torque, push_off
     )
-    tolerance = check_tolerance(tolerance)
+    tolerance, ground = check_tolerance(tolerance), check_foothold(height_change, slope_change)
     if controlled is not None:
         if max_stride_time != LONGEST_STRIDE or end_on_toe_stub or backend is not advance:
             raise ValueError(
                 "a stride map with a controller or a terrain has its own rules: "
                 "leave max_stride_time, end_on_toe_stub and backend out"
             )
-        given = (
-            {}
-            if check_foothold(height_change, slope_change) is None
-            else {"height_change": height_change, "slope_change": slope_change}
-        )
-        return controlled.with_tolerance(tolerance).stride(check_state(state), slope, **given)
+        foothold = {"height_change": ground[0], "slope_change": ground[1]} if ground else {}
+        return controlled.with_tolerance(tolerance).stride(check_state(state), slope, **foothold)
     own = isinstance(walker, Mechanism)
     size = state_size(walker)
     states, slopes = check_state(state, size=size), check_slope(slope)  # type: ignore[arg-type]
@@ -240,10 +231,9 @@ def stride(
     threads = None if threads is None else whole(threads, "threads")
     if not callable(backend):
         raise ValueError(f"backend must be a function, such as gpu.advance, not {shown(backend)}")
-    ground = check_foothold(height_change, slope_change)
     check_heights_only(walker, slope_change)
     try:
-        around = (*actuation_shapes(actuation), *(part.shape for part in ground or ()))
+        around = [part.shape for part in (*actuation, *(ground or ())) if type(part) is not float]
         shape = np.broadcast_shapes(states.shape[:-1], slopes.shape, *around)
     except ValueError:
         raise ValueError(
@@ -278,17 +268,17 @@ def stride(
         **given,
     )  # fmt: skip
     record = walked.records[:, 0]
-    nothing = np.zeros(shape)[()]
-    works, pushed = ((nothing, nothing), (nothing, nothing)), nothing
+    nothing = np.zeros(count)
+    works, pushed = [(nothing, nothing), (nothing, nothing)], nothing
     if actuation is not PASSIVE:  # each costs time for a single walker
         powers = (record["control"] * (np.array(walked.system.works) * units.energy)).T
         moved, turned = record["moved"].T, record["turned"].T
-        works = tuple(
-            (_shaped(power * net, shape), _shaped(np.abs(power) * absolute, shape))
+        works = [
+            (power * net, np.abs(power) * absolute)
             for power, net, absolute in zip(powers, moved, turned, strict=True)
-        )
+        ]
     if actuation.using:
-        pushed = _shaped(record["push_work"] * units.energy, shape)
+        pushed = record["push_work"] * units.energy
     return account(walker, walked.system, walked.bodies, record, works, pushed, shape)
 
 
@@ -308,8 +298,8 @@ def account(
         system: The walker's equations.
         bodies: Constants of the walkers, from `Walkers.bodies`.
         record: Records at the end of the strides, (n,); modified in place.
-        works: Net and absolute work of hip and of ankle, in the walker's units, of shape `shape`.
-        pushed: Work of push-offs in the walker's units, of shape `shape`.
+        works: Net and absolute work of hip and of ankle, in the walker's units, (n,) each.
+        pushed: Work of push-offs in the walker's units, (n,).
         shape: Shape of the strides: (n,), or () for one.
     """
     units, (hip, ankle) = units_of(walker), works
@@ -323,7 +313,7 @@ def account(
         gravity[lost], spring[lost] = conservative_work(system, bodies, record[lost])
 
     def shaped(values: NDArray) -> NDArray:
-        return _shaped(values, shape)
+        return values.reshape(shape) if shape else values[0]
 
     return Stride(
         state=units.to_own(states_in(record, system.coordinates)).reshape(
@@ -333,22 +323,18 @@ def account(
         outcome=shaped(outcome) if shape else Outcome(int(outcome[0])),  # type: ignore[arg-type]
         kneestrike_time=shaped(knee_time * units.time),
         step_length=shaped(length * units.length),
-        hip_work=hip[0],
-        hip_work_absolute=hip[1],
+        hip_work=shaped(hip[0]),
+        hip_work_absolute=shaped(hip[1]),
         kneestrike_loss=shaped(record["knee_loss"] * units.energy),
         heelstrike_loss=shaped(record["heel_loss"] * units.energy),
         gravity_work=shaped(gravity * units.energy),
         weight=walker.total_mass if isinstance(walker, Mechanism) else units.force,
         spring_work=shaped(spring * units.energy),
         friction_loss=shaped(record["friction_loss"] * units.energy),
-        ankle_work=ankle[0],
-        ankle_work_absolute=ankle[1],
-        push_off_work=pushed,
+        ankle_work=shaped(ankle[0]),
+        ankle_work_absolute=shaped(ankle[1]),
+        push_off_work=shaped(pushed),
     )
-
-
-def _shaped(values: NDArray, shape: tuple[int, ...]) -> NDArray:
-    return values.reshape(shape) if shape else values[0]
 
 
 def together(strides: Sequence[Stride]) -> Stride:

@@ -61,6 +61,18 @@ class Samples(NamedTuple):
     controls: NDArray[np.float64]
 
 
+class Seeds(NamedTuple):
+    """Changes of walkers along k tangents.
+
+    Attributes:
+        points: Changes of points of the section, (n, m, k).
+        moving: Other quantities that change along a tangent, with its number.
+    """
+
+    points: NDArray[np.float64]
+    moving: dict[str, int]
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StrideMap(Section):
     """The stride map of one walker, or of n walkers that differ in one parameter; made by `of`.
@@ -89,6 +101,14 @@ class StrideMap(Section):
 
     controlled: ClassVar[bool] = False
     """Whether a controller observes the walker and sets its torques."""
+    exact: ClassVar[bool] = True
+    """Whether derivatives are exact."""
+    closes: ClassVar[float] = 1e-9
+    """Largest violation of the gait equations at which a point counts as a gait."""
+    hold: ClassVar[float] = math.inf
+    """Time for which torques are held; infinite if they are constant within a stride."""
+    terrain_lookahead: ClassVar[int] = 0
+    """Number of footholds ahead that a controller observes."""
 
     @classmethod
     def of(cls, walker: WalkerLike, *, controller: Actuation = PASSIVE, **fields: Any) -> Self:
@@ -135,37 +155,19 @@ class StrideMap(Section):
         return "" if self.passive else str(self.controller)
 
     @property
-    def exact(self) -> bool:
-        """Whether derivatives are exact."""
-        return True
-
-    @property
-    def closes(self) -> float:
-        """Largest violation of the gait equations at which a point counts as a gait."""
-        return 1e-9
-
-    @property
-    def hold(self) -> float:
-        """Time for which torques are held; infinite if they are constant within a stride."""
-        return math.inf
-
-    @property
-    def terrain_lookahead(self) -> int:
-        """Number of footholds ahead that a controller observes."""
-        return 0
-
-    @property
     def passive(self) -> bool:
         """Whether no actuator drives the walkers."""
         return self.parameter not in Actuation._fields and self.actuation.passive
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Parameters that may be varied, of walker and actuation, in the walker's units."""
+        """Parameters of walker and constant actuation that may be varied, in the walker's units."""
         if self.own:
             return self.walker.body._asdict()  # type: ignore[attr-defined]
-        own = to_own(units_of(self.walker), self.actuation)
-        return {name: getattr(self.walker, name) for name in PARAMETERS} | own._asdict()
+        parameters = {name: getattr(self.walker, name) for name in PARAMETERS}
+        if self.controlled:
+            return parameters
+        return parameters | to_own(units_of(self.walker), self.actuation)._asdict()
 
     def unit(self, parameter: str) -> float:
         """Return a parameter's unit in this map, in the walker's units; 1 for a walker's own."""
@@ -187,8 +189,8 @@ class StrideMap(Section):
             (place + np.arange(self.terrain_lookahead)) % len(self.ground), 1:
         ].ravel()
 
-    def _trailing(self, angles: NDArray, place: int) -> tuple[NDArray, NDArray]:
-        """Angles of straight trailing legs for stance angles (...), and their derivatives.
+    def _trailing(self, angles: NDArray, place: int) -> tuple[NDArray, NDArray, NDArray]:
+        """Angles of straight trailing legs for stance angles (...); derivatives by angle and leg.
 
         Both feet touch the ground at a heelstrike. The trailing foot stands on the previous
         foothold, so it is lower by the height change to this foothold.
@@ -202,7 +204,8 @@ class StrideMap(Section):
         leg = leg.reshape(-1, *[1] * (angles.ndim - 1)) if angles.ndim else leg[0]
         with np.errstate(invalid="ignore", divide="ignore"):
             behind = -np.arccos(np.cos(angles - slope_change) + height_change / leg)
-            return behind + slope_change, np.sin(angles - slope_change) / np.sin(behind)
+            by_angle = np.sin(angles - slope_change) / np.sin(behind)
+            return behind + slope_change, by_angle, height_change / (leg**2 * np.sin(behind))
 
     def state(self, points: NDArray, place: int = 0) -> NDArray:
         """Return dimensionless states (..., 6) at points (..., m), on foothold `place`."""
@@ -211,23 +214,29 @@ class StrideMap(Section):
             states[..., 1] = states[..., 2] = self._trailing(points[..., 0], place)[0]
         return states
 
-    def state_by(self, points: NDArray, changes: NDArray, place: int = 0) -> NDArray:
-        """Return changes of states (n, 6, k) for changes (n, m, k) of points (n, m)."""
-        states = super().state(changes.swapaxes(1, 2)).swapaxes(1, 2)
-        if self.terrain is not None and not self.own:
-            ahead = self._trailing(points[:, 0], place)[1][:, None] * changes[:, 0]
-            states[:, 1], states[:, 2] = ahead, ahead
-        return states
+    def seeds(self, n: int, by: Sequence[str], along: NDArray | None) -> Seeds:
+        """Return tangents of n walkers by name, those of "point" along directions (n, m, k)."""
+        m = self.dimension
+        ways = np.broadcast_to(np.eye(m), (n, m, m)) if along is None else along
+        parts, moving = [np.zeros((n, m, 0))], {}
+        for name in by:
+            if name != "point":
+                moving[name] = sum(part.shape[2] for part in parts)
+            parts.append(ways if name == "point" else np.zeros((n, m, 1)))
+        return Seeds(np.concatenate(parts, axis=2), moving)
 
-    def state_by_parameter(self, points: NDArray, name: str, place: int = 0) -> NDArray:
-        """Return derivatives (n, 6) of states at points (n, m) by a parameter of the walker."""
-        states = np.zeros((len(points), 6))
-        if self.terrain is not None:
-            bodies, height_change = self.walkers.bodies((name,)), self.ground[place - 1, 1]
+    def state_by(self, points: NDArray, seeds: Seeds, place: int = 0) -> NDArray:
+        """Return changes of states (n, 6, k) at points (n, m) along tangents."""
+        states = super().state(seeds.points.swapaxes(1, 2)).swapaxes(1, 2)
+        if self.terrain is None or self.own:
+            return states
+        # The trailing leg's angle depends on the points and on the leg length.
+        _, by_angle, by_leg = self._trailing(points[:, 0], place)
+        states[:, 1:3] = (by_angle[:, None] * seeds.points[:, 0])[:, None]
+        for name in set(seeds.moving) & set(PARAMETERS):
+            bodies = self.walkers.bodies((name,))
             where = self.walkers.system((name,)).Body._fields.index("leg")
-            leg, change = bodies[:, 0, where], bodies[:, -1, where]
-            behind = self._trailing(points[:, 0], place)[0] - self.ground[place - 1, 2]
-            states[:, 1] = states[:, 2] = height_change * change / (leg**2 * np.sin(behind))
+            states[:, 1:3, seeds.moving[name]] += (by_leg * bodies[:, -1, where])[:, None]
         return states
 
     @property
@@ -347,27 +356,17 @@ class StrideMap(Section):
         outcomes = np.full(len(points), Outcome.DIVERGED, np.int8)
         outcomes[walking] = _STRUCK
         actuations, ground, first = self._actuations(lanes[walking]), self.ground, {}
-        charted: list[str] = []
         if self.terrain is not None:
             first = {"rises": ground[0, 1], "turns": ground[0, 2]}
-            # The trailing leg's angle depends on the points and on the leg length.
-            charted = [name for name in by if name in PARAMETERS and not self.own]
-            here, count = points[walking], 0
-            if "point" in by:
-                ways = np.eye(self.dimension) if along is None else along[walking]
-                count = ways.shape[-1]
-                ways = np.broadcast_to(ways, (len(walking), self.dimension, count))
-            else:
-                ways, by = np.zeros((len(walking), self.dimension, 0)), ["point", *by]
-            columns = [self.state_by_parameter(here, name)[:, :, None] for name in charted]
-            along = np.zeros((len(points), self.size, count + len(charted)))
-            along[walking] = np.concatenate([self.state_by(here, ways), *columns], axis=2)
+        if by and (along is not None or self.terrain is not None):
+            seeds = self.seeds(len(walking), by, None if along is None else along[walking])
+            along = self.state_by(points[walking], seeds)
         slopes = slopes[walking]
         with np.errstate(all="ignore"), progress("strides", strides) as taken:
             walked = flow(
                 self.walkers, self.state(points[walking]), slopes + ground[0, 0], **first,
                 controls=actuations[:, :2], push_offs=actuations[:, 2], until=self.max_stride_time,
-                by=by, along=None if along is None else along[walking], lanes=lanes[walking],
+                by=by, along=along, lanes=lanes[walking],
             )  # fmt: skip
             planes = walked.records.shape[1]
             totals, on = np.zeros((5, len(walking), planes)), np.ones(len(walking), bool)
@@ -380,7 +379,9 @@ class StrideMap(Section):
                 self._add(totals, walked, stride % len(ground))
                 if (stride + 1) % len(ground) == 0:
                     taken()
-                outcomes[walking] = ended = _outcomes(walked)
+                # A stride that only ran out of time counts as STALLED.
+                ended = np.where(walked.outcomes == Outcome.RUNNING, _STALLED, walked.outcomes)
+                outcomes[walking] = ended
                 on = ended == _STRUCK
                 if not on.all():
                     walking, totals = walking[on], totals[:, on]
@@ -393,14 +394,6 @@ class StrideMap(Section):
         ends = self.point(states_in(records, self.size // 2)).transpose(2, 0, 1)
         rows = np.concatenate([ends, totals, unbalanced[None]])
         results[:, :, walking] = rows.transpose(2, 0, 1)
-        if charted:
-            first_column = 1 + list(by).index("point")
-            end = first_column + count
-            extra = slice(end, end + len(charted))
-            chart, results = results[extra], np.delete(results, extra, axis=0)
-            names = [x for name in by for x in ([name] * count if name == "point" else [name])]
-            for name, change in zip(charted, chart, strict=True):
-                results[1 + names.index(name)] += change
         return results, outcomes
 
     def _add(self, totals: NDArray, walked: Flow, place: int) -> None:
@@ -441,12 +434,8 @@ class StrideMap(Section):
         strides: list[Stride] = []
         for tilt, height_change, slope_change in np.tile(self.ground, (count, 1)).tolist():
             here = state if not strides else strides[-1].state
-            foothold = {
-                "height_change": height_change * self.walker.leg_length,
-                "slope_change": slope_change,
-            }
-            seen = self.ahead(len(strides))
-            strides.append(self.stride(here, slope + tilt, **foothold, ahead=seen))
+            rise, seen = height_change * self.walker.leg_length, self.ahead(len(strides))
+            strides.append(self._taken(here, slope + tilt, rise, slope_change, seen))
         return strides
 
     def stride(
@@ -475,26 +464,17 @@ class StrideMap(Section):
         if height_change is None and slope_change is None and self.terrain is not None:
             tilt, up, slope_change = self.ground[0].tolist()
             slopes, height_change = np.add(slopes, tilt), up * self.walker.leg_length
-        return self._taken(
-            state, slopes, 0.0 if height_change is None else height_change,
-            0.0 if slope_change is None else slope_change,
-            self.ahead(0) if ahead is None else ahead,
-        )  # fmt: skip
+        rise, turn = (0.0 if x is None else x for x in (height_change, slope_change))
+        return self._taken(state, slopes, rise, turn, self.ahead(0) if ahead is None else ahead)
 
     def _taken(
-        self,
-        state: ArrayLike,
-        slope: ArrayLike,
-        height_change: ArrayLike,
-        slope_change: ArrayLike,
-        ahead: NDArray,
+        self, state: ArrayLike, slope: ArrayLike, rise: ArrayLike, turn: ArrayLike, ahead: NDArray
     ) -> Stride:
-        """Take the stride of `stride`, of which the ground is known."""
+        """Take the stride of `stride`, with known changes to the next foothold."""
         return stride(
             self.walker, slope, state,
             tolerance=self.tolerance, max_stride_time=self.max_stride_time,
-            end_on_toe_stub=self.end_on_toe_stub, height_change=height_change,
-            slope_change=slope_change,
+            end_on_toe_stub=self.end_on_toe_stub, height_change=rise, slope_change=turn,
             **to_own(units_of(self.walker), self.actuation)._asdict(),
         )  # fmt: skip
 
@@ -586,10 +566,3 @@ def _named(results: NDArray) -> dict[str, NDArray]:
     """Split rows (m + 6, n), or their derivatives (m + 6, n, k), into the fields of `Change`."""
     rest = 1 - len(_FIELDS)
     return dict(zip(_FIELDS, [results[:rest].swapaxes(0, 1), *results[rest:]], strict=True))
-
-
-def _outcomes(walked: Flow) -> NDArray[np.int8]:
-    """Return the outcomes of strides; a stride that only ran out of time counts as STALLED."""
-    outcomes = walked.outcomes.astype(np.int8)
-    outcomes[outcomes == Outcome.RUNNING] = _STALLED
-    return outcomes

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +17,7 @@ from gym_passive_walker.arguments import (
 )
 from gym_passive_walker.gaits.actuation import Actuation, to_dimensionless
 from gym_passive_walker.gaits.given import GaitLike, walk_of
-from gym_passive_walker.gaits.stride import STATE_NAMES, stride
+from gym_passive_walker.gaits.stride import STATE_NAMES, stride, together
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, contacts, terrain_from
 from gym_passive_walker.physics.hybrid import Outcome
@@ -175,36 +175,32 @@ def simulate(
         if values.shape not in ((), (1,), (strides,)):
             raise ValueError(f"{name} must be {allowed}, not of shape {values.shape}")
         parts.append(np.broadcast_to(values, (strides,)))
-    own: Terrain | None = None if controlled is None else controlled.terrain
-    footholds = own if terrain is None else terrain_from(terrain)
-    ground = ground_of(footholds, terrain_seed, strides)
-    rises = ground[:, 1] * walker.leg_length
-    terrain_lookahead = 0 if controlled is None else controlled.terrain_lookahead
-    beyond = ground_of(footholds, terrain_seed, strides + terrain_lookahead)[:, 1:]
-    ahead = np.array([beyond[k : k + terrain_lookahead].ravel() for k in range(strides)])
+    strides_of: StrideMap = (controlled or StrideMap.of(walker)).with_tolerance(tolerance)
+    footholds = strides_of.terrain if terrain is None else terrain_from(terrain)
+    seen_ahead = strides_of.terrain_lookahead
+    ground = ground_of(footholds, terrain_seed, strides + seen_ahead)
+    ahead = np.array([ground[k : k + seen_ahead, 1:].ravel() for k in range(strides)])
+    ground, rises = ground[:strides], ground[:strides, 1] * walker.leg_length
     starts, walks = [state], []
-    strides_of = controlled.with_tolerance(tolerance) if controlled else None
     for k, held in enumerate(map(Actuation._make, np.stack(parts, axis=1).tolist())):
         here = slope + ground[k, 0], starts[-1]
         foothold = {"height_change": float(rises[k]), "slope_change": float(ground[k, 2])}
-        if strides_of is None:
+        if controlled is None:
             walks.append(stride(walker, *here, tolerance=tolerance, **foothold, **held._asdict()))
         else:
             walks.append(strides_of.stride(*here[::-1], **foothold, ahead=ahead[k]))
         if walks[-1].outcome != Outcome.HEELSTRIKE:
             break
         starts.append(walks[-1].state)
-    made = len(walks)
-    durations, lengths = (
-        np.array([getattr(walk, name) for walk in walks]) for name in ("duration", "step_length")
-    )
+    made, taken = len(walks), together(walks)
+    durations, lengths = taken.duration, taken.step_length
     first, tilts = np.array(starts[:made]), ground[:made, 0]
     # Impact times of the two integrations differ by the tolerance: end earlier by more than that.
     instants = np.linspace(0.0, 1.0 - 10.0 * tolerance - 1e-12, samples) * durations[:, None]
     units = units_of(walker)
-    if strides_of is None:
+    if controlled is None:
         held = to_dimensionless(units, Actuation(*(part[:made] for part in parts)))
-        strides_of = StrideMap(walker=walker, tolerance=tolerance, actuation=held)
+        strides_of = replace(strides_of, actuation=held)
     seen = strides_of.look(
         strides_of.dimensionless(first), slope + tilts, instants / units.time,
         rises[:made] / units.length if ground.any() else None, ahead=ahead[:made],
@@ -212,9 +208,8 @@ def simulate(
     states = units.to_own(seen.states)
     began = np.cumsum([0.0, *durations[:-1]])[:, None]
     rolled = walker.foot_radius * (first[:, :1] - states[:, :, 0])
-    places = (
-        contacts(walker, ground[:made], lengths)[:, None] + rolled * np.exp(-1j * tilts)[:, None]
-    )
+    places = contacts(walker, ground[:made], lengths)[:, None]
+    places = places + rolled * np.exp(-1j * tilts)[:, None]
     return Trajectory(
         walker=walker,
         slope=slope,
@@ -225,7 +220,7 @@ def simulate(
         tilts=np.repeat(tilts, samples),
         strides=np.repeat(np.arange(made), samples),
         phases=seen.stages.ravel(),
-        outcomes=np.array([int(walk.outcome) for walk in walks]),
+        outcomes=taken.outcome,
         torques=(
             seen.controls
             if isinstance(walker, Mechanism)

@@ -8,7 +8,7 @@ on the CPU.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -21,17 +21,10 @@ from gym_passive_walker.arguments import unknown
 from gym_passive_walker.control.ticks import hold, inputs_of
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.actuation import Actuation, check_actuation
-from gym_passive_walker.gaits.flow import (
-    MIRRORED,
-    Report,
-    Walkers,
-    go_on,
-    new_records,
-    report_of,
-)
+from gym_passive_walker.gaits.flow import MIRRORED, Report, Walkers, go_on, new_records, report_of
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import UNEVEN, system_of
-from gym_passive_walker.walkers import PARAMETERS, Mechanism, Walker, WalkerError
+from gym_passive_walker.walkers import PARAMETERS, Mechanism, Walker, WalkerError, changed
 
 
 class Columns(NamedTuple):
@@ -281,7 +274,7 @@ def _walked(
         own_jacobians[:, :, range(size)] = 0.0
         own_jacobians[:, :, moved] += reported[:, :, 1 : 1 + size] @ by_push
     jacobians[lanes] = own_jacobians
-    after[lanes], outcomes[lanes] = walked["phase"][:, 0], walked.outcomes
+    after[lanes], outcomes[lanes] = walked.records["phase"][:, 0], walked.outcomes
     margins[lanes] = walked.margins
     if options.whole:
         stalled = going & (outcomes == _RUNNING)
@@ -333,11 +326,7 @@ def _check(walker: Walker, names: tuple[str, ...], values: NDArray) -> None:
 
 @lru_cache(maxsize=4096)
 def _check_walker(walker: Any, names: tuple[str, ...], values: tuple[float, ...]) -> None:
-    parameters: Any = dict(zip(names, values, strict=True))
-    if isinstance(walker, Mechanism):
-        walker.vary(**parameters)
-    else:
-        replace(walker, **parameters)
+    changed(walker, **dict(zip(names, values, strict=True)))
 
 
 def as_tensor(value: Any, name: str) -> Tensor:

@@ -301,7 +301,7 @@ def _tick(
         rules.clip(action, scene.least(name), 1.0)
         for name, action in zip(scene.actions, actions.reshape(wanted).T, strict=True)
     )
-    held: dict[str, Tensor] = {name: torch.zeros_like(here.times) for name in scene.channels}
+    held = dict.fromkeys(scene.channels, torch.zeros_like(here.times))
     for name, share in zip(scene.actions, shares, strict=True):
         held[name] = scene.largest(name) * share
     spans = torch.full_like(here.times, scene.tick if scene.control == "tick" else math.inf)

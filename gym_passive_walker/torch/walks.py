@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from gym_passive_walker.arguments import check_tolerance, unknown
-from gym_passive_walker.envs.rules import ENERGIES, motor_charge
+from gym_passive_walker.envs.rules import work_of
 from gym_passive_walker.gaits.actuation import Actuation, actuation_units
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE
 from gym_passive_walker.physics.systems import UNEVEN, system_of
@@ -24,7 +24,7 @@ from gym_passive_walker.torch.operation import (
     columns_of,
 )
 from gym_passive_walker.units import Units, units_of
-from gym_passive_walker.walkers import Mechanism, WalkerLike, as_any, varied
+from gym_passive_walker.walkers import Mechanism, Walker, WalkerLike, as_any, varied
 
 
 class Stride(NamedTuple):
@@ -160,13 +160,11 @@ def stride(
         ValueError: if shapes do not match, or the walker's feet do not permit an actuation.
         WalkerError: if the parameters describe no walker.
     """
-    walk = _walk(
-        walker, slope, state, Actuation(hip_torque, ankle_torque, push_off), (height_change,
-        slope_change, 0.0),
-        controls, parameters,
+    return _walk(
+        Stride, walker, slope, state, Actuation(hip_torque, ankle_torque, push_off),
+        (height_change, slope_change, 0.0), controls, parameters,
         end=max_stride_time, tolerance=tolerance, end_on_toe_stub=end_on_toe_stub, whole=True,
     )  # fmt: skip
-    return walk.found(Stride)
 
 
 def tick(
@@ -222,13 +220,11 @@ def tick(
         ValueError: if shapes do not match, or the walker's feet do not permit an actuation.
         WalkerError: if the parameters describe no walker.
     """
-    walk = _walk(
-        walker, slope, state, Actuation(hip_torque, ankle_torque, push_off), (height_change,
-        slope_change, push),
-        controls, parameters,
+    return _walk(
+        Tick, walker, slope, state, Actuation(hip_torque, ankle_torque, push_off),
+        (height_change, slope_change, push), controls, parameters,
         duration=duration, phase=phase, tolerance=tolerance, end_on_toe_stub=end_on_toe_stub,
     )  # fmt: skip
-    return walk.found(Tick)
 
 
 _Told = TypeVar("_Told", Stride, Tick)
@@ -247,60 +243,49 @@ _IN_UNITS = {
 """Entry of the results and unit of each field."""
 
 
-class _Walk(NamedTuple):
-    """Dimensionless results for n walkers, and their conversion to the walkers' own units."""
+def _found(
+    kind: type[_Told], walker: Walker, units: Units, time: Tensor, moved: FlowResult, held: Tensor
+) -> _Told:
+    """Return results for n walkers as a `Stride` or a `Tick`, in the walkers' own units.
 
-    moved: FlowResult
-    units: Units
-    time: Tensor  # the unit of time, (n, 1)
-    torques: Tensor  # dimensionless, (n, controls)
-    works: Sequence[float]
-    several: bool
-    own: bool
-
-    @property
-    def state(self) -> Tensor:
-        states, half = self.moved.states, self.moved.columns.report.size // 2
-        return torch.cat([states[:, :half], states[:, half:] / self.time], 1)
-
-    def found(self, kind: type[_Told]) -> _Told:
-        """Return the results as a `Stride` or a `Tick`."""
-        moved, units, own = self.moved, self.units, self.own
-        found = {
-            "state": self.state,
-            "phase": moved.phases,
-            "outcome": moved.outcomes,
-            "walks": moved.walks,
-            "margin": moved.margins,
-        }
-        for name, (entry, unit) in _IN_UNITS.items():
-            if name in kind._fields:
-                found[name] = moved.result(entry) * getattr(units, unit)
-        if kind is Tick:
-            knee, heel = (moved.result(name) * units.energy for name in ("knee_loss", "heel_loss"))
-            found |= {"distance": moved.distance * units.length, "collision_loss": knee + heel}
-        # All controls of a `System` count as the hip's.
-        for name, controls in (
-            ("hip", range(len(self.works) if own else 1)),
-            ("ankle", range(0 if own else 1, 0 if own else 2)),
-        ):
-            found[f"{name}_work"] = self.work(controls, "net")
-            found[f"{name}_work_absolute"] = self.work(controls, "absolute")
-        each = (found[name] for name in kind._fields)
-        return kind._make(each if self.several else (x[0] for x in each))
-
-    def work(self, controls: range, kind: str) -> Tensor:
-        """Return the work of some controls, (n,); the gradient is zero after a fall."""
-        total = torch.zeros(len(self.torques), dtype=torch.float64)
-        for j in controls:
-            held = self.torques[:, j]
-            held = torch.where(self.moved.walks, held, held.detach()) * self.works[j]
-            moved, turned = self.moved.result("moved", j), self.moved.result("turned", j)
-            total = total + motor_charge(ENERGIES.index(kind), held, moved, turned)
-        return total * self.units.energy
+    Args:
+        kind: Class of the result.
+        walker: The walker.
+        units: Its units, which parameters may change.
+        time: The unit of time, (n, 1).
+        moved: Dimensionless results.
+        held: Dimensionless torques, (n, controls).
+    """
+    works, half = system_of(walker).works, moved.columns.report.size // 2
+    found = {
+        "state": torch.cat([moved.states[:, :half], moved.states[:, half:] / time], 1),
+        "phase": moved.phases,
+        "outcome": moved.outcomes,
+        "walks": moved.walks,
+        "margin": moved.margins,
+    }
+    for name, (entry, unit) in _IN_UNITS.items():
+        if name in kind._fields:
+            found[name] = moved.result(entry) * getattr(units, unit)
+    if kind is Tick:
+        knee, heel = (moved.result(name) * units.energy for name in ("knee_loss", "heel_loss"))
+        found |= {"distance": moved.distance * units.length, "collision_loss": knee + heel}
+    nothing = torch.zeros(len(time), dtype=torch.float64)
+    done = {"hip": (nothing, nothing), "ankle": (nothing, nothing)}
+    for j, work in enumerate(works):
+        # All controls of a `System` count as the hip's. The gradient is zero after a fall.
+        name = "ankle" if j and not isinstance(walker, Mechanism) else "hip"
+        torque = torch.where(moved.walks, held[:, j], held[:, j].detach()) * work
+        net, absolute = work_of(torque, moved.result("moved", j), moved.result("turned", j))
+        done[name] = done[name][0] + net, done[name][1] + absolute
+    for name, (net, absolute) in done.items():
+        found[f"{name}_work"] = net * units.energy
+        found[f"{name}_work_absolute"] = absolute * units.energy
+    return kind._make(found[name] for name in kind._fields)
 
 
 def _walk(
+    kind: type[_Told],
     walker: WalkerLike,
     slope: Any,
     state: Any,
@@ -315,7 +300,7 @@ def _walk(
     tolerance: float,
     end_on_toe_stub: bool,
     whole: bool = False,
-) -> _Walk:
+) -> _Told:
     """Integrate walkers through a stride of at most `end` sqrt(l/g), or for a duration."""
     walker = as_any(walker)
     own, given = isinstance(walker, Mechanism), check_parameters(walker, parameters)
@@ -369,9 +354,9 @@ def _walk(
         whole=whole,
     )
     moved = carry_on(inputs, phases, torch.ones(count, dtype=torch.bool), options)
-    works = system_of(walker).works
-    motors = [columns.inputs[name][0] for name in columns.controls[: len(works)]]
-    return _Walk(moved, units, time, inputs[:, motors], works, bool(shape), own)
+    torques = inputs[:, [columns.inputs[name][0] for name in columns.controls]]
+    found = _found(kind, walker, units, time, moved, torques)
+    return found if shape else kind._make(x[0] for x in found)
 
 
 def _controls(

@@ -210,15 +210,15 @@ PARAMETERS = tuple(field.name for field in fields(Walker) if field.name != "knee
 """Names of the numerical parameters of a walker."""
 
 
-def changed(walker: Any, parameter: str, value: float) -> Any:
-    """A walker with another value of one parameter.
+def changed(walker: Any, **parameters: float) -> Any:
+    """A walker or system with other values of some parameters.
 
     Raises:
-        ValueError: if it cannot have that value.
+        ValueError: if it cannot have these values.
     """
     if isinstance(walker, Walker):
-        return replace(walker, **{parameter: value})
-    return walker.vary(**{parameter: value})
+        return replace(walker, **parameters)
+    return walker.vary(**parameters)
 
 
 def varied(walker: Walker, parameters: Mapping[str, Any]) -> Any:

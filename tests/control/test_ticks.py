@@ -262,11 +262,11 @@ def test_the_rate_at_which_a_heelstrike_falls_is_the_legs(name):
     point = strides.points_at(gpw.find_gait(walker, slope).state)
     walkers = Walkers(walker=walker)
     walked = go_on(walkers, new_records(strides.state(point), slope, end=9.0))
-    at_end = walked["time"][0, 0]
+    at_end = walked.records["time"][0, 0]
     stance, thigh = strides.before_strike(point[0], slope, at_end)[3:5]
     knee = np.inf
     if walker.knees:
-        at_lock = strides.before_strike(point[0], slope, walked["knee_time"][0, 0])
+        at_lock = strides.before_strike(point[0], slope, walked.records["knee_time"][0, 0])
         knee = abs(at_lock[5] - at_lock[4])
     assert walked.margins[0] == pytest.approx(min(-(stance + thigh), knee), rel=1e-6)
 

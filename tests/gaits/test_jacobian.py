@@ -159,7 +159,7 @@ def test_columns_come_in_the_order_asked_for():
 
 
 def test_an_unknown_parameter_is_refused_with_the_known_ones():
-    with pytest.raises(ValueError, match=r"cannot differentiate by 'weight'.*foot_radius"):
+    with pytest.raises(ValueError, match=r"wrt: the stride map has no weight.*foot_radius"):
         stride_jacobian("E", *start("E"), wrt="weight")
 
 

@@ -14,7 +14,6 @@ from gym_passive_walker.gaits.objectives import (
     spectral_radius,
 )
 from gym_passive_walker.gaits.sensitivity import (
-    Place,
     map_change,
     place_near,
     sensitivity,
@@ -37,9 +36,8 @@ WALKERS = {**WALKERS, "sprung": SPRUNG}
 def gait_of(name):
     """A preset's long-step gait and its derivatives."""
     walker, slope = WALKERS[name], SLOPES[name]
-    stride_map = StrideMap.of(walker)
-    point = stride_map.points(find_gait(walker, slope).state)
-    return sensitivity(Place(point, slope), BY[name])
+    point = StrideMap.of(walker, slope=slope).points(find_gait(walker, slope).state)
+    return sensitivity(point, BY[name])
 
 
 def multiplier_changes(map_derivative, change):
@@ -54,8 +52,8 @@ def multiplier_changes(map_derivative, change):
 def found_beside(gait, name, column, distance):
     """The gait of the walker with a changed parameter, by Newton's method."""
     place = gait.place
-    guess = place.u + distance * gait.coordinates[:, column]
-    walker, slope = place.walker, place.slope
+    guess = place.chart[0] + distance * gait.coordinates[:, column]
+    walker, slope = place.section.walker, place.section.slope
     if name == "slope":
         slope += distance
     else:
@@ -68,7 +66,7 @@ def found_beside(gait, name, column, distance):
 def differenced(gait, column, quantity):
     """How a quantity of gaits changes with a parameter, by gaits at four distances."""
     name = gait.by[column]
-    size = size_of(name, gait.place.walker, gait.place.slope)
+    size = size_of(name, gait.place.section.walker, gait.place.section.slope)
     h = 2e-4 / max(1.0 / size, np.abs(gait.coordinates[:, column]).max())
     values = [quantity(found_beside(gait, name, column, k * h)) for k in (-2, -1, 1, 2)]
     return np.tensordot([1.0, -8.0, 8.0, -1.0], np.array(values), axes=1) / (12.0 * h)
@@ -78,7 +76,7 @@ def differenced(gait, column, quantity):
 def test_a_gait_moves_as_the_implicit_function_theorem_says(name):
     gait = gait_of(name)
     for column in range(len(gait.by)):
-        moved = differenced(gait, column, lambda gait: gait.place.u)
+        moved = differenced(gait, column, lambda gait: gait.place.chart[0])
         np.testing.assert_allclose(
             gait.coordinates[:, column], moved, atol=1e-8 * np.abs(moved).max() + 1e-10
         )
@@ -101,7 +99,7 @@ def test_quantities_of_a_gait_change_as_their_gradients_say(name):
 @pytest.mark.parametrize("name", BY)
 def test_multipliers_change_as_those_of_gaits_found_beside_do(name):
     gait = gait_of(name)
-    sizes = [size_of(n, gait.place.walker, gait.place.slope) for n in gait.by]
+    sizes = [size_of(n, gait.place.section.walker, gait.place.section.slope) for n in gait.by]
     change = map_change(gait, sizes)
     values, moved = multiplier_changes(gait.map, change)
     np.testing.assert_allclose(values, multipliers_of(gait.map), atol=1e-14)
@@ -139,10 +137,8 @@ def test_quantities_are_those_that_users_know(name):
 def test_where_the_knee_stop_turns_the_swing_foot_up_its_height_is_followed_there():
     # Tuned, C's foot would go on down if its knee did not lock.
     walker, slope = tune("C"), 0.05
-    stride_map = StrideMap.of(walker)
     known = find_gait(walker, slope)
-    place = Place(stride_map.points(known.state), slope)
-    gait = sensitivity(place, ("slope", "shank_com"))
+    gait = sensitivity(known.point, ("slope", "shank_com"))
     _, gradient = QUANTITIES["clearance"](gait)
     for column in (0, 1):
         moved = differenced(gait, column, lambda gait: QUANTITIES["clearance"](gait)[0])
@@ -151,7 +147,7 @@ def test_where_the_knee_stop_turns_the_swing_foot_up_its_height_is_followed_ther
 
 def test_there_is_no_gait_near_to_a_guess_far_from_any():
     gait = gait_of("lab")
-    assert place_near(StrideMap.of("lab"), 0.001, gait.place.u) is None
+    assert place_near(StrideMap.of("lab"), 0.001, gait.place.chart[0]) is None
 
 
 def test_all_roots_lie_inside_a_circle_just_where_its_conditions_are_positive():
@@ -180,4 +176,4 @@ def test_the_conditions_of_a_circle_change_as_their_derivatives_say():
 
 def test_states_of_a_place_are_the_gait_s():
     gait = gait_of("lab").place
-    np.testing.assert_allclose(gait.point.states[0], find_gait("lab", 0.036).state, rtol=1e-11)
+    np.testing.assert_allclose(gait.states[0], find_gait("lab", 0.036).state, rtol=1e-11)
