@@ -41,29 +41,6 @@ class GaitNotFound(Exception):
         self.slope, self.walker = slope, walker
 
 
-def _mean(name: str, meaning: str) -> float:
-    """Return a property of `Gait`: the mean of a measure of its strides."""
-    return property(lambda gait: _mean_of(gait.strides, name), doc=meaning)  # type: ignore[return-value]
-
-
-def _cost(name: str, meaning: str) -> float:
-    """Return a property of `Gait`: the mean energy of a stride over weight times distance."""
-
-    def cost(gait: Gait) -> float:
-        return _mean_of(gait.strides, name) / (gait.strides.weight * gait.step_length)
-
-    return property(cost, doc=f"{meaning} over weight times distance.")  # type: ignore[return-value]
-
-
-def _first(name: str, meaning: str) -> float:
-    """Return a property of `Gait`: a measure of its first stride."""
-    return property(lambda gait: float(getattr(gait.stride, name)), doc=meaning)  # type: ignore[return-value]
-
-
-def _mean_of(strides: Stride, name: str) -> float:
-    return sum(np.asarray(getattr(strides, name)).tolist()) / len(strides.duration)
-
-
 @dataclass(frozen=True, repr=False)
 class Gait(Shown):
     """A periodic gait (limit cycle), passive or under a controller, in the walker's own units.
@@ -116,10 +93,28 @@ class Gait(Shown):
         outcome = Outcome(int(first.outcome))
         return first._replace(weight=self.strides.weight, outcome=outcome)  # type: ignore[arg-type]
 
-    step_period = _mean("duration", "Mean time of a stride.")
-    step_length = _mean("step_length", "Mean distance between contacts along the slope.")
-    collision_loss = _mean("collision_loss", "Mean energy lost at the impacts of a stride.")
-    friction_loss = _mean("friction_loss", "Mean energy lost to friction in a stride.")
+    def _mean(self, values: NDArray) -> float:
+        return sum(np.asarray(values).tolist()) / len(self.strides.duration)
+
+    @property
+    def step_period(self) -> float:
+        """Mean time of a stride."""
+        return self._mean(self.strides.duration)
+
+    @property
+    def step_length(self) -> float:
+        """Mean distance between contacts along the slope."""
+        return self._mean(self.strides.step_length)
+
+    @property
+    def collision_loss(self) -> float:
+        """Mean energy lost at the impacts of a stride."""
+        return self._mean(self.strides.collision_loss)
+
+    @property
+    def friction_loss(self) -> float:
+        """Mean energy lost to friction in a stride."""
+        return self._mean(self.strides.friction_loss)
 
     @property
     def stance_angle(self) -> float:
@@ -136,13 +131,44 @@ class Gait(Shown):
         """Speed over sqrt(g l), the square root of the Froude number (Eq. 4.6)."""
         return self.speed / units_of(self.walker).speed
 
-    gravity_cost = _cost("gravity_work", "Work of gravity")
-    hip_cost = _cost("hip_work_absolute", "Absolute work of the hip torque")
-    net_hip_cost = _cost("hip_work", "Net work of the hip torque")
-    positive_hip_cost = _cost("hip_work_positive", "Positive work of the hip torque")
-    ankle_cost = _cost("ankle_work_absolute", "Absolute work of the ankle torque")
-    net_ankle_cost = _cost("ankle_work", "Net work of the ankle torque")
-    push_off_cost = _cost("push_off_work", "Work of the push-off")
+    def _cost(self, energies: NDArray) -> float:
+        """Mean energy of a stride over weight times distance."""
+        return self._mean(energies) / (self.strides.weight * self.step_length)
+
+    @property
+    def gravity_cost(self) -> float:
+        """Work of gravity over weight times distance."""
+        return self._cost(self.strides.gravity_work)
+
+    @property
+    def hip_cost(self) -> float:
+        """Absolute work of the hip torque over weight times distance."""
+        return self._cost(self.strides.hip_work_absolute)
+
+    @property
+    def net_hip_cost(self) -> float:
+        """Net work of the hip torque over weight times distance."""
+        return self._cost(self.strides.hip_work)
+
+    @property
+    def positive_hip_cost(self) -> float:
+        """Positive work of the hip torque over weight times distance."""
+        return self._cost(self.strides.hip_work_positive)
+
+    @property
+    def ankle_cost(self) -> float:
+        """Absolute work of the ankle torque over weight times distance."""
+        return self._cost(self.strides.ankle_work_absolute)
+
+    @property
+    def net_ankle_cost(self) -> float:
+        """Net work of the ankle torque over weight times distance."""
+        return self._cost(self.strides.ankle_work)
+
+    @property
+    def push_off_cost(self) -> float:
+        """Work of the push-off over weight times distance."""
+        return self._cost(self.strides.push_off_work)
 
     @property
     def motor_cost(self) -> float:
@@ -162,12 +188,20 @@ class Gait(Shown):
         lost = self.collision_loss + self.friction_loss
         return lost / (self.strides.weight * self.step_length)
 
-    kneestrike_time = _first(
-        "kneestrike_time",
-        "Time from heelstrike to kneestrike in the first stride; NaN without knees.",
-    )
-    kneestrike_loss = _first("kneestrike_loss", "Energy lost at kneestrike in the first stride.")
-    heelstrike_loss = _first("heelstrike_loss", "Energy lost at heelstrike in the first stride.")
+    @property
+    def kneestrike_time(self) -> float:
+        """Time from heelstrike to kneestrike in the first stride; NaN without knees."""
+        return float(self.stride.kneestrike_time)
+
+    @property
+    def kneestrike_loss(self) -> float:
+        """Energy lost at kneestrike in the first stride."""
+        return float(self.stride.kneestrike_loss)
+
+    @property
+    def heelstrike_loss(self) -> float:
+        """Energy lost at heelstrike in the first stride."""
+        return float(self.stride.heelstrike_loss)
 
     @property
     def beyond_fold(self) -> bool:
@@ -290,11 +324,11 @@ def measure(point: Points, slope: float, period: int) -> Gait:
     multipliers = multipliers_of(gait.map[0])  # first, as it raises if no stride exists
     state = point.states[0]
     strides = together(exact.walk(state, slope, period))
-    duration = _mean_of(strides, "duration") / exact.units.time
+    duration = sum(np.asarray(strides.duration).tolist()) / len(strides.duration)
     return Gait(
         stride_map=replace(exact, slope=slope),
         slope=slope,
-        kind="long" if exact.own else _kind(exact.walker, gait.map[0], duration),
+        kind="long" if exact.own else _kind(exact.walker, gait.map[0], duration / exact.units.time),
         period=period,
         state=state,
         multipliers=multipliers,
