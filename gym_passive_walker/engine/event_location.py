@@ -155,7 +155,7 @@ def turning(tile, phase, history, lane, k):
     return root(derivative(quintic(history, i, tile.h[lane])))
 
 
-@jitted
+@inlined
 def between_turns(history, i, h):
     """Return the fraction of the step between two reversals of a coordinate; or -1 if not two.
 
@@ -242,7 +242,7 @@ def earliest(phase, history, h, scuff, but):
     return first, event
 
 
-@jitted
+@inlined
 def accept(tiles, histories, phase, lane, event, late):
     """Take a step's end as the new start: moved by a time onto an event, or for 0.0 as it is."""
     for k in range(len(histories[0].turning)):
