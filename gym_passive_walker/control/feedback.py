@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
 
 from gym_passive_walker.gaits.actuation import Actuation, to_own
 from gym_passive_walker.gaits.fixed_point import find_gait
@@ -160,7 +160,7 @@ def gains(
     if method == "deadbeat":
         return deadbeat(a, b) @ inside / scale
     weight = torque_weight * np.eye(b.shape[1])
-    p = solve_discrete_are(a, b, np.eye(survive), weight)
+    p = scipy.linalg.solve_discrete_are(a, b, np.eye(survive), weight)
     return np.linalg.solve(weight + b.T @ p @ b, b.T @ p @ a) @ inside / scale
 
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from gym_passive_walker.arguments import instance, number, shown
 from gym_passive_walker.control.feedback import first_driven, powered_gait
@@ -303,7 +303,7 @@ def least_cost(gaits: str | Sequence[OptimalGait], speed: float) -> float:
         speeds, costs = np.array([(gait.speed, gait.cost_of_transport) for gait in gaits]).T
     if len(speeds) == 1 or not costs.min() > 0.0:  # no logarithm, or no curve
         return float(np.interp(speed, speeds, costs, left=math.nan, right=math.nan))
-    curve = PchipInterpolator(speeds.round(9), np.log(costs), extrapolate=False)
+    curve = scipy.interpolate.PchipInterpolator(speeds.round(9), np.log(costs), extrapolate=False)
     return math.exp(curve(round(speed, 9)))
 
 

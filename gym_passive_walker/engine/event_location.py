@@ -115,7 +115,7 @@ def extrapolated(history, i, ahead):
     return history.after[i] + ahead * (history.rate_after[i] + 0.5 * ahead * history.bend_after[i])
 
 
-@jitted
+@inlined
 def may_count(phase, history, i, h, x):
     """Return whether a guard's crossing may count at a fraction x of the step.
 
@@ -132,7 +132,7 @@ def may_count(phase, history, i, h, x):
     return True
 
 
-@jitted
+@inlined
 def crossing(phase, history, i, h, scuff, ahead):
     """Return the fraction of the step at which a guard falls through zero and may count; or -1.
 
@@ -146,7 +146,7 @@ def crossing(phase, history, i, h, scuff, ahead):
     return x if may_count(phase, history, i, h, x) else -1.0
 
 
-@jitted
+@inlined
 def turning(tile, phase, history, lane, k):
     """Return the fraction of the step at which a control's coordinate reverses; or -1."""
     i = phase.guards + k
@@ -155,7 +155,7 @@ def turning(tile, phase, history, lane, k):
     return root(derivative(quintic(history, i, tile.h[lane])))
 
 
-@jitted
+@inlined
 def between_turns(history, i, h):
     """Return the fraction of the step between two reversals of a coordinate; or -1 if not two.
 
@@ -173,7 +173,7 @@ def between_turns(history, i, h):
     return between if turns and _BRINK < between < 1.0 - _BRINK else -1.0
 
 
-@jitted
+@inlined
 def hidden_crossings(history, i, h):
     """Find an extremum of a guard near zero, where the guard may cross zero twice.
 
@@ -190,7 +190,7 @@ def hidden_crossings(history, i, h):
     return fraction if unsure and _BRINK < fraction < 1.0 - _BRINK else -1.0
 
 
-@jitted
+@inlined
 def first_crossing(history, i, h, between):
     """Return the fraction of the step after a guard's first of several crossings; or -1.
 
@@ -242,7 +242,7 @@ def earliest(phase, history, h, scuff, but):
     return first, event
 
 
-@jitted
+@inlined
 def accept(tiles, histories, phase, lane, event, late):
     """Take a step's end as the new start: moved by a time onto an event, or for 0.0 as it is."""
     for k in range(len(histories[0].turning)):
@@ -302,7 +302,7 @@ def accepted_event(tile, history, lane, event):
     return 0
 
 
-@jitted
+@inlined
 def approach_event(tiles, histories, phase, lane, options):
     """Take one Newton step on the length of the step that ends on the lane's event.
 
@@ -341,7 +341,7 @@ def approach_event(tiles, histories, phase, lane, options):
     return accepted_event(tile, history, lane, event)
 
 
-@jitted
+@inlined
 def move_to_impact(tiles, histories, phase, lane, options):
     """Move the end of a step onto the impact if it is near enough; return whether it was moved."""
     tile, history = tiles[0], histories[0]
@@ -359,7 +359,7 @@ def move_to_impact(tiles, histories, phase, lane, options):
     return True
 
 
-@jitted
+@inlined
 def process_events(tiles, histories, phase, lane, options):
     """Process one lane after its step: reject or shorten the step, locate an event, or accept it.
 

@@ -43,8 +43,9 @@ _WITHIN: dict[str, Any] = _OPTIONS | {"no_cpython_wrapper": True}
 
 
 def jitted(function: Callable[..., Any]) -> Any:
-    """Compile a function that only kernels call."""
-    return numba.njit(**_WITHIN)(function)
+    """Compile a function that only kernels call; LLVM decides whether to inline it."""
+    # Without the option, a function takes it from the caller that happens to be compiled first.
+    return numba.njit(forceinline=False, **_WITHIN)(function)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
@@ -211,6 +212,18 @@ def _view(typing_context, address, shape, dtype):  # type: ignore[no-untyped-def
     return kind(types.int64, types.UniTuple(types.intp, len(shape)), dtype), code
 
 
+@intrinsic(prefer_literal=True)
+def _stack(typing_context, count):  # type: ignore[no-untyped-def]
+    """Return the address of words on the caller's stack; their number is a constant."""
+
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        word = ir.IntType(64)
+        words = cgutils.alloca_once(builder, word, ir.Constant(word, count.literal_value))
+        return builder.ptrtoint(words, word)
+
+    return types.int64(count), code
+
+
 @intrinsic
 def _uniform(typing_context, generator):  # type: ignore[no-untyped-def]
     """Draw a number in [0, 1) from the NumPy generator with its `bitgen_t` at an address."""
@@ -228,12 +241,13 @@ def _uniform(typing_context, generator):  # type: ignore[no-untyped-def]
     return types.float64(types.int64), code
 
 
-# In compiled code: address(array), view(address, shape, dtype), fma(a, b, c),
+# In compiled code: address(array), view(address, shape, dtype), stack(count), fma(a, b, c),
 # uniform(generator), call(function, first, second, lane, tangents, x, y).
 call: Any = _call
 fma: Any = _fma
 address: Any = _address
 view: Any = _view
+stack: Any = _stack
 
 
 @inlined

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from gym_passive_walker.engine.event_location import LOST, TIME_UP, process_events
-from gym_passive_walker.engine.jit import address, call, inlined, jitted
+from gym_passive_walker.engine.jit import address, call, inlined, merged, stack, view
 from gym_passive_walker.engine.layout import WIDTH
 from gym_passive_walker.engine.native import GROUP
 from gym_passive_walker.engine.step import ALERT, PLAIN, UP
@@ -18,14 +18,18 @@ from gym_passive_walker.physics.hybrid import Outcome
 
 _DIVERGED, _STALLED = int(Outcome.DIVERGED), int(Outcome.STALLED)
 _FALLS = int(Outcome.FELL_FORWARD)
+_WORD = np.dtype("i8")
 _LINE = 8 * GROUP  # bytes from one group of a tile's lanes to the next
+
+CHUNK = 1024
+"""Number of records that are integrated together, so that they stay in the cache."""
 
 WAITING, RESTING = int(Outcome.RUNNING), -1
 """Outcomes of a record that is to be integrated or has reached its time limit; and of one that must
 not change."""
 
 
-@inlined
+@merged
 def finish_sweep(tiles, histories, phase, lane, options):
     """Return the result of a lane's step, as `event_location.process_events` does.
 
@@ -55,7 +59,7 @@ def leave(record, body, tiles, phase, lane, event, options):
         call(phase.resets[outcome], address(record), address(body), 0, tangents, 0.0, scuff)
 
 
-@jitted
+@merged
 def integrate_phase(records, bodies, phase, number, tiles, histories, options):
     """Integrate every record that waits in a phase to its event or its time limit, in place.
 
@@ -64,7 +68,7 @@ def integrate_phase(records, bodies, phase, number, tiles, histories, options):
     another phase.
 
     Args:
-        records: Records, (n, 1 + tangents) of RECORD.
+        records: Records, (n, 1 + tangents) of RECORD; n is at most CHUNK.
         bodies: Constants of the walkers, (1 or n, 1 + tangents, constants).
         phase: A `compiled.PHASE`.
         number: Index of the phase in its system.
@@ -72,7 +76,8 @@ def integrate_phase(records, bodies, phase, number, tiles, histories, options):
         histories: Working memory, (1 + tangents,) of HISTORY.
         options: An `OPTIONS`.
     """
-    owner, queue, waiting = np.empty(WIDTH, np.int64), np.empty(len(records), np.int64), 0
+    owner, queue = view(stack(WIDTH), (WIDTH,), _WORD), view(stack(CHUNK), (CHUNK,), _WORD)
+    waiting = 0
     for i in range(len(records)):  # without a branch, which would be mispredicted
         queue[waiting] = i
         waiting += (records[i, 0].phase == number) & (records[i, 0].outcome == WAITING)

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.jit import Kernel, address, call
-from gym_passive_walker.engine.lanes import RESTING, integrate_phase
+from gym_passive_walker.engine.lanes import CHUNK, RESTING, integrate_phase
 from gym_passive_walker.engine.layout import (
     NARROW,
     PAIR,
@@ -51,7 +51,6 @@ LONGEST_STRIDE = 100.0
 """Time in sqrt(l/g) after which a stride without heelstrike is STALLED; a usual stride takes 3."""
 
 _WORKSPACES = threading.local()
-_CHUNK = 1024  # records integrated together, so that they stay in the cache
 _WORTH_A_THREAD = 1024  # records below which a second thread costs more than it saves
 
 
@@ -68,9 +67,9 @@ def integrate(records, bodies, phases, options, tiles, histories):
         histories: Working memory from `workspace`, (1 + tangents,) of HISTORY.
     """
     chosen, tangents = options[0], len(tiles) - 1
-    for first in range(0, len(records), _CHUNK):
-        chunk = records[first : first + _CHUNK]
-        own = bodies[first : first + _CHUNK] if len(bodies) > 1 else bodies
+    for first in range(0, len(records), CHUNK):
+        chunk = records[first : first + CHUNK]
+        own = bodies[first : first + CHUNK] if len(bodies) > 1 else bodies
         for i in range(len(chunk)):
             if chunk[i, 0].outcome == RESTING:
                 continue
@@ -224,7 +223,7 @@ def in_parts(job: Callable[[int, int], object], count: int, threads: int | None 
     if threads < 2:
         job(0, count)
         return
-    pieces = threads * min(4, max(2, count // (threads * _CHUNK)))
+    pieces = threads * min(4, max(2, count // (threads * CHUNK)))
     bounds = pairwise([count * i // pieces for i in range(pieces + 1)])
 
     def work() -> None:

@@ -34,7 +34,6 @@ from gym_passive_walker.walkers import Walker, state_size
 OPTIONS = ("state", "slope")
 """Options of `reset`."""
 
-_UNASKED = np.empty(0), np.empty((0, 6)), np.empty((0, DRAWS))
 _SHARED_FROM = 2048  # smallest batch for several threads
 
 
@@ -251,9 +250,7 @@ class Batch:
         where = np.array(lanes, np.int64)
         if self.starts_alike and not options:
             self._prepare()
-            self.entry_point.kernels.begin(
-                self.entry_point.address, where, True, *_UNASKED, observations
-            )
+            self.entry_point.kernels.begin_alike(self.entry_point.address, where, observations)
             self._write_proportions(observations)
             return
         states, asked = self._asked(options) if options else (None, None)
@@ -270,9 +267,7 @@ class Batch:
         if varied:
             self._embody(where, list(varied.values()))
         plain = observations if self._plain is None else self._plain
-        self.entry_point.kernels.begin(
-            self.entry_point.address, where, False, slopes, gaits, draws, plain
-        )
+        self.entry_point.kernels.begin(self.entry_point.address, where, slopes, gaits, draws, plain)
         if self.disturbances:
             self.disturbances.begin(where, self.randoms, self.records, self.ledger)
             self.disturbances.observe(self.ledger, where, plain)

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.engine.jit import Kernel
+from gym_passive_walker.engine.jit import Kernel, jitted
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.envs.scene import SCENES, Scene, SceneError, make_scene
 from gym_passive_walker.gaits.search import seek
@@ -210,9 +210,9 @@ def as_recorded(walker: Walker, states: Sequence[State]) -> NDArray[np.float64]:
     return rows
 
 
-@Kernel
-def between(nodes, states, slopes, found):
-    """Interpolate initial states between those of nodes, and write them to `found`, (n, 6)."""
+@jitted
+def interpolate(nodes, states, slopes, found):
+    """Implement `between` for compiled callers."""
     last = len(nodes) - 1
     for i in range(len(slopes)):
         right = 1
@@ -221,6 +221,12 @@ def between(nodes, states, slopes, found):
         share = (slopes[i] - nodes[right - 1]) / (nodes[right] - nodes[right - 1])
         for k in range(states.shape[1]):
             found[i, k] = (1.0 - share) * states[right - 1, k] + share * states[right, k]
+
+
+@Kernel
+def between(nodes, states, slopes, found):
+    """Interpolate initial states between those of nodes, and write them to `found`, (n, 6)."""
+    interpolate(nodes, states, slopes, found)
 
 
 def checked_state(state: Sequence[float], walker: Walker) -> State:

@@ -170,10 +170,12 @@ def write_info(ledger, asked, steps, counts, measures):
 
 @jitted
 def begin(
-    records, bodies, radii, ledger, blank_record, blank_row, phases, lanes,
-    slopes, gaits, draws, reset_noise_scale, observations,
+    records, bodies, radii, ledger, phases, lanes, slopes, gaits, draws, reset_noise_scale,
+    observations,
 ):  # fmt: skip
     """Begin the episodes of some walkers, each near a state on the Poincaré section.
+
+    Their records and rows of the ledger must be all zero.
 
     Slopes and gaits have one row for each walker, or one row for all. One random factor scales the
     angles, one the angular velocity of the stance leg, one those of the swing leg. Each factor lies
@@ -185,7 +187,6 @@ def begin(
     for j in range(len(lanes)):
         i = lanes[j]
         own = i if len(bodies) > 1 else 0
-        records[i, 0], ledger[i] = blank_record[0], blank_row[0]
         record, row = records[i, 0], ledger[i]
         row.slope = slopes[j if len(slopes) > 1 else 0]
         record.ground[0], record.ground[1] = math.sin(row.slope), math.cos(row.slope)

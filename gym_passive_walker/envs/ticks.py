@@ -15,7 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine.compiled import PHASE
-from gym_passive_walker.engine.jit import Kernel, inlined, jitted, merged, named, uniform, view
+from gym_passive_walker.engine.jit import (
+    Kernel,
+    entry,
+    inlined,
+    jitted,
+    merged,
+    named,
+    stack,
+    uniform,
+    view,
+)
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import (
     NARROW,
@@ -32,7 +42,7 @@ from gym_passive_walker.envs.constraints import HOOK
 from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.disturbance_kernels import DISTURBANCE, SETTINGS
 from gym_passive_walker.envs.scene import Scene
-from gym_passive_walker.envs.starts import DRAWS, Starts, between
+from gym_passive_walker.envs.starts import DRAWS, Starts, interpolate
 from gym_passive_walker.envs.transitions import note_for
 
 STAYS = (
@@ -69,6 +79,14 @@ def fill(where, lanes, draws):
             draws[j, k] = uniform(generators[lanes[j]])
 
 
+@jitted
+def clear(place, count):
+    """Set words at an address to zero."""
+    words = view(place, (count,), _WORD)
+    for k in range(count):
+        words[k] = 0
+
+
 @Kernel
 def draw(where, lanes, draws):
     """Draw the random numbers of some walkers' starts, (lanes, DRAWS)."""
@@ -79,6 +97,7 @@ class Kernels(NamedTuple):
     """Compiled calls of a batch, for walkers with records of one layout."""
 
     begin: Kernel
+    begin_alike: Kernel
     step: Kernel
     step_here: Kernel
     write_info: Kernel
@@ -100,6 +119,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     )
     note, history, tile = note_for(layout), history_for(layout), tile_for(PAIR, layout=layout)
     size = 2 * layout.links
+    record_words, row_words = record.itemsize // 8, ledger_of.itemsize // 8
 
     def within(compiler: Callable[..., Any]) -> Callable[..., Any]:
         kind = "wide" * (layout != NARROW) + "disturbed" * disturbed + "custom" * custom
@@ -119,38 +139,47 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         return places, records, bodies, ledger, phases
 
     @within(Kernel)
-    def begin(where, lanes, alike, slopes, gaits, draws, observations):
-        """Begin episodes of some walkers, as `task.begin` does.
-
-        Args:
-            where: Address from `EntryPoint.address`.
-            lanes: Indices of the walkers.
-            alike: Whether slopes and gaits are those of the `EntryPoint`, with new random draws;
-                `slopes`, `gaits` and `draws` are then ignored.
-            slopes: Slopes in rad; see `task.begin`.
-            gaits: Initial states; see `task.begin`.
-            draws: Random numbers from 0 to 1; see `task.begin`.
-            observations: Filled, flat.
-        """
+    def begin(where, lanes, slopes, gaits, draws, observations):
+        """Begin episodes of some walkers; see `task.begin`, and `EntryPoint` for `where`."""
         places, records, bodies, ledger, phases = found(where, 0, _ALL)
         here = places[0]
-        radii = view(here.radii, (here.of_radii,), _NUMBER)
-        if alike:
-            draws, slopes = np.empty((len(lanes), DRAWS)), np.empty(len(lanes))
-            fill(where, lanes, draws)
-            for j in range(len(lanes)):
-                slopes[j] = here.low
-                if here.low != here.high:
-                    slopes[j] = here.low + (here.high - here.low) * draws[j, 0]
-            nodes = view(here.nodes, (here.of_nodes,), _NUMBER)
-            gaits = view(here.states, (here.of_states, size), _NUMBER)
-            if len(nodes) > 1:
-                states, gaits = gaits, np.empty((len(lanes), size))
-                between(nodes, states, slopes, gaits)
+        for i in lanes:
+            clear(entry(records, i), record_words)
+            clear(entry(ledger, i), row_words)
         task.begin(
-            records, bodies, radii, ledger, np.zeros(1, record), np.zeros(1, ledger_of), phases,
-            lanes, slopes, gaits, draws, here.reset_noise_scale, observations,
+            records, bodies, view(here.radii, (here.of_radii,), _NUMBER), ledger, phases, lanes,
+            slopes, gaits, draws, here.reset_noise_scale, observations,
         )  # fmt: skip
+
+    @within(merged)
+    def begin_one(where, i, observations):
+        """Begin an episode of walker i with slopes and gaits of the `EntryPoint`, and new draws."""
+        places, records, bodies, ledger, phases = found(where, 0, _ALL)
+        here = places[0]
+        lanes, slopes = view(stack(1), (1,), _WORD), view(stack(1), (1,), _NUMBER)
+        draws = view(stack(DRAWS), (1, DRAWS), _NUMBER)
+        lanes[0] = i
+        clear(entry(records, i), record_words)
+        clear(entry(ledger, i), row_words)
+        fill(where, lanes, draws)
+        slopes[0] = here.low
+        if here.low != here.high:
+            slopes[0] = here.low + (here.high - here.low) * draws[0, 0]
+        nodes = view(here.nodes, (here.of_nodes,), _NUMBER)
+        gaits = view(here.states, (here.of_states, size), _NUMBER)
+        if len(nodes) > 1:
+            states, gaits = gaits, view(stack(size), (1, size), _NUMBER)
+            interpolate(nodes, states, slopes, gaits)
+        task.begin(
+            records, bodies, view(here.radii, (here.of_radii,), _NUMBER), ledger, phases, lanes,
+            slopes, gaits, draws, here.reset_noise_scale, observations,
+        )  # fmt: skip
+
+    @within(Kernel)
+    def begin_alike(where, lanes, observations):
+        """Begin episodes of some walkers, each as `begin_one` does; fills the flat observations."""
+        for i in lanes:
+            begin_one(where, i, observations)
 
     @within(merged)
     def tick(where, first, last, tiles, histories, observations, rewards, terminated, truncated):
@@ -226,13 +255,9 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         )  # fmt: skip
         if again and answer[0] < 0:
             _, records, _, _, _ = found(where, first, last)
-            resting, count = np.empty(len(records), np.int64), 0
             for i in range(len(records)):
                 if records[i, 0].outcome == RESTING:
-                    resting[count] = i
-                    count += 1
-            none = np.empty((0, size))
-            begin(where, resting[:count], True, np.empty(0), none, none, observations)
+                    begin_one(where, i, observations)
         return answer
 
     @within(Kernel)
@@ -253,7 +278,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         ledger = view(here.ledger, (here.of_ledger,), ledger_of)
         return task.write_info(ledger, asked, steps, counts, measures)
 
-    return Kernels(begin, step, step_here, write_info)
+    return Kernels(begin, begin_alike, step, step_here, write_info)
 
 
 class EntryPoint:

@@ -8,8 +8,8 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import binomtest
 
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting, as_policy
@@ -194,5 +194,5 @@ def _title(controller: Any) -> str:
 
 def _interval(hits: NDArray) -> tuple[float, float]:
     """95 % interval of the share that is true (Wilson)."""
-    found = binomtest(np.count_nonzero(hits), len(hits)).proportion_ci(method="wilson")
+    found = scipy.stats.binomtest(np.count_nonzero(hits), len(hits)).proportion_ci(method="wilson")
     return float(found.low), float(found.high)

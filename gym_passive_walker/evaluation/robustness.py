@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,6 @@ from gym_passive_walker.evaluation.steps import steps
 from gym_passive_walker.gaits.basin import narrowed
 from gym_passive_walker.gaits.first_passage import SETTLING as FORGETTING
 from gym_passive_walker.gaits.first_passage import FirstPassage, survivors
-from gym_passive_walker.gaits.first_passage_mesh import MeshPassage, mesh_passage
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.section import Section
@@ -34,6 +33,9 @@ from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Mechanism, Walker, WalkerLike, as_any, is_walker, name_of
+
+if TYPE_CHECKING:
+    from gym_passive_walker.gaits.first_passage_mesh import MeshPassage
 
 SETTLING = 200
 """Strides in which a walker settles on its gait, before any disturbance."""
@@ -225,6 +227,9 @@ def robustness(
         ground = tried.terrain if tried.terrain and tried.terrain.random else rough(roughness)
         state = tries.gait
         if first_passage == "mesh":
+            # Imported here: its parts of SciPy take as long to import as the rest of the package.
+            from gym_passive_walker.gaits.first_passage_mesh import mesh_passage
+
             lasting = mesh_passage(map_in(tried, None if passive else policy), state, ground)
             survived = lasting.survivors(strides)
         else:

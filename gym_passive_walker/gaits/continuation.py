@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from gym_passive_walker.gaits.gait import gait_equations
 from gym_passive_walker.gaits.newton import newton, solved
@@ -252,7 +252,9 @@ def locate(curve: Curve, a: Point, b: Point, test: Callable[[Point], float]) -> 
         return point
 
     try:
-        s: Any = brentq(lambda s: test(at(s)), 0.0, length, xtol=1e-13, rtol=np.float64(1e-14))
+        s: Any = scipy.optimize.brentq(
+            lambda s: test(at(s)), 0.0, length, xtol=1e-13, rtol=np.float64(1e-14)
+        )
         return at(s)
     except (ArithmeticError, ValueError):
         return None

@@ -13,10 +13,10 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import chebinterpolate, chebpts1
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.forces import forces, landing, pushed_off, struck
@@ -132,7 +132,7 @@ def _zeros(function: Callable[[NDArray], NDArray], series: Chebyshev) -> list[fl
     times = 0.5 * (start + end) + 0.5 * (end - start) * looks
     signs = np.signbit(function(times))
     return [
-        float(brentq(function, times[i], times[i + 1], xtol=1e-15 * (end - start)))  # type: ignore
+        float(scipy.optimize.brentq(function, times[i], times[i + 1], xtol=1e-15 * (end - start)))  # type: ignore
         for i in np.flatnonzero(signs[1:] != signs[:-1])
     ]
 

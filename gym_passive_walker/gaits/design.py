@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats.qmc import Halton
 
 from gym_passive_walker.arguments import boolean, gait_kind, number, one_slope, shown, whole
 from gym_passive_walker.gaits.design_nlp import CIRCLE, Candidates, DesignProblem, Judged, slsqp
@@ -279,7 +279,9 @@ def _start(tuned: Walker, slope: float, radius: float) -> Gait | None:
         return None
     lengths = np.repeat([tuned.thigh_length, tuned.shank_length], 2)
     low, high = _SHARES
-    places = (low + (high - low) * Halton(4, scramble=False).random(_LOOKS)) * lengths
+    places = (
+        low + (high - low) * scipy.stats.qmc.Halton(4, scramble=False).random(_LOOKS)
+    ) * lengths
     walkers = [
         tune(replace(tuned, **dict(zip(_MOVED, place, strict=True)))) for place in places.tolist()
     ]

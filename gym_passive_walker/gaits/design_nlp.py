@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.objectives import (
@@ -191,7 +191,7 @@ def slsqp(
         for kind, f in (("eq", equal), ("ineq", beyond))
         if len(f(start)[0])
     ]
-    return minimize(
+    return scipy.optimize.minimize(
         cost, start, jac=True, method="SLSQP", bounds=bounds, constraints=constraints,
         options={"maxiter": iterations, "ftol": accuracy}, callback=callback,
     )  # fmt: skip

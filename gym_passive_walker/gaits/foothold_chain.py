@@ -8,8 +8,8 @@ its foothold, and with the heights ahead that a controller observes.
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_lyapunov
 
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome
@@ -102,9 +102,9 @@ class Chain:
                 "a mesh of states needs a stable gait; the largest multiplier here is "
                 f"{self.memory:.3g}"
             )
-        excited = solve_discrete_lyapunov(transition, drawn @ drawn.T)
+        excited = scipy.linalg.solve_discrete_lyapunov(transition, drawn @ drawn.T)
         output = np.diag([1.0] * size + [0.0] * self._ahead)
-        acts = solve_discrete_lyapunov(transition.T, output)
+        acts = scipy.linalg.solve_discrete_lyapunov(transition.T, output)
         variances, axes = np.linalg.eigh(excited)
         root = axes * np.sqrt(np.maximum(variances, 1e-9 * variances[-1]))
         squares, turn = np.linalg.eigh(root.T @ acts @ root)

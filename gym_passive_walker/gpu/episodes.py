@@ -181,11 +181,10 @@ def begin(walkers, constants, i, scratch, observations):
     between(constants.nodes, constants.states, scratch.slopes, scratch.gaits)
     own, bodies = slice_of(i), walkers.bodies[own_body(walkers, i)]
     radii = bodies[0, 0, disturbance_kernels.RADIUS : disturbance_kernels.RADIUS + 1]
+    walkers.records[i, 0], walkers.ledger[i] = constants.blank[0], constants.row[0]
     task.begin(
-        walkers.records[own], bodies, radii, walkers.ledger[own], constants.blank, constants.row,
-        constants.phases, scratch.lanes, scratch.slopes, scratch.gaits, scratch.draws,
-        constants.reset_noise_scale[0],
-        observations,
+        walkers.records[own], bodies, radii, walkers.ledger[own], constants.phases, scratch.lanes,
+        scratch.slopes, scratch.gaits, scratch.draws, constants.reset_noise_scale[0], observations,
     )  # fmt: skip
     begin_disturbances(walkers, constants, i, scratch, observations)
     observe_body(walkers, constants, i, observations)

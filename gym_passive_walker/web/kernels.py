@@ -146,9 +146,10 @@ def begin(base):
     for k in range(DRAWS):
         if head.drawn:
             draws[0, k] = uniform(keys[0], k, START)
+    records[0, 0] = view(base + _BLANK, (1,), RECORD)[0]
+    ledger[0] = view(base + _BLANK_ROW, (1,), _LEDGER)[0]
     task.begin(
-        records, bodies, view(base + _RADII, (1,), _NUMBER), ledger,
-        view(base + _BLANK, (1,), RECORD), view(base + _BLANK_ROW, (1,), _LEDGER), phases, lanes,
+        records, bodies, view(base + _RADII, (1,), _NUMBER), ledger, phases, lanes,
         view(base + _SLOPES, (1,), _NUMBER), view(base + _GAITS, (1, 6), _NUMBER),
         draws, view(base + _NOISE, (1,), _NUMBER)[0], observations,
     )  # fmt: skip
