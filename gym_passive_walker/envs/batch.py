@@ -25,7 +25,6 @@ from gym_passive_walker.envs.one_thread import Token
 from gym_passive_walker.envs.rules import ENERGIES, SIZE, proportion
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import DRAWS, Starts, as_recorded, checked_state
-from gym_passive_walker.envs.transitions import STOPPED
 from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.physics.systems import UNEVEN, bodies, kind_of, system_of
 from gym_passive_walker.units import proportions
@@ -628,21 +627,20 @@ class Batch:
         }
 
     @cached_property
-    def _limits(self) -> saved.RowLimits:
-        last = STOPPED - (self.scene.terminated is None)
-        return saved.RowLimits(self.rules[0], len(self.machinery[0]), last, self.layout)
+    def _limits(self) -> dict[str, saved.Limits]:
+        return saved.limits_of(self)
 
     @cached_property
     def _described(self) -> str:
         return saved.described(self.scene)
 
-    def checked(self, state: Any, *further: str, begun: bool = True) -> dict[str, Any]:
+    def checked(self, state: Any, **flags: tuple[int, ...]) -> dict[str, Any]:
         """Return copies of the entries of a state after checks; the batch does not change.
 
         Args:
             state: From `get_state`.
-            *further: Names of entries that an environment adds.
-            begun: Whether all walkers had begun an episode.
+            **flags: Shapes of the booleans that an environment adds, by name. A single boolean, of
+                shape (), says whether all walkers had begun an episode.
 
         Raises:
             StateError: if the state is damaged, or of another batch.
@@ -650,15 +648,13 @@ class Batch:
         if isinstance(state, Mapping) and "scene" in state:  # the most informative error
             saved.check_scene(state["scene"], self._described)
         arrays = self._arrays
-        given = saved.entries(state, ["scene", "walkers", "random", *arrays, *further])
+        given = saved.entries(state, ["scene", "walkers", "random", *arrays, *flags])
         found: dict[str, Any] = {
             name: saved.like(given[name], name, own) for name, own in arrays.items()
         }
-        going = self._limits.check(found["records"], found["ledger"], begun=begun)
-        if self.disturbances:
-            times = found["records"]["time"][:, 0]
-            limits = saved.DisturbanceLimits(self.disturbances.settings[0])
-            limits.check(found["disturbances"], found["pending"], times, going)
+        found |= {name: saved.flags(given[name], name, shape) for name, shape in flags.items()}
+        begun = all(found[name] for name, shape in flags.items() if shape == ())
+        saved.check_arrays(found, self._limits, begun=begun)
         bases, shares = [s.walker for s in self._starts], self.scene.domain_randomization
         found["walkers"] = saved.check_walkers(given["walkers"], self.walkers, bases, shares)
         kind = type(self.randoms[0].bit_generator) if self.randoms else np.random.PCG64

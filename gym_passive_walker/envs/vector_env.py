@@ -374,9 +374,8 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
                 then.
             RuntimeError: if another thread is using this environment.
         """
-        begun = bool(saved.flags(state, "begun"))
-        found = self.batch.checked(state, "begun", "ended", begun=begun)
-        ended = saved.flags(state, "ended", (self.num_envs,))
+        found = self.batch.checked(state, begun=(), ended=(self.num_envs,))
+        begun, ended = bool(found["begun"]), found["ended"]
         if begun and not np.array_equal(ended, saved.over(found["ledger"])):
             raise saved.StateError("the state's 'ended' and its ledger differ in which ended")
         if not self.batch.randoms:

@@ -471,8 +471,8 @@ class PassiveWalkerEnv(
                 then.
             RuntimeError: if another thread is using this environment.
         """
-        ready = bool(saved.flags(state, "ready"))
-        found = self.batch.checked(state, "ready", begun=ready)
+        found = self.batch.checked(state, ready=())
+        ready = bool(found["ready"])
         if ready and saved.over(found["ledger"]).any():
             raise saved.StateError("the state is 'ready', and its episode has ended")
         if not self.batch.randoms:
