@@ -19,7 +19,7 @@ from gym_passive_walker.envs.scene import (
     UNDISTURBED,
     Scene,
     make_scene,
-    plain,
+    undisturbed,
 )
 from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, one_actuation
 from gym_passive_walker.gaits.fixed_point import find_gait
@@ -275,7 +275,7 @@ def calm(scene: Scene, slope: float | None = None) -> Scene:
     """
     slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
     command = None if scene.command is None else float(np.mean(scene.command))
-    plain(scene, "controllers of stride maps have", "observation")
+    undisturbed(scene, "controllers of stride maps go", {"observation": None})
     smooth = (
         {"terrain": Terrain(), "terrain_lookahead": scene.terrain_lookahead}
         if scene.terrain_lookahead

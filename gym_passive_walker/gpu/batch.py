@@ -15,22 +15,18 @@ from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import options
 from gym_passive_walker.envs import disturbance_kernels, one_walker, task
 from gym_passive_walker.envs.batch import default_size, observed_bodies, rules_of, system_in
+from gym_passive_walker.envs.checks import checked
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import Custom, Rule
 from gym_passive_walker.envs.disturbances import Disturbances, disturbed
-from gym_passive_walker.envs.scene import (
-    Scene,
-    SceneError,
-    make_scene,
-    with_parameters,
-)
+from gym_passive_walker.envs.scene import Scene, SceneError, make_scene, undisturbed
 from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.envs.transitions import NOTE
 from gym_passive_walker.gpu import device, episodes
 from gym_passive_walker.gpu.episodes import SceneConstants, StepBuffers, Walkers
 from gym_passive_walker.gpu.lane import device_code
 from gym_passive_walker.physics.systems import bodies
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import Walker, check_parametric
 
 DRAWN = 4096
 """Number of walkers that the episodes of a scene with `domain_randomization` draw from."""
@@ -92,12 +88,9 @@ class DeviceBatch:
         **changes: Any,
     ) -> None:
         device.need_device()
-        self.scene = with_parameters(make_scene(scene, **changes), "a batch on a GPU")
-        if self.scene.randomization_pool:
-            raise SceneError(
-                "walkers on a GPU are not supported with randomization_pool: choose "
-                "make_scene(scene, randomization_pool=None)"
-            )
+        self.scene = make_scene(scene, **changes)
+        checked(check_parametric, self.scene.walker, "a batch on a GPU")
+        undisturbed(self.scene, "walkers on a GPU go", {"randomization_pool": None})
         self.count = whole(count, "count")
         self.custom = Custom(self.scene, 0)
         for name, rule in self.custom.rules.items():
