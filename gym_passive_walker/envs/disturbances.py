@@ -110,18 +110,6 @@ class Disturbances:
         self.states["slope"][lanes] = slopes[lanes]
         return slopes + self.states["tilt"]
 
-    def contact(self, lane: int, rolled: float, length: float) -> Contact:
-        """Return the contact point of a walker on its foothold.
-
-        Args:
-            lane: Index of the walker.
-            rolled: Distance that its foot has rolled in this stride, in leg lengths.
-            length: Leg length, in the walker's units.
-        """
-        x, y, tilt = (float(self.states[name][lane]) for name in ("x", "y", "tilt"))
-        x, y = x + rolled * math.cos(tilt), y - rolled * math.sin(tilt)
-        return Contact(x * length, y * length, tilt)
-
     def pushed(self, lane: int) -> float:
         """Return the impulse on a walker in this step, over the largest impulse: from -1 to 1."""
         impulse = float(self.states["impulse"][lane])

@@ -93,9 +93,7 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
             step_limit=interface.step_limit(max_episode_steps),
             threads=threads,
         )
-        self.single_observation_space = interface.observation_space(
-            self.scene, self.batch.own_observation_size
-        )
+        self.single_observation_space = interface.observation_space(self.scene, self.batch.custom)
         self.single_action_space = interface.action_space(self.scene)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)

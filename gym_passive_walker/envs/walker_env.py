@@ -268,9 +268,7 @@ class PassiveWalkerEnv(
             need("pygame", "render")
         self.render_mode = render_mode
         self.batch = Batch(self.scene)
-        self.observation_space = interface.observation_space(
-            self.scene, self.batch.own_observation_size
-        )
+        self.observation_space = interface.observation_space(self.scene, self.batch.custom)
         self.action_space = interface.action_space(self.scene)
         self.token = self.batch.token
         self.metadata = {**self.metadata, "render_fps": self.scene.frames_per_second}
