@@ -138,10 +138,8 @@ def step_over(record, row, disturbance, radius, table, spread):
     here, rise, turn = ground_at(table, spread, disturbance.key, row.strides - 1)
     rise, disturbance.extra_height = rise + disturbance.extra_height, 0.0
     for k in range(PASSED - 1, 0, -1):
-        disturbance.passed[k, 0], disturbance.passed[k, 1] = (
-            disturbance.passed[k - 1, 0],
-            disturbance.passed[k - 1, 1],
-        )
+        for axis in range(2):
+            disturbance.passed[k, axis] = disturbance.passed[k - 1, axis]
     disturbance.passed[0, 0], disturbance.passed[0, 1] = disturbance.x, disturbance.y
     along = row.step_length
     # The slope changes at impact, so the contact point lies higher than the foothold.
@@ -154,7 +152,9 @@ def step_over(record, row, disturbance, radius, table, spread):
 
 @jitted
 def time_to_push(disturbance, settings):
-    """Return the time from the last push to the next one."""
+    """Return the time from the last push to the next one; infinite without random pushes."""
+    if settings.rate == 0.0:
+        return np.inf
     return -math.log(1.0 - uniform(disturbance.key, disturbance.pushes, _WHEN)) / settings.rate
 
 
@@ -167,16 +167,10 @@ def begin(disturbances, settings, lanes, keys, pending, records, ledger, table, 
         disturbance.key, disturbance.pushes, disturbance.episode_push_work = keys[j], 0, 0.0
         low, high = settings[0].command[0], settings[0].command[1]
         disturbance.command = low + (high - low) * uniform(disturbance.key, 0, _COMMAND)
-        disturbance.due = (
-            time_to_push(disturbance, settings[0]) if settings[0].rate > 0.0 else np.inf
-        )
+        disturbance.due = time_to_push(disturbance, settings[0])
         disturbance.impulse, pending[i] = 0.0, 0.0
-        disturbance.slope, disturbance.tilt, disturbance.x, disturbance.y = (
-            ledger[i].slope,
-            0.0,
-            0.0,
-            0.0,
-        )
+        disturbance.slope = ledger[i].slope
+        disturbance.tilt, disturbance.x, disturbance.y = 0.0, 0.0, 0.0
         disturbance.known, disturbance.extra_height = 0.0, 0.0
         if settings[0].uneven:
             lay_ground(records[i, 0], ledger[i], disturbance, table, spread)
@@ -219,9 +213,7 @@ def apply_due_events(records, bodies, i, disturbance, settings, hooks):
         call(native.push, address(records[i]), address(bodies[i]), 0, 0, -impulse, 0.0)
         disturbance.impulse += impulse
         disturbance.pushes += 1
-        disturbance.due = (
-            disturbance.due + time_to_push(disturbance, settings) if settings.rate > 0.0 else np.inf
-        )
+        disturbance.due += time_to_push(disturbance, settings)
         if native.look != 0:
             call(native.look, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
     end = min(disturbance.until, disturbance.due, record.time + settings.interval)
@@ -307,7 +299,7 @@ def step(
     for i in range(len(records)):
         disturbances[i].idle = task.over(ledger[i])
         for k in range(len(_BLANK)):
-            bodies[i, 0, len(bodies[i, 0]) - _ROOM + k] = _BLANK[k]
+            bodies[i, 0, k - _ROOM] = _BLANK[k]
     integrate_past_events(
         records, bodies, disturbances, phases, options, tiles, histories, settings[0], hooks
     )
@@ -321,15 +313,11 @@ def step(
     for i in range(len(records)):
         row, disturbance = ledger[i], disturbances[i]
         if not disturbance.idle:
-            disturbance.push_work = (
-                bodies[i, 0, len(bodies[i, 0]) - _ROOM + _WORK] / rules[0].weight
-            )
+            disturbance.push_work = bodies[i, 0, _WORK - _ROOM] / rules[0].weight
             disturbance.episode_push_work += disturbance.push_work
             if settings[0].commanded and row.outcome == _HEELSTRIKE:
-                lost = command_penalty(
-                    row.step_length, row.step_period, disturbance.command,
-                    settings[0].command_weight,
-                )  # fmt: skip
+                command, weight = disturbance.command, settings[0].command_weight
+                lost = command_penalty(row.step_length, row.step_period, command, weight)
                 row.reward -= lost
                 row.total -= lost
                 rewards[i] -= lost

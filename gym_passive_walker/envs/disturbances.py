@@ -148,12 +148,12 @@ def _settings(scene: Scene) -> NDArray:
         settings["noisy"] = np.any(settings["noise"])
     if scene.command is not None:
         settings["commanded"], settings["command"] = True, np.broadcast_to(scene.command, 2)
-    settings["uneven"], settings["terrain_lookahead"] = (
-        scene.terrain is not None,
-        scene.terrain_lookahead,
-    )
+    settings["uneven"] = scene.terrain is not None
     settings["interval"] = disturbance_kernels.INTERVAL if scene.constraints else math.inf
     settings["ends"] = [scene.constraints.get(check) == "end" for check in CHECKS]
-    for name in ("action_noise", "command_weight", "friction", "knee_latch", "scuff_depth"):
+    for name in (
+        "terrain_lookahead", "action_noise", "command_weight", "friction", "knee_latch",
+        "scuff_depth",
+    ):  # fmt: skip
         settings[name] = getattr(scene, name)
     return settings

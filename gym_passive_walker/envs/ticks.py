@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine.compiled import PHASE
-from gym_passive_walker.engine.jit import Kernel, inlined, jitted, merged, named, uniform, view
+from gym_passive_walker.engine.jit import Kernel, inlined, merged, named, uniform, view
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import (
     NARROW,
@@ -59,20 +59,14 @@ _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)
 )
 
 
-@jitted
-def fill(where, lanes, draws):
-    """Implement `draw` for compiled callers."""
+@Kernel
+def draw(where, lanes, draws):
+    """Draw the random numbers of some walkers' starts, (lanes, DRAWS)."""
     here = view(where, (1,), PLACES)[0]
     generators = view(here.generators, (here.of_generators,), _WORD)
     for j in range(len(lanes)):
         for k in range(DRAWS):
             draws[j, k] = uniform(generators[lanes[j]])
-
-
-@Kernel
-def draw(where, lanes, draws):
-    """Draw the random numbers of some walkers' starts, (lanes, DRAWS)."""
-    fill(where, lanes, draws)
 
 
 class Kernels(NamedTuple):
@@ -93,13 +87,10 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         disturbed: Whether the scene has any disturbance of `disturbance_kernels`.
         custom: Whether the scene has users' functions.
     """
-    record, ledger_of, rules_of = (
-        record_for(layout),
-        task.ledger_for(layout),
-        task.rules_for(layout),
-    )
-    note, history, tile = note_for(layout), history_for(layout), tile_for(PAIR, layout=layout)
-    size = 2 * layout.links
+    record, note = record_for(layout), note_for(layout)
+    ledger_of, rules_of = task.ledger_for(layout), task.rules_for(layout)
+    history, tile = history_for(layout), tile_for(PAIR, layout=layout)
+    size, row_words = 2 * layout.links, ledger_of.itemsize // 8
 
     def within(compiler: Callable[..., Any]) -> Callable[..., Any]:
         kind = "wide" * (layout != NARROW) + "disturbed" * disturbed + "custom" * custom
@@ -137,7 +128,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         radii = view(here.radii, (here.of_radii,), _NUMBER)
         if alike:
             draws, slopes = np.empty((len(lanes), DRAWS)), np.empty(len(lanes))
-            fill(where, lanes, draws)
+            draw(where, lanes, draws)
             for j in range(len(lanes)):
                 slopes[j] = here.low
                 if here.low != here.high:
@@ -248,10 +239,34 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
 
     @within(Kernel)
     def write_info(where, asked, steps, counts, measures):
-        """Call `task.write_info` for the walkers at `where`."""
-        here = view(where, (1,), PLACES)[0]
+        """Write the entries of `info` for selected walkers; entries of the others are zero.
+
+        Args:
+            where: Address from `EntryPoint.address`.
+            asked: Whether each walker is selected, (count,).
+            steps: Filled with the entries of EVERY_STEP except the last, (entries, count).
+            counts: Filled with the number of strides and the outcome as a number, (2, count). The
+                outcome is 0 if no stride or episode ends.
+            measures: The first rows are filled with EVERY_STRIDE. There is one row for each
+                selected walker with an outcome.
+
+        Returns:
+            Number of selected walkers.
+        """
+        here, present, endings, first = view(where, (1,), PLACES)[0], 0, 0, len(steps)
         ledger = view(here.ledger, (here.of_ledger,), ledger_of)
-        return task.write_info(ledger, asked, steps, counts, measures)
+        words = view(here.ledger, (here.of_ledger, row_words), _NUMBER)  # EVERY_STEP, EVERY_STRIDE
+        for i in range(len(ledger)):
+            for k in range(first):
+                steps[k, i] = words[i, k] if asked[i] else 0.0
+            counts[0, i] = ledger[i].strides if asked[i] else 0
+            counts[1, i] = ledger[i].outcome if asked[i] else 0
+            present += asked[i]
+            if counts[1, i] != 0:
+                for k in range(measures.shape[1]):
+                    measures[endings, k] = words[i, first + k]
+                endings += 1
+        return present
 
     return Kernels(begin, step, step_here, write_info)
 

@@ -426,7 +426,7 @@ def infos_of(
     measures: NDArray[np.float64],
     extra: Mapping[str, NDArray],
 ) -> dict[str, Any]:
-    """Return the infos of a vector environment, from `task.write_info` and disturbances."""
+    """Return the infos of a vector environment, from `Kernels.write_info` and disturbances."""
     (strides, outcomes), infos = counts, {}
     columns = dict(zip(task.EVERY_STEP, (*steps, strides), strict=True))
     for name, column in (columns | dict(extra)).items():
