@@ -113,15 +113,9 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     def begin(where, lanes, alike, slopes, gaits, draws, observations):
         """Begin episodes of some walkers, as `task.begin` does.
 
-        Args:
-            where: Address from `EntryPoint.address`.
-            lanes: Indices of the walkers.
-            alike: Whether slopes and gaits are those of the `EntryPoint`, with new random draws;
-                `slopes`, `gaits` and `draws` are then ignored.
-            slopes: Slopes in rad; see `task.begin`.
-            gaits: Initial states; see `task.begin`.
-            draws: Random numbers from 0 to 1; see `task.begin`.
-            observations: Filled, flat.
+        If `alike`, slopes and gaits are those of the `EntryPoint` at `where`, with new random
+        draws; `slopes`, `gaits` and `draws` are then ignored. Otherwise they are the arguments of
+        `task.begin`.
         """
         places, records, bodies, ledger, phases = found(where, 0, _ALL)
         here = places[0]
@@ -195,22 +189,11 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     def step(
         where, first, last, tiles, histories, again, observations, rewards, terminated, truncated
     ):  # fmt: skip
-        """Step the walkers from `first` to before `last`; `again` starts those that rest.
+        """Step the walkers from `first` to before `last`, as `tick` does.
 
-        Args:
-            where: Address from `EntryPoint.address`.
-            first: Index of the first walker.
-            last: Index after the last walker.
-            tiles: Address of the tile to work with.
-            histories: Address of the guard history to work with.
-            again: Whether walkers that rest begin another episode; requires all walkers.
-            observations: Filled, flat.
-            rewards: Filled.
-            terminated: Filled.
-            truncated: Filled.
-
-        Returns:
-            The result of `tick`.
+        With `again`, which requires all walkers, those that rest begin another episode. Tiles and
+        histories are addresses of the working memory of a thread. The observations, flat, and the
+        arrays after them are filled.
         """
         answer = tick(
             where, first, last, tiles, histories, observations, rewards, terminated, truncated
