@@ -20,9 +20,9 @@ from gym_passive_walker.envs import saved, task, ticks
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import RULES, Custom
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
-from gym_passive_walker.envs.interface import refuse
+from gym_passive_walker.envs.interface import observation_space, refuse
 from gym_passive_walker.envs.one_thread import Token
-from gym_passive_walker.envs.rules import ENERGIES, SIZE, proportion
+from gym_passive_walker.envs.rules import ENERGIES, proportion
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import DRAWS, Starts, as_recorded, checked_state
 from gym_passive_walker.physics.hybrid import System
@@ -65,12 +65,6 @@ def system_in(scene: Scene, *walkers: Walker) -> System:
 def _radii(walkers: Sequence[Walker]) -> NDArray[np.float64]:
     """Return the foot radii in leg lengths, (n,)."""
     return np.array([walker.foot_radius / walker.leg_length for walker in walkers])
-
-
-def default_size(scene: Scene) -> int:
-    """Return the number of entries of a scene's default observation."""
-    commanded, ahead = scene.command is not None, 2 * scene.terrain_lookahead
-    return SIZE + commanded + ahead + len(scene.observe_body)
 
 
 def observed_bodies(scene: Scene, walkers: Sequence[Walker]) -> NDArray[np.float32]:
@@ -128,7 +122,7 @@ class Batch:
                 )
         self.scene, self.count, self.token = scene, count, Token()
         self._given = {"walkers": walkers, "slopes": slopes, "step_limit": step_limit}
-        self.observation_size = default_size(scene)
+        self.observation_size = observation_space(scene).shape[0]
         has_rules = scene.own_system is not None or any(getattr(scene, name) for name in RULES)
         self.custom = Custom(scene, count) if has_rules else None
         # The default observation, if the user's function returns another one.

@@ -26,47 +26,43 @@ from gym_passive_walker.physics.hybrid import Outcome
 PASSED = 8
 """Number of past footholds in the state; pictures show them."""
 
-DISTURBANCE = np.dtype(
-    [
-        ("key", "u8"),  # of the counter-based random numbers
-        ("command", "f8"),  # commanded speed
-        ("due", "f8"),  # time of the next push, since the stride began
-        ("until", "f8"),  # end of the control step, since the stride began
-        ("known", "f8"),  # impulse of the next push, if it was scheduled; else 0
-        ("extra_height", "f8"),  # added to the height change of the next foothold
-        ("pushes", "i8"),  # number of pushes in the episode
-        ("push_work", "f8"),  # work of the pushes in this step
-        ("episode_push_work", "f8"),
-        ("idle", "i8"),  # whether the episode ended before the step
-        ("slope", "f8"),  # mean slope, in rad
-        ("tilt", "f8"),  # slope of the foothold minus the mean slope
-        ("x", "f8"),  # first contact point of the stride, along the mean slope
-        ("y", "f8"),  # its height above the mean slope
-        ("passed", "f8", (PASSED, 2)),  # x and y of previous strides, latest first
-        ("impulse", "f8"),  # sum of the pushes in this step
-    ]
-)
+DISTURBANCE = np.dtype([
+    ("key", "u8"),  # of the counter-based random numbers
+    ("command", "f8"),  # commanded speed
+    ("due", "f8"),  # time of the next push, since the stride began
+    ("until", "f8"),  # end of the control step, since the stride began
+    ("known", "f8"),  # impulse of the next push, if it was scheduled; else 0
+    ("extra_height", "f8"),  # added to the height change of the next foothold
+    ("pushes", "i8"),  # number of pushes in the episode
+    ("push_work", "f8"),  # work of the pushes in this step
+    ("episode_push_work", "f8"),
+    ("idle", "i8"),  # whether the episode ended before the step
+    ("slope", "f8"),  # mean slope, in rad
+    ("tilt", "f8"),  # slope of the foothold minus the mean slope
+    ("x", "f8"),  # first contact point of the stride, along the mean slope
+    ("y", "f8"),  # its height above the mean slope
+    ("passed", "f8", (PASSED, 2)),  # x and y of previous strides, latest first
+    ("impulse", "f8"),  # sum of the pushes in this step
+])  # fmt: skip
 """Disturbance state of a walker."""
 
-SETTINGS = np.dtype(
-    [
-        ("rate", "f8"),  # mean number of pushes per time; 0 without pushes
-        ("push", "f8", (2,)),  # smallest and largest impulse
-        ("noisy", "i8"),  # whether observations have noise
-        ("noise", "f8", (SIZE,)),
-        ("action_noise", "f8"),
-        ("commanded", "i8"),
-        ("command", "f8", (2,)),
-        ("command_weight", "f8"),
-        ("uneven", "i8"),  # whether there is terrain
-        ("terrain_lookahead", "i8"),  # number of footholds ahead that are observed
-        ("interval", "f8"),  # time between checks of a walker; infinite without checks
-        ("friction", "f8"),
-        ("knee_latch", "f8"),
-        ("scuff_depth", "f8"),
-        ("ends", "i8", (len(CHECKS),)),  # whether a check ends the episode
-    ]
-)
+SETTINGS = np.dtype([
+    ("rate", "f8"),  # mean number of pushes per time; 0 without pushes
+    ("push", "f8", (2,)),  # smallest and largest impulse
+    ("noisy", "i8"),  # whether observations have noise
+    ("noise", "f8", (SIZE,)),
+    ("action_noise", "f8"),
+    ("commanded", "i8"),
+    ("command", "f8", (2,)),
+    ("command_weight", "f8"),
+    ("uneven", "i8"),  # whether there is terrain
+    ("terrain_lookahead", "i8"),  # number of footholds ahead that are observed
+    ("interval", "f8"),  # time between checks of a walker; infinite without checks
+    ("friction", "f8"),
+    ("knee_latch", "f8"),
+    ("scuff_depth", "f8"),
+    ("ends", "i8", (len(CHECKS),)),  # whether a check ends the episode
+])  # fmt: skip
 """Settings of a scene besides `task.RULES`."""
 
 INTERVAL = 0.1
@@ -174,12 +170,6 @@ def begin(disturbances, settings, lanes, keys, pending, records, ledger, table, 
         disturbance.known, disturbance.extra_height = 0.0, 0.0
         if settings[0].uneven:
             lay_ground(records[i, 0], ledger[i], disturbance, table, spread)
-
-
-@jitted
-def copy_of(actions):
-    """Return a copy of the actions, which delay and noise change."""
-    return actions.copy()
 
 
 @jitted
@@ -292,10 +282,12 @@ def step(
     records, bodies, ledger, rules, phases, options, tiles, histories, disturbances, pending,
     settings, hooks, table, spread, actions, observations, rewards, terminated, truncated,
 ):  # fmt: skip
-    """Step every walker by finite actions; returns the result of `task.finish_step`."""
-    reached = copy_of(actions)
-    disturb_actions(disturbances, ledger, settings[0], pending, reached)
-    task.apply_action(records, ledger, rules[0], reached)
+    """Step every walker by finite actions, which delay and noise change in place.
+
+    Returns the result of `task.finish_step`.
+    """
+    disturb_actions(disturbances, ledger, settings[0], pending, actions)
+    task.apply_action(records, ledger, rules[0], actions)
     for i in range(len(records)):
         disturbances[i].idle = task.over(ledger[i])
         for k in range(len(_BLANK)):

@@ -106,12 +106,8 @@ def as_rows(env: Any = "level") -> dict[str, Rows]:
         }
         for i, name in enumerate(scene.actions)
     ]
-    tables = {
-        "observation": seen,
-        "action": acts,
-        "reward": paid,
-        "episode end": _ends(scene, limit),
-    }
+    ends = _ends(scene, limit)
+    tables = {"observation": seen, "action": acts, "reward": paid, "episode end": ends}
     return {title: rows for title, rows in tables.items() if rows}
 
 

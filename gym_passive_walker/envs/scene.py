@@ -400,12 +400,7 @@ SCENES: dict[str, dict[str, Any]] = {
         "max_push_off": 0.1,
         "reset_noise_scale": 0.02,
         "start": (
-            0.194588876,
-            -0.194588876,
-            -0.194588876,
-            -0.202960578,
-            -0.187756427,
-            -0.187756427,
+            0.194588876, -0.194588876, -0.194588876, -0.202960578, -0.187756427, -0.187756427,
         ),
     },
     "commanded": {"command": (0.1, 0.2)},
@@ -415,7 +410,7 @@ SCENES: dict[str, dict[str, Any]] = {
         "domain_randomization": _BODIES,
         "observe_body": tuple(_BODIES),
     },
-}
+}  # fmt: skip
 """Named scenes, and the motion of their walkers without actuation.
 
 - "level", the default: walker C on level ground. Its steps shrink until it stubs its toe: 91

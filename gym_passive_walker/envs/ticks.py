@@ -168,7 +168,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
                 view(here.pending, shape, _NUMBER)[first:last], view(here.settings, (1,), SETTINGS),
                 view(here.hooks, (here.of_hooks,), HOOK),
                 view(here.table, (here.of_table, 2), _NUMBER),
-                view(here.spread, (here.of_spread,), _NUMBER), own, observations, rewards,
+                view(here.spread, (here.of_spread,), _NUMBER), own.copy(), observations, rewards,
                 terminated, truncated,
             )  # fmt: skip
         else:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import options
-from gym_passive_walker.envs import disturbance_kernels, one_walker, task
-from gym_passive_walker.envs.batch import default_size, observed_bodies, rules_of, system_in
+from gym_passive_walker.envs import disturbance_kernels, interface, one_walker, task
+from gym_passive_walker.envs.batch import observed_bodies, rules_of, system_in
 from gym_passive_walker.envs.checks import checked
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import Custom
@@ -44,13 +44,12 @@ def _kernels(here: DeviceCode, has_disturbances: bool) -> tuple[Any, Any]:
         })  # fmt: skip
     if has_disturbances:
         bound = bound.instead({
-            disturbance_kernels.copy_of: one_walker.as_it_is,
             disturbance_kernels.integrate_past_events: one_walker.integrate_past_events,
             episodes.begin_disturbances: episodes.disturbed_begin,
             episodes.one_step: episodes.disturbed_step,
         })  # fmt: skip
     kernels = episodes.reset_kernel, episodes.step_kernel
-    return tuple(device.kernel(bound.rebound(kernel)) for kernel in kernels)  # type: ignore[return-value]
+    return tuple(device.cuda.jit(bound.rebound(kernel)) for kernel in kernels)  # type: ignore[return-value]
 
 
 class DeviceBatch:
@@ -97,7 +96,7 @@ class DeviceBatch:
                     f"{name} cannot be compiled, which walkers on a GPU need: use gpw.math, and "
                     "its where() instead of if"
                 )
-        self._shown = default_size(self.scene)
+        self._shown = interface.observation_space(self.scene).shape[0]
         self.observation_size = self.custom.observation_size or self._shown
         self._system = system_in(self.scene, self.scene.walker)
         here = device_code(

@@ -28,7 +28,7 @@ def _made(system: str) -> tuple[Any, Any]:
     here = device_code(system)
     kernel = here.bound.rebound(_stride_kernel)
     kernel.__globals__.update(scratch_types(SYSTEMS[system]))
-    return device.put(here.phases), device.kernel(kernel)
+    return device.put(here.phases), cuda.jit(kernel)
 
 
 @lru_cache
