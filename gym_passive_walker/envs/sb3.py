@@ -74,8 +74,8 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         num_envs: Number of walkers.
         scene: A scene, its name, or its arguments; see `PassiveWalkerEnv`.
         seed: Seed of the first reset; `seed()` sets those of later resets.
-        **changes: Further arguments of `PassiveWalkerVectorEnv`, such as `max_episode_steps`, and
-            arguments of the scene to change.
+        **changes: Further arguments of `PassiveWalkerVectorEnv`: `max_episode_steps`, `walkers`,
+            `slopes`, `threads`, `render_mode`, and arguments of the scene to change.
 
     Attributes:
         envs: The vector environment of the walkers.
