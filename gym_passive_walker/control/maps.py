@@ -14,7 +14,7 @@ from gym_passive_walker.control.controlled import ControlledMap
 from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting, as_policy
 from gym_passive_walker.control.optimum import OptimalGait
 from gym_passive_walker.control.policy import Policy
-from gym_passive_walker.envs.scene import CHANNELS, UNDISTURBED, Scene, make_scene, plain
+from gym_passive_walker.envs.scene import CHANNELS, UNDISTURBED, Scene, make_scene, undisturbed
 from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, one_actuation
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
@@ -269,7 +269,7 @@ def calm(scene: Scene, slope: float | None = None) -> Scene:
     """
     slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
     command = None if scene.command is None else float(np.mean(scene.command))
-    plain(scene, "controllers of stride maps have", "observation")
+    undisturbed(scene, "controllers of stride maps go", {"observation": None})
     alike = {"energy": "absolute", "reset_noise_scale": 0.0, "domain_randomization": {}}
     alike |= UNDISTURBED | {"slope": slope, "command": command}
     if scene.terrain_lookahead:

@@ -19,11 +19,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.control.ticks import TickedStride, before_kneestrike, ticked_stride
-from gym_passive_walker.envs.scene import CHANNELS, Scene, with_parameters
+from gym_passive_walker.envs.scene import CHANNELS, Scene
 from gym_passive_walker.gaits.design_nlp import slsqp
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.passage import NoStride
+from gym_passive_walker.walkers import check_parametric
 
 _ITERATIONS = 600
 _FIRST = 6  # iterations among all unknowns, before those are set aside that stay at their bounds
@@ -111,7 +112,7 @@ def slope_of(scene: Scene) -> float:
     Raises:
         ValueError: if the scene has a range of slopes.
     """
-    with_parameters(scene, "an optimal gait")
+    check_parametric(scene.walker, "an optimal gait")
     if isinstance(scene.slope, tuple):
         raise ValueError(
             f"a gait is of one slope, and this scene has those from {scene.slope[0]:g} to "

@@ -20,12 +20,11 @@ from gym_passive_walker.envs import saved, task, ticks
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import RULES, Custom
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
-from gym_passive_walker.envs.interface import refuse
+from gym_passive_walker.envs.interface import observation_space, refuse
 from gym_passive_walker.envs.one_thread import Token
-from gym_passive_walker.envs.rules import ENERGIES, SIZE, proportion
+from gym_passive_walker.envs.rules import ENERGIES, proportion
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import DRAWS, Starts, as_recorded, checked_state
-from gym_passive_walker.envs.transitions import STOPPED
 from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.physics.systems import UNEVEN, bodies, kind_of, system_of
 from gym_passive_walker.units import proportions
@@ -65,12 +64,6 @@ def system_in(scene: Scene, *walkers: Walker) -> System:
 def _radii(walkers: Sequence[Walker]) -> NDArray[np.float64]:
     """Return the foot radii in leg lengths, (n,)."""
     return np.array([walker.foot_radius / walker.leg_length for walker in walkers])
-
-
-def default_size(scene: Scene) -> int:
-    """Return the number of entries of a scene's default observation."""
-    commanded, ahead = scene.command is not None, 2 * scene.terrain_lookahead
-    return SIZE + commanded + ahead + len(scene.observe_body)
 
 
 def observed_bodies(scene: Scene, walkers: Sequence[Walker]) -> NDArray[np.float32]:
@@ -128,7 +121,7 @@ class Batch:
                 )
         self.scene, self.count, self.token = scene, count, Token()
         self._given = {"walkers": walkers, "slopes": slopes, "step_limit": step_limit}
-        self.observation_size = default_size(scene)
+        self.observation_size = observation_space(scene).shape[0]
         has_rules = scene.own_system is not None or any(getattr(scene, name) for name in RULES)
         self.custom = Custom(scene, count) if has_rules else None
         # The default observation, if the user's function returns another one.
@@ -167,8 +160,7 @@ class Batch:
         self.ledger = np.zeros(count, task.ledger_for(self.layout))
         self.rules = rules_of(scene, self.system, step_limit)
         self.randoms: list[np.random.Generator] = []
-        self.machinery = self._machinery()
-        self.entry_point = self._entry_point()
+        self._connect()
 
     def changed(self, scene: Scene) -> Batch:
         """Return a batch of equal size in another scene, before its episodes; see `become`.
@@ -191,37 +183,23 @@ class Batch:
         self.__dict__ = fresh.__dict__ | {"randoms": self.randoms, "token": self.token}
 
     @property
-    def own_observation_size(self) -> int | None:
-        """Size of the user's own observation; None without one."""
-        return self.custom.observation_size if self.custom else None
-
-    @property
     def starts_alike(self) -> bool:
         """Whether compiled code can begin episodes: all walkers have the same initial states."""
         alike = self._alike_starts and not self.scene.domain_randomization
         return alike and not self.disturbances and not self.custom
 
-    def _machinery(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Return compiled phases, options of the engine, and the workspace of one thread."""
+    def _connect(self) -> None:
+        """Set compiled phases, engine options, one thread's workspace, and the entry point."""
         here, name = self.disturbances, self.system.name  # `system` registers its name
         phases = here.hooks[0] if here else compiled(name)
         chosen = options(self.scene.tolerance, scuff=bool(self.scene.end_on_toe_stub))
-        return phases, chosen, *workspace(layout=self.layout)
-
-    def _entry_point(self) -> ticks.EntryPoint:
-        """Return the entry point of compiled code: the addresses of the arrays."""
-        phases, chosen, tiles, histories = self.machinery
-        return ticks.EntryPoint(
+        tiles, histories = workspace(layout=self.layout)
+        self.machinery = phases, chosen, tiles, histories
+        self.entry_point = ticks.EntryPoint(
             self.scene, self.count, self.custom, records=self.records, bodies=self.bodies,
             radii=self._radii, ledger=self.ledger, rules=self.rules, phases=phases, options=chosen,
-            tiles=tiles, histories=histories,
-            **(self.disturbances.arrays() if self.disturbances else {}),
+            tiles=tiles, histories=histories, **(here.arrays() if here else {}),
         )  # fmt: skip
-
-    @property
-    def _constants(self) -> NDArray[np.float64]:
-        """Constants of the walkers, without the readings of checks behind them."""
-        return self.bodies[..., : len(self.system.Body._fields)]  # type: ignore[attr-defined]
 
     @property
     def system(self) -> System:
@@ -248,6 +226,8 @@ class Batch:
                 except for its random generators.
         """
         where = np.array(lanes, np.int64)
+        if not len(where):
+            return
         if self.starts_alike and not options:
             self._prepare()
             self.entry_point.kernels.begin_alike(self.entry_point.address, where, observations)
@@ -258,8 +238,10 @@ class Batch:
         varied = {}
         if self.scene.domain_randomization:
             varied = {i: self._starts[i].varied(self.randoms[i]) for i in where.tolist()}
-        slopes, gaits = self._nominal(where, draws[:, 0], asked, wanted=states is None)
-        if states is not None:
+        slopes = self._slopes(where, draws[:, 0]) if asked is None else asked[where]
+        if states is None:
+            gaits = self._gaits(where, slopes, asked=asked is not None)
+        else:
             given = [(states[i].tolist(), varied.get(i, self.walkers[i])) for i in where.tolist()]
             found = [checked_state(state, walker) for state, walker in given]
             gaits = as_recorded(self.walkers[0], found)
@@ -280,7 +262,9 @@ class Batch:
         """Replace some of the walkers."""
         for i, walker in zip(lanes.tolist(), walkers, strict=True):
             self.walkers[i] = walker
-        self._constants[lanes], self._radii[lanes] = bodies(*walkers), _radii(walkers)
+        constants = bodies(*walkers)  # readings of checks are behind them
+        self.bodies[lanes, :, : constants.shape[-1]] = constants
+        self._radii[lanes] = _radii(walkers)
         self._proportions[lanes] = observed_bodies(self.scene, walkers)
 
     def _write_proportions(self, observations: NDArray[np.float32]) -> None:
@@ -300,34 +284,25 @@ class Batch:
         ticks.draw(self.entry_point.address, where, draws)
         return draws
 
-    def _nominal(
-        self,
-        where: NDArray[np.int64],
-        shares: NDArray[np.float64],
-        asked: NDArray[np.float64] | None,
-        *,
-        wanted: bool,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return slopes and, if wanted, gaits there: one row for all walkers, or one for each."""
-        size = 2 * self.layout.links
-        none = np.zeros((1, size))
-        if asked is not None:
-            slopes = asked[where]
-            if not wanted:
-                return slopes, none
+    def _slopes(self, where: NDArray, shares: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return random slopes in rad, by shares of their ranges: (1,) for all, or one for each."""
+        if self._alike_starts:
+            return self._starts[0].slopes(shares)
+        each = enumerate(where.tolist())
+        return np.concatenate([self._starts[i].slopes(shares[j : j + 1]) for j, i in each])
+
+    def _gaits(
+        self, where: NDArray, slopes: NDArray[np.float64], *, asked: bool
+    ) -> NDArray[np.float64]:
+        """Return gaits at slopes in rad: one row for all walkers, or one for each."""
+        if asked:
             each = zip(where.tolist(), slopes.tolist(), strict=True)
             found = [self._starts[i].state(slope) for i, slope in each]
-            return slopes, as_recorded(self.walkers[0], found)
+            return as_recorded(self.walkers[0], found)
         if self._alike_starts:
-            starts = self._starts[0]
-            slopes = starts.slopes(shares)
-            return slopes, starts.states(slopes) if wanted else none
-        slopes, gaits = np.empty(len(where)), np.zeros((len(where), size))
-        for j, i in enumerate(where.tolist()):
-            slopes[j : j + 1] = self._starts[i].slopes(shares[j : j + 1])
-            if wanted:
-                gaits[j : j + 1] = self._starts[i].states(slopes[j : j + 1])
-        return slopes, gaits
+            return self._starts[0].states(slopes)
+        lanes = enumerate(where.tolist())
+        return np.concatenate([self._starts[i].states(slopes[j : j + 1]) for j, i in lanes])
 
     def _asked(
         self, options: Mapping[str, Any]
@@ -417,23 +392,6 @@ class Batch:
         here.states["known"] = impulses
         here.states["due"] = np.where(here.states["known"] != 0.0, times, here.states["due"])
 
-    @property
-    def energy_cost(self) -> str:
-        """Work that the energy term counts: "absolute", "positive" or "net"."""
-        return ENERGIES[int(self.rules["charged"][0])]
-
-    def set_energy_cost(self, energy: str | None) -> None:
-        """Set the work that the energy term counts; None restores the scene's own.
-
-        Raises:
-            ValueError: if the kind of work is unknown.
-        """
-        energy = self.scene.energy if energy is None else energy
-        if energy not in ENERGIES:
-            allowed = ", ".join(map(repr, ENERGIES))
-            raise ValueError(f"motors are charged for {allowed} or None, not {energy!r}")
-        self.rules["charged"] = ENERGIES.index(energy)
-
     def reward_terms(self) -> dict[str, NDArray[np.float64]]:
         """Return the terms of the last rewards by name, each (count,); a reward is their sum."""
         if self.custom and "reward" in self.custom.rules:
@@ -476,10 +434,7 @@ class Batch:
         self,
         actions: NDArray[np.floating],
         observations: NDArray[np.float32],
-        rewards: NDArray[np.float64],
-        terminated: NDArray[np.bool_],
-        truncated: NDArray[np.bool_],
-        *,
+        *results: NDArray,
         again: bool = False,
     ) -> tuple[int, int]:
         """Step each walker within an episode; the reward of the others is 0.
@@ -487,9 +442,7 @@ class Batch:
         Args:
             actions: Actions, flat: (count * actions of the scene,).
             observations: Filled, flat: (count * observation_size,).
-            rewards: Filled, (count,).
-            terminated: Filled, (count,).
-            truncated: Filled, (count,).
+            *results: Filled: rewards, float64, terminations and truncations, each (count,).
             again: Whether walkers without an episode begin the next one.
 
         Returns:
@@ -500,7 +453,6 @@ class Batch:
         """
         entry_point, at_once = self.entry_point, again and self.starts_alike
         seen = observations if self._plain is None else self._plain
-        results = rewards, terminated, truncated
         entry_point.actions[...] = actions
         if self.count < _SHARED_FROM:
             if at_once:
@@ -515,18 +467,14 @@ class Batch:
             strides, endings = self._step_in_parts(seen, *results)
         self._write_proportions(seen)
         if self.custom and not self.custom.native:
-            endings += self.custom.evaluate(self, rewards, terminated)
+            endings += self.custom.evaluate(self, *results[:2])
         self._write_observations(observations)
         if again and not at_once:
-            self._begin_again(observations)
+            self.start(np.flatnonzero(self.records["outcome"][:, 0] == RESTING), observations)
         return strides, endings
 
     def _step_in_parts(
-        self,
-        observations: NDArray[np.float32],
-        rewards: NDArray[np.float64],
-        terminated: NDArray[np.bool_],
-        truncated: NDArray[np.bool_],
+        self, observations: NDArray[np.float32], *results: NDArray
     ) -> tuple[int, int]:
         """Step many walkers by several threads; see `step`."""
         entry_point, ended, size = self.entry_point, [], len(observations) // self.count
@@ -538,9 +486,8 @@ class Batch:
             whole = (a, b) == (0, self.count)
             scratch = self.machinery[2:] if whole else workspace(layout=self.layout)
             at = [part.ctypes.data for part in scratch]
-            results = rewards[a:b], terminated[a:b], truncated[a:b]
-            seen = observations[a * size : b * size]
-            given = entry_point.address, a, b, *at, False, seen, *results
+            seen, theirs = observations[a * size : b * size], [part[a:b] for part in results]
+            given = entry_point.address, a, b, *at, False, seen, *theirs
             ended.append(entry_point.kernels.step(*given)[1:])
 
         in_parts(job, self.count, self.threads)
@@ -563,21 +510,12 @@ class Batch:
         lane = wrong if self.count > 1 else None
         refuse(self.entry_point.actions.reshape(self.count, -1)[wrong], self.scene.actions, lane)
 
-    def _begin_again(self, observations: NDArray[np.float32]) -> None:
-        """Begin the next episode of each walker that rested in this step."""
-        self.start(np.flatnonzero(self.records["outcome"][:, 0] == RESTING), observations)
-
     def __getstate__(self) -> dict[str, Any]:
-        return {
-            **self.__dict__,
-            "machinery": None,
-            "entry_point": None,
-        }  # compiled code is not pickled
+        return {**self.__dict__, "machinery": None, "entry_point": None}  # compiled code
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self.machinery = self._machinery()
-        self.entry_point = self._entry_point()
+        self._connect()
 
     @property
     def over(self) -> NDArray[np.bool_]:
@@ -597,8 +535,10 @@ class Batch:
         radius = self._radii[lane if len(self._radii) > 1 else 0]
         length, record = self.walkers[lane].leg_length, self.records[lane, 0]
         if self.disturbances and self.scene.terrain is not None:
-            rolled = radius * (record["start"][0] - record["state"][0])
-            return self.disturbances.contact(lane, float(rolled), length)
+            rolled, here = radius * (record["start"][0] - record["state"][0]), self.disturbances
+            x, y, tilt = (float(here.states[name][lane]) for name in ("x", "y", "tilt"))
+            x, y = x + rolled * math.cos(tilt), y - rolled * math.sin(tilt)
+            return Contact(float(x * length), float(y * length), tilt)
         rolled = radius * record["state"][0]
         return Contact(float(self.ledger["origin"][lane] - rolled) * length)
 
@@ -623,21 +563,20 @@ class Batch:
         }
 
     @cached_property
-    def _limits(self) -> saved.RowLimits:
-        last = STOPPED - (self.scene.terminated is None)
-        return saved.RowLimits(self.rules[0], len(self.machinery[0]), last, self.layout)
+    def _limits(self) -> dict[str, saved.Limits]:
+        return saved.limits_of(self)
 
     @cached_property
     def _described(self) -> str:
         return saved.described(self.scene)
 
-    def checked(self, state: Any, *further: str, begun: bool = True) -> dict[str, Any]:
+    def checked(self, state: Any, **flags: tuple[int, ...]) -> dict[str, Any]:
         """Return copies of the entries of a state after checks; the batch does not change.
 
         Args:
             state: From `get_state`.
-            *further: Names of entries that an environment adds.
-            begun: Whether all walkers had begun an episode.
+            **flags: Shapes of the booleans that an environment adds, by name. A single boolean, of
+                shape (), says whether all walkers had begun an episode.
 
         Raises:
             StateError: if the state is damaged, or of another batch.
@@ -645,15 +584,13 @@ class Batch:
         if isinstance(state, Mapping) and "scene" in state:  # the most informative error
             saved.check_scene(state["scene"], self._described)
         arrays = self._arrays
-        given = saved.entries(state, ["scene", "walkers", "random", *arrays, *further])
+        given = saved.entries(state, ["scene", "walkers", "random", *arrays, *flags])
         found: dict[str, Any] = {
             name: saved.like(given[name], name, own) for name, own in arrays.items()
         }
-        going = self._limits.check(found["records"], found["ledger"], begun=begun)
-        if self.disturbances:
-            times = found["records"]["time"][:, 0]
-            limits = saved.DisturbanceLimits(self.disturbances.settings[0])
-            limits.check(found["disturbances"], found["pending"], times, going)
+        found |= {name: saved.flags(given[name], name, shape) for name, shape in flags.items()}
+        begun = all(found[name] for name, shape in flags.items() if shape == ())
+        saved.check_arrays(found, self._limits, begun=begun)
         bases, shares = [s.walker for s in self._starts], self.scene.domain_randomization
         found["walkers"] = saved.check_walkers(given["walkers"], self.walkers, bases, shares)
         kind = type(self.randoms[0].bit_generator) if self.randoms else np.random.PCG64
@@ -668,11 +605,3 @@ class Batch:
             self._embody(np.arange(self.count), found["walkers"])
         for random, state in zip(self.randoms, found["random"], strict=False):
             random.bit_generator.state = state
-
-    def set_state(self, state: Mapping[str, Any]) -> None:
-        """Restore a state from `get_state`.
-
-        Raises:
-            StateError: if the state is damaged, or of another batch; the batch is unchanged then.
-        """
-        self.put_back(self.checked(state))

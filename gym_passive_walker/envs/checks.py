@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -66,6 +66,21 @@ def spread(name: str, value: Any, low: float, high: float) -> tuple[float, float
             f"not {shown(value)}"
         )
     return found[0], found[-1]
+
+
+def several(name: str, given: Any, allowed: Sequence[str], least: int = 0) -> tuple[str, ...]:
+    """Return a name, or a row of at least some names, as a tuple of allowed names.
+
+    Raises:
+        SceneError: if a name is not allowed or occurs twice, or there are too few.
+    """
+    row = (given,) if isinstance(given, str) else given
+    names = tuple(row) if np.iterable(row) else ("",)
+    strange = [each for each in names if each not in allowed]
+    if strange or len(set(names)) < len(names) or len(names) < least:
+        some = f"some of {', '.join(map(repr, allowed))}, each once" if allowed else "()"
+        raise SceneError(f"{name} must be {some}, not {shown(given)}")
+    return names
 
 
 def checked_pushes(pushes: Any) -> dict[str, Any]:

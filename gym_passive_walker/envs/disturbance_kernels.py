@@ -26,47 +26,43 @@ from gym_passive_walker.physics.hybrid import Outcome
 PASSED = 8
 """Number of past footholds in the state; pictures show them."""
 
-DISTURBANCE = np.dtype(
-    [
-        ("key", "u8"),  # of the counter-based random numbers
-        ("command", "f8"),  # commanded speed
-        ("due", "f8"),  # time of the next push, since the stride began
-        ("until", "f8"),  # end of the control step, since the stride began
-        ("known", "f8"),  # impulse of the next push, if it was scheduled; else 0
-        ("extra_height", "f8"),  # added to the height change of the next foothold
-        ("pushes", "i8"),  # number of pushes in the episode
-        ("push_work", "f8"),  # work of the pushes in this step
-        ("episode_push_work", "f8"),
-        ("idle", "i8"),  # whether the episode ended before the step
-        ("slope", "f8"),  # mean slope, in rad
-        ("tilt", "f8"),  # slope of the foothold minus the mean slope
-        ("x", "f8"),  # first contact point of the stride, along the mean slope
-        ("y", "f8"),  # its height above the mean slope
-        ("passed", "f8", (PASSED, 2)),  # x and y of previous strides, latest first
-        ("impulse", "f8"),  # sum of the pushes in this step
-    ]
-)
+DISTURBANCE = np.dtype([
+    ("key", "u8"),  # of the counter-based random numbers
+    ("command", "f8"),  # commanded speed
+    ("due", "f8"),  # time of the next push, since the stride began
+    ("until", "f8"),  # end of the control step, since the stride began
+    ("known", "f8"),  # impulse of the next push, if it was scheduled; else 0
+    ("extra_height", "f8"),  # added to the height change of the next foothold
+    ("pushes", "i8"),  # number of pushes in the episode
+    ("push_work", "f8"),  # work of the pushes in this step
+    ("episode_push_work", "f8"),
+    ("idle", "i8"),  # whether the episode ended before the step
+    ("slope", "f8"),  # mean slope, in rad
+    ("tilt", "f8"),  # slope of the foothold minus the mean slope
+    ("x", "f8"),  # first contact point of the stride, along the mean slope
+    ("y", "f8"),  # its height above the mean slope
+    ("passed", "f8", (PASSED, 2)),  # x and y of previous strides, latest first
+    ("impulse", "f8"),  # sum of the pushes in this step
+])  # fmt: skip
 """Disturbance state of a walker."""
 
-SETTINGS = np.dtype(
-    [
-        ("rate", "f8"),  # mean number of pushes per time; 0 without pushes
-        ("push", "f8", (2,)),  # smallest and largest impulse
-        ("noisy", "i8"),  # whether observations have noise
-        ("noise", "f8", (SIZE,)),
-        ("action_noise", "f8"),
-        ("commanded", "i8"),
-        ("command", "f8", (2,)),
-        ("command_weight", "f8"),
-        ("uneven", "i8"),  # whether there is terrain
-        ("terrain_lookahead", "i8"),  # number of footholds ahead that are observed
-        ("interval", "f8"),  # time between checks of a walker; infinite without checks
-        ("friction", "f8"),
-        ("knee_latch", "f8"),
-        ("scuff_depth", "f8"),
-        ("ends", "i8", (len(CHECKS),)),  # whether a check ends the episode
-    ]
-)
+SETTINGS = np.dtype([
+    ("rate", "f8"),  # mean number of pushes per time; 0 without pushes
+    ("push", "f8", (2,)),  # smallest and largest impulse
+    ("noisy", "i8"),  # whether observations have noise
+    ("noise", "f8", (SIZE,)),
+    ("action_noise", "f8"),
+    ("commanded", "i8"),
+    ("command", "f8", (2,)),
+    ("command_weight", "f8"),
+    ("uneven", "i8"),  # whether there is terrain
+    ("terrain_lookahead", "i8"),  # number of footholds ahead that are observed
+    ("interval", "f8"),  # time between checks of a walker; infinite without checks
+    ("friction", "f8"),
+    ("knee_latch", "f8"),
+    ("scuff_depth", "f8"),
+    ("ends", "i8", (len(CHECKS),)),  # whether a check ends the episode
+])  # fmt: skip
 """Settings of a scene besides `task.RULES`."""
 
 INTERVAL = 0.1
@@ -138,10 +134,8 @@ def step_over(record, row, disturbance, radius, table, spread):
     here, rise, turn = ground_at(table, spread, disturbance.key, row.strides - 1)
     rise, disturbance.extra_height = rise + disturbance.extra_height, 0.0
     for k in range(PASSED - 1, 0, -1):
-        disturbance.passed[k, 0], disturbance.passed[k, 1] = (
-            disturbance.passed[k - 1, 0],
-            disturbance.passed[k - 1, 1],
-        )
+        for axis in range(2):
+            disturbance.passed[k, axis] = disturbance.passed[k - 1, axis]
     disturbance.passed[0, 0], disturbance.passed[0, 1] = disturbance.x, disturbance.y
     along = row.step_length
     # The slope changes at impact, so the contact point lies higher than the foothold.
@@ -154,7 +148,9 @@ def step_over(record, row, disturbance, radius, table, spread):
 
 @jitted
 def time_to_push(disturbance, settings):
-    """Return the time from the last push to the next one."""
+    """Return the time from the last push to the next one; infinite without random pushes."""
+    if settings.rate == 0.0:
+        return np.inf
     return -math.log(1.0 - uniform(disturbance.key, disturbance.pushes, _WHEN)) / settings.rate
 
 
@@ -167,25 +163,13 @@ def begin(disturbances, settings, lanes, keys, pending, records, ledger, table, 
         disturbance.key, disturbance.pushes, disturbance.episode_push_work = keys[j], 0, 0.0
         low, high = settings[0].command[0], settings[0].command[1]
         disturbance.command = low + (high - low) * uniform(disturbance.key, 0, _COMMAND)
-        disturbance.due = (
-            time_to_push(disturbance, settings[0]) if settings[0].rate > 0.0 else np.inf
-        )
+        disturbance.due = time_to_push(disturbance, settings[0])
         disturbance.impulse, pending[i] = 0.0, 0.0
-        disturbance.slope, disturbance.tilt, disturbance.x, disturbance.y = (
-            ledger[i].slope,
-            0.0,
-            0.0,
-            0.0,
-        )
+        disturbance.slope = ledger[i].slope
+        disturbance.tilt, disturbance.x, disturbance.y = 0.0, 0.0, 0.0
         disturbance.known, disturbance.extra_height = 0.0, 0.0
         if settings[0].uneven:
             lay_ground(records[i, 0], ledger[i], disturbance, table, spread)
-
-
-@jitted
-def copy_of(actions):
-    """Return a copy of the actions, which delay and noise change."""
-    return actions.copy()
 
 
 @jitted
@@ -219,9 +203,7 @@ def apply_due_events(records, bodies, i, disturbance, settings, hooks):
         call(native.push, address(records[i]), address(bodies[i]), 0, 0, -impulse, 0.0)
         disturbance.impulse += impulse
         disturbance.pushes += 1
-        disturbance.due = (
-            disturbance.due + time_to_push(disturbance, settings) if settings.rate > 0.0 else np.inf
-        )
+        disturbance.due += time_to_push(disturbance, settings)
         if native.look != 0:
             call(native.look, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
     end = min(disturbance.until, disturbance.due, record.time + settings.interval)
@@ -300,14 +282,16 @@ def step(
     records, bodies, ledger, rules, phases, options, tiles, histories, disturbances, pending,
     settings, hooks, table, spread, actions, observations, rewards, terminated, truncated,
 ):  # fmt: skip
-    """Step every walker by finite actions; returns the result of `task.finish_step`."""
-    reached = copy_of(actions)
-    disturb_actions(disturbances, ledger, settings[0], pending, reached)
-    task.apply_action(records, ledger, rules[0], reached)
+    """Step every walker by finite actions, which delay and noise change in place.
+
+    Returns the result of `task.finish_step`.
+    """
+    disturb_actions(disturbances, ledger, settings[0], pending, actions)
+    task.apply_action(records, ledger, rules[0], actions)
     for i in range(len(records)):
         disturbances[i].idle = task.over(ledger[i])
         for k in range(len(_BLANK)):
-            bodies[i, 0, len(bodies[i, 0]) - _ROOM + k] = _BLANK[k]
+            bodies[i, 0, k - _ROOM] = _BLANK[k]
     integrate_past_events(
         records, bodies, disturbances, phases, options, tiles, histories, settings[0], hooks
     )
@@ -321,15 +305,11 @@ def step(
     for i in range(len(records)):
         row, disturbance = ledger[i], disturbances[i]
         if not disturbance.idle:
-            disturbance.push_work = (
-                bodies[i, 0, len(bodies[i, 0]) - _ROOM + _WORK] / rules[0].weight
-            )
+            disturbance.push_work = bodies[i, 0, _WORK - _ROOM] / rules[0].weight
             disturbance.episode_push_work += disturbance.push_work
             if settings[0].commanded and row.outcome == _HEELSTRIKE:
-                lost = command_penalty(
-                    row.step_length, row.step_period, disturbance.command,
-                    settings[0].command_weight,
-                )  # fmt: skip
+                command, weight = disturbance.command, settings[0].command_weight
+                lost = command_penalty(row.step_length, row.step_period, command, weight)
                 row.reward -= lost
                 row.total -= lost
                 rewards[i] -= lost

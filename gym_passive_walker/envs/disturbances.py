@@ -110,18 +110,6 @@ class Disturbances:
         self.states["slope"][lanes] = slopes[lanes]
         return slopes + self.states["tilt"]
 
-    def contact(self, lane: int, rolled: float, length: float) -> Contact:
-        """Return the contact point of a walker on its foothold.
-
-        Args:
-            lane: Index of the walker.
-            rolled: Distance that its foot has rolled in this stride, in leg lengths.
-            length: Leg length, in the walker's units.
-        """
-        x, y, tilt = (float(self.states[name][lane]) for name in ("x", "y", "tilt"))
-        x, y = x + rolled * math.cos(tilt), y - rolled * math.sin(tilt)
-        return Contact(x * length, y * length, tilt)
-
     def pushed(self, lane: int) -> float:
         """Return the impulse on a walker in this step, over the largest impulse: from -1 to 1."""
         impulse = float(self.states["impulse"][lane])
@@ -160,12 +148,12 @@ def _settings(scene: Scene) -> NDArray:
         settings["noisy"] = np.any(settings["noise"])
     if scene.command is not None:
         settings["commanded"], settings["command"] = True, np.broadcast_to(scene.command, 2)
-    settings["uneven"], settings["terrain_lookahead"] = (
-        scene.terrain is not None,
-        scene.terrain_lookahead,
-    )
+    settings["uneven"] = scene.terrain is not None
     settings["interval"] = disturbance_kernels.INTERVAL if scene.constraints else math.inf
     settings["ends"] = [scene.constraints.get(check) == "end" for check in CHECKS]
-    for name in ("action_noise", "command_weight", "friction", "knee_latch", "scuff_depth"):
+    for name in (
+        "terrain_lookahead", "action_noise", "command_weight", "friction", "knee_latch",
+        "scuff_depth",
+    ):  # fmt: skip
         settings[name] = getattr(scene, name)
     return settings

@@ -106,12 +106,8 @@ def as_rows(env: Any = "level") -> dict[str, Rows]:
         }
         for i, name in enumerate(scene.actions)
     ]
-    tables = {
-        "observation": seen,
-        "action": acts,
-        "reward": paid,
-        "episode end": _ends(scene, limit),
-    }
+    ends = _ends(scene, limit)
+    tables = {"observation": seen, "action": acts, "reward": paid, "episode end": ends}
     return {title: rows for title, rows in tables.items() if rows}
 
 
@@ -133,7 +129,7 @@ def _parts(env: Any) -> tuple[Scene, Batch | None, float | None]:
 
 def _observed(scene: Scene) -> Rows:
     """Return name, unit and bounds of each number in the observation."""
-    own = Custom(scene, 0).observation_size if scene.observation or scene.own_system else None
+    own = Custom(scene, 0) if scene.observation or scene.own_system else None
     space = interface.observation_space(scene, own)
     names = list(_SEEN)
     if scene.own_system is not None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.arguments import unknown, whole
 from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.checks import CHECKS
+from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.one_thread import Token, one_thread
 from gym_passive_walker.envs.scene import FASTEST, Scene
 from gym_passive_walker.physics.hybrid import Outcome
@@ -34,15 +35,15 @@ OUTCOMES = (
 """Names of outcomes, indexed by their numbers."""
 
 
-def observation_space(scene: Scene, seen: int | None = None) -> Any:
+def observation_space(scene: Scene, custom: Custom | None = None) -> Any:
     """Return the observation space of one walker.
 
     Args:
         scene: The scene; its options can add entries to the default observation.
-        seen: Size of the user's own observation; None without one.
+        custom: The user's own functions; None without them.
     """
-    if seen is not None:
-        return spaces.Box(-np.inf, np.inf, (seen,), np.float32)
+    if custom and custom.observation_size is not None:
+        return spaces.Box(-np.inf, np.inf, (custom.observation_size,), np.float32)
     commanded = scene.command is not None
     ahead = np.tile([rules.HIGHEST, rules.STEEPEST], scene.terrain_lookahead)
     body = np.full(len(scene.observe_body), rules.LARGEST_PROPORTION)
@@ -122,7 +123,7 @@ class EnergyCost:
     @property
     def energy_cost(self) -> str:
         """Work that the energy term counts: "absolute", "positive" or "net"."""
-        return self.batch.energy_cost
+        return rules.ENERGIES[int(self.batch.rules["charged"][0])]
 
     @one_thread
     def set_energy_cost(self, energy: str | None) -> None:
@@ -135,7 +136,11 @@ class EnergyCost:
             ValueError: if there is no such kind.
             RuntimeError: if another thread is using this environment.
         """
-        self.batch.set_energy_cost(energy)
+        energy = self.batch.scene.energy if energy is None else energy
+        if energy not in rules.ENERGIES:
+            allowed = ", ".join(map(repr, rules.ENERGIES))
+            raise ValueError(f"motors are charged for {allowed} or None, not {energy!r}")
+        self.batch.rules["charged"] = rules.ENERGIES.index(energy)
 
 
 class Adapter:

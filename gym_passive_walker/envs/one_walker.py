@@ -18,8 +18,3 @@ def integrate_past_events(
     while not disturbance.idle and record.outcome == 0 and record.time < disturbance.until:
         disturbance_kernels.apply_due_events(records, bodies, 0, disturbance, settings, hooks)
         integrate(records, bodies, phases, options, tiles, histories)
-
-
-def as_it_is(actions):
-    """Return the actions, which are the walker's own copy already."""
-    return actions

@@ -127,13 +127,9 @@ def work_of(torque, moved, turned):
 
 @shared
 def motor_charge(charged, torque, moved, turned):
-    """Return the energy that an actuator is charged for.
+    """Return the energy that an actuator is charged for by a kind of work, an index in ENERGIES.
 
-    Args:
-        charged: Index of the kind in ENERGIES.
-        torque: See `work_of`.
-        moved: See `work_of`.
-        turned: See `work_of`.
+    The other arguments are those of `work_of`.
     """
     net, absolute = work_of(torque, moved, turned)
     if charged == _ABSOLUTE:

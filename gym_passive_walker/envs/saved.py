@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine.lanes import RESTING
-from gym_passive_walker.engine.layout import Layout, record_for
+from gym_passive_walker.engine.layout import record_for
 from gym_passive_walker.envs import disturbance_kernels, task
 from gym_passive_walker.envs.scene import Scene
+from gym_passive_walker.envs.transitions import STOPPED
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.walkers import PARAMETERS, Mechanism, Walker
 
@@ -32,52 +33,37 @@ class StateError(ValueError):
     """The saved state is damaged, or belongs to another environment."""
 
 
-def entries(state: Any, names: Sequence[str], *, others: bool = False) -> Mapping[str, Any]:
-    """Return a saved state after a check of the names of its entries.
-
-    Args:
-        state: The value to check.
-        names: Names of required entries.
-        others: Whether other entries are allowed.
+def entries(state: Any, names: Sequence[str]) -> Mapping[str, Any]:
+    """Return a saved state after a check that its entries have these names.
 
     Raises:
-        StateError: if it is no mapping, an entry is missing, or another entry is not allowed.
+        StateError: if it is no mapping, an entry is missing, or there is another entry.
     """
     if not isinstance(state, Mapping):
         raise StateError(f"a state is what get_state returned, a mapping, not {state!r}")
     lacking = [name for name in names if name not in state]
-    strange = [str(name) for name in state if name not in names and not others]
+    strange = [str(name) for name in state if name not in names]
     if lacking or strange:
         said = [f"{what} {', '.join(n)}" for what, n in (("lacks", lacking), ("has", strange)) if n]
         raise StateError(f"this state is of another kind of environment: it {' and '.join(said)}")
     return state
 
 
-def flags(state: Any, name: str, shape: tuple[int, ...] = ()) -> NDArray[np.bool_]:
-    """Return a copy of booleans that an environment adds to the state of its batch.
-
-    Args:
-        state: The state.
-        name: Name of the entry.
-        shape: Shape of the entry; () for a single boolean.
+def flags(given: Any, name: str, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Return a copy of an entry of booleans; the shape () is that of a single one.
 
     Raises:
-        StateError: if the entry is missing, or its shape or type is wrong.
+        StateError: if the shape or the type of the entry is wrong.
     """
-    array = np.array(entries(state, (name,), others=True)[name])
+    array = np.array(given)
     if array.dtype != np.bool_ or array.shape != shape:
         wanted = f"booleans of shape {shape}" if shape else "True or False"
-        raise StateError(f"the state's {name!r} must be {wanted}, not {state[name]!r}")
+        raise StateError(f"the state's {name!r} must be {wanted}, not {given!r}")
     return array
 
 
 def like(given: Any, name: str, own: NDArray) -> NDArray:
     """Return a copy of an entry with the shape and type of the batch's own array.
-
-    Args:
-        given: The entry.
-        name: Name of the entry.
-        own: Array of the batch.
 
     Raises:
         StateError: if the shape or the type differs.
@@ -158,7 +144,7 @@ def check_walkers(
     """Return the walkers of a state after a check that the batch permits them.
 
     Args:
-        given: Walkers in the state.
+        given: Walkers in the state, in the form of `kept`.
         own: Walkers of the batch, (count,).
         bases: Nominal walkers of the domain randomization, (count,).
         shares: Largest relative deviation of each parameter, by name.
@@ -167,61 +153,48 @@ def check_walkers(
         StateError: if the batch does not permit one of the walkers.
     """
     row = list(given) if isinstance(given, Sequence) else []
-    if isinstance(own[0], Mechanism):
-        found = [_system_of(entry, base, shares) for entry, base in zip(row, bases, strict=False)]
-        if len(row) != len(own) or None in found:
-            raise StateError("the state's 'walkers' are not the systems of this environment")
-        return found  # type: ignore[return-value]
-    if len(row) != len(own) or not all(isinstance(walker, Walker) for walker in row):
+    found = [_restored(entry, base) for entry, base in zip(row, bases, strict=False)]
+    if len(row) != len(own) or None in found:
         raise StateError(
-            f"the state's 'walkers' must be a row of {len(own)} walkers, not {type(given).__name__}"
-            f" of {len(row)}"
+            f"the state's 'walkers' must be a row of {len(own)} walkers of this environment's "
+            f"kind, not {type(given).__name__} of {len(row)}"
         )
-    for i, (walker, here, base) in enumerate(zip(row, own, bases, strict=True)):
-        if walker == here:
+    for i, (walker, here, base) in enumerate(zip(found, own, bases, strict=True)):
+        if walker == here or (values := _parameters(walker)) == _parameters(here):
             continue
         off = [
             name
-            for name in (*PARAMETERS, "knees")
-            if not _near(walker, base, name, shares.get(name, 0.0))
+            for name, value in _parameters(base).items()
+            if not abs(values[name] - value) <= (shares.get(name, 0.0) + _ROUNDING) * abs(value)
         ]
         if not shares or off:
             raise StateError(
                 f"this state is of another walker than that of environment {i}: its "
                 f"{', '.join(off) or 'parameters'} cannot be here"
             )
-    return row
+    return found  # type: ignore[return-value]
 
 
-def _system_of(entry: Any, base: Any, shares: Mapping[str, float]) -> Any:
-    """Return the system that `kept` wrote; None if its constants are not permitted."""
+def _restored(entry: Any, base: Any) -> Walker | None:
+    """Return the walker that `kept` wrote, of the kind of a base; None if it is none."""
+    if not isinstance(base, Mechanism):
+        return entry if isinstance(entry, Walker) else None
+    names = base.body._fields
     name, *values = entry if isinstance(entry, tuple | list) and entry else [None]
-    fields = base.body._fields
-    if name != base.hybrid.name or len(values) != len(fields):
+    if name != base.hybrid.name or [*map(type, values)] != [float] * len(names):
         return None
-    if not all(isinstance(value, float) for value in values):
-        return None
-    near = (
-        abs(value - own) <= (shares[field] + _ROUNDING) * abs(own) if field in shares
-        else value == own
-        for field, value, own in zip(fields, values, base.body, strict=True)
-    )  # fmt: skip
-    return base.with_body(dict(zip(fields, values, strict=True))) if all(near) else None
+    return base.with_body(dict(zip(names, values, strict=True)))
 
 
-def _near(walker: Walker, base: Walker, name: str, share: float) -> bool:
-    """Return whether a parameter lies within its relative range around that of a base."""
-    ours, theirs = getattr(base, name), getattr(walker, name)
-    return ours == theirs or abs(theirs - ours) <= (share + _ROUNDING) * abs(ours)
+def _parameters(walker: Any) -> dict[str, Any]:
+    """Return the parameters of a walker, or the constants of a `System`, by name."""
+    if isinstance(walker, Mechanism):
+        return walker.body._asdict()
+    return {name: getattr(walker, name) for name in (*PARAMETERS, "knees")}
 
 
 def check_randoms(given: Any, count: int, kind: type) -> list[dict[str, Any]]:
-    """Return the states of random generators after a check.
-
-    Args:
-        given: The states, (count,) or empty.
-        count: Number of walkers.
-        kind: Class of the bit generators.
+    """Return the states of bit generators of a class, (count,) or none, after a check.
 
     Raises:
         StateError: if their number is neither 0 nor `count`, or a generator rejects one.
@@ -281,7 +254,7 @@ class Limits:
     def __init__(
         self, name: str, layout: np.dtype, skip: Sequence[str] = (), **ranges: tuple[Any, Any]
     ) -> None:
-        self._name, self._parts = name, []
+        self.name, self._parts = name, []
         low, high = np.zeros(1, layout), np.zeros(1, layout)
         fields: list[str] = []
         for field in layout.names or ():
@@ -316,93 +289,66 @@ class Limits:
                 allowed = "a finite number"
                 if (low[k], high[k]) != (-_FINITE, _FINITE):
                     allowed = f"from {low[k]:g} to {high[k]:g}"
-                require(f"{self._name}[{names[k]!r}]", holds[:, k], allowed)
+                require(f"{self.name}[{names[k]!r}]", holds[:, k], allowed)
 
 
-class RowLimits:
-    """Limits of the records and the ledger of a scene's walkers.
-
-    Args:
-        rules: Rules of the scene, one row of `task.RULES`.
-        phases: Number of phases of the system.
-        last: Largest number of an outcome.
-        layout: Layout of the records.
-    """
-
-    def __init__(self, rules: NDArray, phases: int, last: int, layout: Layout) -> None:
-        longest, limit = float(rules["max_stride_time"]), min(float(rules["step_limit"]), _MANY)
-        time, largest = (0.0, longest), rules["largest"]
-        torque, reason = largest[:-1], (0, last)
-        self._records = Limits(
+def limits_of(batch: Any) -> dict[str, Limits]:
+    """Return the limits of the structured arrays in a state of a batch, by name."""
+    rules, layout = batch.rules[0], batch.layout
+    time, torque = (0.0, float(rules["max_stride_time"])), rules["largest"][:-1]
+    steps = 0, min(float(rules["step_limit"]), _MANY)
+    reason = 0, STOPPED - (batch.scene.terminated is None)
+    found = [
+        Limits(
             "records", record_for(layout),
-            phase=(0, phases - 1), outcome=(RESTING, len(Outcome) - 1),
+            phase=(0, len(batch.machinery[0]) - 1), outcome=(RESTING, len(Outcome) - 1),
             steps=(0, _MANY), time=time, knee_time=time, end=time, step=(0.0, _FINITE),
-            control=(-torque, torque), push_off=(0.0, largest[-1]),
-        )  # fmt: skip
-        self._ledger = Limits(
+            control=(-torque, torque), push_off=(0.0, rules["largest"][-1]),
+        ),
+        Limits(
             "ledger", task.ledger_for(layout), skip=task.EVERY_STRIDE,
             outcome=reason, ending=reason, violated=reason, truncated=(0, 1),
-            steps=(0, limit), strides=(0, limit),
-        )  # fmt: skip
-
-    def check(self, records: NDArray, ledger: NDArray, *, begun: bool) -> NDArray[np.bool_]:
-        """Raise an error for entries that are outside their limits or inconsistent.
-
-        Args:
-            records: Records, (count, 1).
-            ledger: Ledger, (count,).
-            begun: Whether all walkers have begun an episode.
-
-        Returns:
-            Whether each episode is running, (count,).
-
-        Raises:
-            StateError: if a number is outside its limits, or contradicts another one.
-        """
-        here, going = records[:, 0], ~over(ledger) & begun
-        self._records.check(here, going)
-        self._ledger.check(ledger, going)
-        moves = (here["outcome"] == 0) | (here["outcome"] == int(Outcome.HEELSTRIKE))
-        require("records['outcome']", moves | ~going, "0 or 1 while the episode goes on")
-        fits = ledger["strides"] <= ledger["steps"]
-        require("ledger['strides']", fits, "no more than the number of steps")
-        slope = ledger["slope"][:, None]
-        off = np.abs(here["ground"][:, :2] - np.concatenate([np.sin(slope), np.cos(slope)], axis=1))
-        fits = (off <= _ROUNDING) | ~going[:, None]
-        require("records['ground']", fits, "sine and cosine of the slope in the ledger")
-        return going
+            steps=steps, strides=steps,
+        ),
+    ]  # fmt: skip
+    if batch.disturbances:
+        low, high = batch.disturbances.settings["command"][0]
+        found += [
+            Limits(
+                "disturbances", disturbance_kernels.DISTURBANCE, pushes=(0, _MANY), idle=(0, 1),
+                command=(low, high), due=(-np.inf, np.inf),
+            ),
+        ]  # fmt: skip
+    return {limits.name: limits for limits in found}
 
 
-class DisturbanceLimits:
-    """Limits of the disturbance states of a scene.
+def check_arrays(
+    found: Mapping[str, NDArray], limits: Mapping[str, Limits], *, begun: bool
+) -> None:
+    """Raise an error for arrays of a state that are outside their limits or inconsistent.
 
     Args:
-        settings: Settings of the scene, a row of `disturbance_kernels.SETTINGS`.
+        found: Arrays of the state by name, with the types and shapes of the batch's own.
+        limits: Limits from `limits_of`.
+        begun: Whether all walkers have begun an episode.
+
+    Raises:
+        StateError: if a number is outside its limits, or contradicts another one.
     """
-
-    def __init__(self, settings: NDArray) -> None:
-        low, high = settings["command"]
-        self._disturbances = Limits(
-            "disturbances", disturbance_kernels.DISTURBANCE, pushes=(0, _MANY), idle=(0, 1),
-            command=(low, high), due=(-np.inf, np.inf),
-        )  # fmt: skip
-
-    def check(
-        self, found: NDArray, pending: NDArray, times: NDArray, going: NDArray[np.bool_]
-    ) -> None:
-        """Check disturbance states.
-
-        Args:
-            found: Disturbance states, (count,) of `disturbance_kernels.DISTURBANCE`.
-            pending: Delayed actions, (count, action_delay, actions).
-            times: Times since the strides began, (count,).
-            going: Whether each episode is running, (count,).
-
-        Raises:
-            StateError: if a number is outside its limits.
-        """
-        self._disturbances.check(found, going)
+    here, ledger = found["records"][:, 0], found["ledger"]
+    going = ~over(ledger) & begun
+    for name, limit in limits.items():
+        limit.check(here if name == "records" else found[name], going)
+    moves = (here["outcome"] == 0) | (here["outcome"] == int(Outcome.HEELSTRIKE))
+    require("records['outcome']", moves | ~going, "0 or 1 while the episode goes on")
+    fits = ledger["strides"] <= ledger["steps"]
+    require("ledger['strides']", fits, "no more than the number of steps")
+    slope = ledger["slope"][:, None]
+    off = np.abs(here["ground"][:, :2] - np.concatenate([np.sin(slope), np.cos(slope)], axis=1))
+    fits = (off <= _ROUNDING) | ~going[:, None]
+    require("records['ground']", fits, "sine and cosine of the slope in the ledger")
+    if "disturbances" in found:
         # Due pushes are applied one by one, so a time far in the past would take very long.
-        fits = (found["due"] >= times - _LATE) | ~going
+        fits = (found["disturbances"]["due"] >= here["time"] - _LATE) | ~going
         require("disturbances['due']", fits, "no earlier than the walker's time")
-        require("pending", np.abs(pending) <= 1.0, "shares from -1 to 1")
+        require("pending", np.abs(found["pending"]) <= 1.0, "shares from -1 to 1")

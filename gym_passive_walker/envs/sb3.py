@@ -21,11 +21,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.one_thread import one_thread
-from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.extras import extra
-from gym_passive_walker.walkers import Walker, WalkerLike
+from gym_passive_walker.walkers import Walker
 
 with extra("train"):
     from stable_baselines3.common.vec_env import VecEnv
@@ -74,14 +73,9 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
     Args:
         num_envs: Number of walkers.
         scene: A scene, its name, or its arguments; see `PassiveWalkerEnv`.
-        max_episode_steps: Number of steps after which an episode is truncated; -1 or None for no
-            limit.
         seed: Seed of the first reset; `seed()` sets those of later resets.
-        walkers: Walker of each environment; see `PassiveWalkerVectorEnv`.
-        slopes: Slope of each environment in rad; see `PassiveWalkerVectorEnv`.
-        threads: Number of threads; see `PassiveWalkerVectorEnv`.
-        render_mode: "rgb_array", or None.
-        **changes: Arguments of the scene to change; see `PassiveWalkerEnv`.
+        **changes: Further arguments of `PassiveWalkerVectorEnv`: `max_episode_steps`, `walkers`,
+            `slopes`, `threads`, `render_mode`, and arguments of the scene to change.
 
     Attributes:
         envs: The vector environment of the walkers.
@@ -92,34 +86,16 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         num_envs: int = 1,
         scene: Scene | str | Mapping[str, Any] = "level",
         *,
-        max_episode_steps: int | None = MAX_EPISODE_STEPS,
         seed: int | None = None,
-        walkers: Sequence[WalkerLike] | None = None,
-        slopes: Sequence[float] | None = None,
-        threads: int | None = None,
-        render_mode: str | None = None,
         **changes: Any,
     ) -> None:
-        self.envs = PassiveWalkerVectorEnv(
-            num_envs,
-            scene,
-            max_episode_steps=max_episode_steps,
-            walkers=walkers,
-            slopes=slopes,
-            threads=threads,
-            render_mode=render_mode,
-            autoreset_mode="SameStep",
-            **changes,
-        )
+        self.envs = PassiveWalkerVectorEnv(num_envs, scene, autoreset_mode="SameStep", **changes)
         self.batch = self.envs.batch
         self.token = self.batch.token
         num_envs = self.envs.num_envs
         self.lanes = [Lane(self, i) for i in range(num_envs)]
-        super().__init__(
-            num_envs,
-            self.envs.single_observation_space,
-            interface.action_space(self.scene),
-        )
+        spaces = self.envs.single_observation_space, self.envs.single_action_space
+        super().__init__(num_envs, *spaces)
         metadata: dict[str, Any] = self.metadata
         metadata["render_fps"] = self.scene.frames_per_second
         if seed is not None:
@@ -134,21 +110,17 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         Returns:
             Observations, (num_envs, k) with k = 8 by default.
         """
-        options = self._common_options()
-        seeds = None if all(seed is None for seed in self._seeds) else self._seeds
-        observations, _ = self.envs.reset(seed=seeds, options=options)
-        self.reset_infos = [{} for _ in range(self.num_envs)]
-        self._reset_seeds()
-        self._reset_options()
-        return observations
-
-    def _common_options(self) -> dict[str, Any]:
-        """Return the options by name: one list with a value for each environment."""
         names = set().union(*self._options)
         for name in names:
             if not all(name in options for options in self._options):
                 raise ValueError(f"set option {name!r} for all environments or for none")
-        return {name: [options[name] for options in self._options] for name in names}
+        common = {name: [options[name] for options in self._options] for name in names}
+        seeds = None if all(seed is None for seed in self._seeds) else self._seeds
+        observations, _ = self.envs.reset(seed=seeds, options=common)
+        self.reset_infos = [{} for _ in range(self.num_envs)]
+        self._reset_seeds()
+        self._reset_options()
+        return observations
 
     def step_async(self, actions: NDArray) -> None:
         """Set the actions of the next step, (num_envs, actions of the scene).
@@ -157,8 +129,8 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
             ValueError: if the actions have another shape.
         """
         actions = interface.numbers(actions, self.scene.actions)
-        shape = (self.num_envs, len(self.scene.actions))
-        if actions.shape != shape:
+        if actions.shape != self.envs.action_space.shape:
+            shape = self.envs.action_space.shape
             raise ValueError(f"actions must have shape {shape}, not {actions.shape}")
         self._actions = actions.reshape(-1)
 

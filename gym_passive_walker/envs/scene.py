@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gym_passive_walker.arguments import (
+    boolean,
     check_slope,
     check_tolerance,
     real_array,
@@ -23,6 +24,7 @@ from gym_passive_walker.envs.checks import (
     checked_constraints,
     checked_noise,
     checked_pushes,
+    several,
     spread,
 )
 from gym_passive_walker.envs.custom import RULES, checked_rule
@@ -180,10 +182,8 @@ class Scene:
             put("reset_noise_scale", _PERTURBATION[self.control])
         if self.end_on_toe_stub is None:
             put("end_on_toe_stub", self.walker.knees)
-        if not isinstance(self.end_on_toe_stub, bool):
-            raise SceneError(
-                f"end_on_toe_stub must be True, False or None, not {shown(self.end_on_toe_stub)}"
-            )
+        for name in ("end_on_toe_stub", "reward_terms"):
+            put(name, checked(boolean, getattr(self, name), name))
         if self.end_on_toe_stub and not self.walker.knees:
             raise SceneError(
                 "end_on_toe_stub is a rule for walkers with knees: straight legs always scuff"
@@ -198,7 +198,7 @@ class Scene:
         put("tolerance", checked(check_tolerance, self.tolerance))
         put("domain_randomization", self._checked_shares())
         put("randomization_pool", self._checked_pool())
-        put("observe_body", self._checked_proportions())
+        put("observe_body", several("observe_body", self.observe_body, PROPORTIONS))
         put("pushes", checked_pushes(self.pushes))
         size = SIZE if self.own_system is None else state_size(self.walker) + 1
         put("observation_noise", checked_noise(self.observation_noise, size))
@@ -215,8 +215,6 @@ class Scene:
         bound("scuff_depth", 0.0, 1.0)
         if self.start is not None:
             put("start", self._checked_start())
-        if not isinstance(self.reward_terms, bool):
-            raise SceneError(f"reward_terms must be True or False, not {shown(self.reward_terms)}")
         for name in RULES:
             put(name, checked_rule(name, getattr(self, name)))
         if self.observe_body and self.observation is not None:
@@ -244,15 +242,7 @@ class Scene:
         channels = self.channels
         if self.actions is None:
             return ("hip",) if self.own_system is None else channels
-        given = (self.actions,) if isinstance(self.actions, str) else self.actions
-        try:
-            actions = tuple(given)
-        except TypeError:
-            actions = ("",)
-        strange = [action for action in actions if action not in channels]
-        if not (actions or not channels) or strange or len(set(actions)) < len(actions):
-            allowed = f"some of {', '.join(map(repr, channels))}, each once" if channels else "()"
-            raise SceneError(f"actions must be {allowed}, not {shown(self.actions)}")
+        actions = several("actions", self.actions, channels, least=min(len(channels), 1))
         if "ankle" in actions and self.walker.foot_radius != 0.0:
             raise SceneError(
                 "the action 'ankle' needs point feet: a round foot rolls, and the ground under it "
@@ -316,22 +306,6 @@ class Scene:
                 "randomization_pool is a number of walkers of domain_randomization: give both"
             )
         return checked(whole, self.randomization_pool, "randomization_pool", most=2**31)
-
-    def _checked_proportions(self) -> tuple[str, ...]:
-        """Return the names of observed parameters after a check."""
-        given = self.observe_body
-        given = (given,) if isinstance(given, str) else given
-        try:
-            names = tuple(given)
-        except TypeError:
-            names = ("",)
-        strange = [name for name in names if name not in PROPORTIONS]
-        if strange or len(set(names)) < len(names):
-            raise SceneError(
-                f"observe_body must be some of {', '.join(map(repr, PROPORTIONS))}, each once, "
-                f"not {shown(given)}"
-            )
-        return names
 
     def _checked_preview(self) -> int:
         """Set the terrain, and return the number of observed footholds, after a check."""
@@ -404,6 +378,9 @@ UNDISTURBED: dict[str, Any] = {
 }  # fmt: skip
 """Arguments of a scene without disturbances."""
 
+CALM = UNDISTURBED | {"command": None}
+"""Arguments of a scene without disturbances and without a command."""
+
 _BODIES = dict.fromkeys(
     ("foot_radius", "shank_com", "shank_gyration", "shank_length", "shank_mass", "thigh_com",
      "thigh_gyration"), 0.1,
@@ -423,12 +400,7 @@ SCENES: dict[str, dict[str, Any]] = {
         "max_push_off": 0.1,
         "reset_noise_scale": 0.02,
         "start": (
-            0.194588876,
-            -0.194588876,
-            -0.194588876,
-            -0.202960578,
-            -0.187756427,
-            -0.187756427,
+            0.194588876, -0.194588876, -0.194588876, -0.202960578, -0.187756427, -0.187756427,
         ),
     },
     "commanded": {"command": (0.1, 0.2)},
@@ -438,7 +410,7 @@ SCENES: dict[str, dict[str, Any]] = {
         "domain_randomization": _BODIES,
         "observe_body": tuple(_BODIES),
     },
-}
+}  # fmt: skip
 """Named scenes, and the motion of their walkers without actuation.
 
 - "level", the default: walker C on level ground. Its steps shrink until it stubs its toe: 91
@@ -458,74 +430,19 @@ SCENES: dict[str, dict[str, Any]] = {
 """
 
 
-def by_hip_alone(scene: Scene, subject: str) -> Scene:
-    """Return a scene after a check that the hip torque is its only action.
+def undisturbed(scene: Scene, subject: str, calm: Mapping[str, Any] = CALM) -> Scene:
+    """Return a scene after a check of its arguments: by default, no disturbances and no command.
 
     Args:
         scene: The scene.
         subject: Beginning of the error's message.
+        calm: Values that the scene must have, by the names of its arguments.
 
     Raises:
-        SceneError: if the scene has other actions.
+        SceneError: if the scene has other values.
     """
-    if scene.actions != ("hip",):
-        raise SceneError(
-            f"{subject} by the hip alone, and this scene's actions are {scene.actions}: choose "
-            'make_scene(scene, actions=("hip",))'
-        )
-    return scene
-
-
-def plain(scene: Scene, subject: str, *names: str) -> Scene:
-    """Return a scene after a check that it has none of some users' functions.
-
-    Args:
-        scene: The scene.
-        subject: Beginning of the error's message.
-        *names: Names in RULES that are checked.
-
-    Raises:
-        SceneError: if the scene has one of these functions.
-    """
-    if found := [name for name in names if getattr(scene, name) is not None]:
-        raise SceneError(
-            f"{subject} the environment's own {' and '.join(found)}, and this scene has another: "
-            f"choose make_scene(scene, {', '.join(f'{name}=None' for name in found)})"
-        )
-    return scene
-
-
-def with_parameters(scene: Scene, what: str) -> Scene:
-    """Return a scene after a check that its walker is one of the package.
-
-    Args:
-        scene: The scene.
-        what: Beginning of the error's message.
-
-    Raises:
-        SceneError: if the walker is a user's `System`.
-    """
-    if scene.own_system is not None:
-        raise SceneError(
-            f"{what} needs a walker with two legs and McGeer's parameters, not the system "
-            f"{scene.walker.title!r}"
-        )
-    return scene
-
-
-def undisturbed(scene: Scene, subject: str) -> Scene:
-    """Return a scene after a check that it has no disturbances and no command.
-
-    Args:
-        scene: The scene.
-        subject: Beginning of the error's message.
-
-    Raises:
-        SceneError: if the scene has disturbances or a command.
-    """
-    wanted = UNDISTURBED | {"command": None}
-    if found := [name for name, calm in wanted.items() if getattr(scene, name) != calm]:
-        calmed = ", ".join(f"{name}={wanted[name]!r}" for name in found)
+    if found := [name for name, value in calm.items() if getattr(scene, name) != value]:
+        calmed = ", ".join(f"{name}={calm[name]!r}" for name in found)
         raise SceneError(
             f"{subject} without {' and '.join(found)}, which this scene has: choose "
             f"make_scene(scene, {calmed})"

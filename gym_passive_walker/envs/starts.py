@@ -58,15 +58,6 @@ def known_gaits() -> dict[tuple[Walker, float], State | None]:
     }
 
 
-def passive_gait(walker: Walker, slope: float, guess: State | None = None) -> State | None:
-    """Return the state of a walker's long passive gait on the Poincaré section, or None.
-
-    The gait is precomputed, or `searched_gait` computes it.
-    """
-    known = known_gaits()
-    return known[walker, slope] if (walker, slope) in known else searched_gait(walker, slope, guess)
-
-
 @lru_cache(maxsize=4096)
 def searched_gait(walker: Walker, slope: float, guess: State | None = None) -> State | None:
     """Search for the state of a walker's long passive gait on the Poincaré section.
@@ -101,8 +92,12 @@ def gait_near(walker: Walker, slope: float, guess: State | None = None) -> State
     """
     gentle = max(slope, REFERENCE_SLOPES[0])
     others = sorted(REFERENCE_SLOPES, key=lambda reference: abs(reference - gentle))
+    known = known_gaits()
     for candidate in (slope, *others):
-        state = passive_gait(walker, candidate, guess if candidate == slope else None)
+        if (walker, candidate) in known:
+            state = known[walker, candidate]
+        else:
+            state = searched_gait(walker, candidate, guess if candidate == slope else None)
         if state is not None:
             return state
     if isinstance(walker, Mechanism) and walker.start is not None:

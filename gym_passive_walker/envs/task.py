@@ -15,7 +15,7 @@ from functools import cache
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import Kernel, address, call, jitted, merged, view
+from gym_passive_walker.engine.jit import Kernel, address, call, jitted, merged
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import NARROW, Layout
 from gym_passive_walker.engine.run import integrate
@@ -111,7 +111,7 @@ def rules_for(layout: Layout) -> np.dtype:
 
 RULES = rules_for(NARROW)
 
-_HEELSTRIKE, _NUMBER = int(Outcome.HEELSTRIKE), np.dtype("f8")
+_HEELSTRIKE = int(Outcome.HEELSTRIKE)
 
 
 @jitted
@@ -134,38 +134,6 @@ def observe(records, ledger, phases, observations):
     size = len(observations) // len(records)
     for i in range(len(records)):
         write_observation(records[i, 0], ledger[i], phases, observations, i * size)
-
-
-@jitted
-def write_info(ledger, asked, steps, counts, measures):
-    """Write the entries of `info` for selected walkers; entries of the others are zero.
-
-    Args:
-        ledger: The ledger, (count,).
-        asked: Whether each walker is selected, (count,).
-        steps: Filled with the entries of EVERY_STEP except the last, (entries, count).
-        counts: Filled with the number of strides and the outcome as a number, (2, count). The
-            outcome is 0 if no stride or episode ends.
-        measures: The first rows are filled with EVERY_STRIDE. There is one row for each selected
-            walker with an outcome.
-
-    Returns:
-        Number of selected walkers.
-    """
-    present, endings, first = 0, 0, len(steps)
-    row_words = ledger.itemsize // 8
-    words = view(address(ledger), (len(ledger), row_words), _NUMBER)  # EVERY_STEP, EVERY_STRIDE
-    for i in range(len(ledger)):
-        for k in range(first):
-            steps[k, i] = words[i, k] if asked[i] else 0.0
-        counts[0, i] = ledger[i].strides if asked[i] else 0
-        counts[1, i] = ledger[i].outcome if asked[i] else 0
-        present += asked[i]
-        if counts[1, i] != 0:
-            for k in range(measures.shape[1]):
-                measures[endings, k] = words[i, first + k]
-            endings += 1
-    return present
 
 
 @jitted

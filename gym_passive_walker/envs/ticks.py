@@ -112,14 +112,11 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         disturbed: Whether the scene has any disturbance of `disturbance_kernels`.
         custom: Whether the scene has users' functions.
     """
-    record, ledger_of, rules_of = (
-        record_for(layout),
-        task.ledger_for(layout),
-        task.rules_for(layout),
-    )
-    note, history, tile = note_for(layout), history_for(layout), tile_for(PAIR, layout=layout)
-    size = 2 * layout.links
-    record_words, row_words = record.itemsize // 8, ledger_of.itemsize // 8
+    record, note = record_for(layout), note_for(layout)
+    ledger_of, rules_of = task.ledger_for(layout), task.rules_for(layout)
+    history, tile = history_for(layout), tile_for(PAIR, layout=layout)
+    size, record_words = 2 * layout.links, record.itemsize // 8
+    row_words = ledger_of.itemsize // 8
 
     def within(compiler: Callable[..., Any]) -> Callable[..., Any]:
         kind = "wide" * (layout != NARROW) + "disturbed" * disturbed + "custom" * custom
@@ -212,7 +209,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
                 view(here.pending, shape, _NUMBER)[first:last], view(here.settings, (1,), SETTINGS),
                 view(here.hooks, (here.of_hooks,), HOOK),
                 view(here.table, (here.of_table, 2), _NUMBER),
-                view(here.spread, (here.of_spread,), _NUMBER), own, observations, rewards,
+                view(here.spread, (here.of_spread,), _NUMBER), own.copy(), observations, rewards,
                 terminated, truncated,
             )  # fmt: skip
         else:
@@ -233,22 +230,11 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     def step(
         where, first, last, tiles, histories, again, observations, rewards, terminated, truncated
     ):  # fmt: skip
-        """Step the walkers from `first` to before `last`; `again` starts those that rest.
+        """Step the walkers from `first` to before `last`, as `tick` does.
 
-        Args:
-            where: Address from `EntryPoint.address`.
-            first: Index of the first walker.
-            last: Index after the last walker.
-            tiles: Address of the tile to work with.
-            histories: Address of the guard history to work with.
-            again: Whether walkers that rest begin another episode; requires all walkers.
-            observations: Filled, flat.
-            rewards: Filled.
-            terminated: Filled.
-            truncated: Filled.
-
-        Returns:
-            The result of `tick`.
+        With `again`, which requires all walkers, those that rest begin another episode. Tiles and
+        histories are addresses of the working memory of a thread. The observations, flat, and the
+        arrays after them are filled.
         """
         answer = tick(
             where, first, last, tiles, histories, observations, rewards, terminated, truncated
@@ -273,10 +259,34 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
 
     @within(Kernel)
     def write_info(where, asked, steps, counts, measures):
-        """Call `task.write_info` for the walkers at `where`."""
-        here = view(where, (1,), PLACES)[0]
+        """Write the entries of `info` for selected walkers; entries of the others are zero.
+
+        Args:
+            where: Address from `EntryPoint.address`.
+            asked: Whether each walker is selected, (count,).
+            steps: Filled with the entries of EVERY_STEP except the last, (entries, count).
+            counts: Filled with the number of strides and the outcome as a number, (2, count). The
+                outcome is 0 if no stride or episode ends.
+            measures: The first rows are filled with EVERY_STRIDE. There is one row for each
+                selected walker with an outcome.
+
+        Returns:
+            Number of selected walkers.
+        """
+        here, present, endings, first = view(where, (1,), PLACES)[0], 0, 0, len(steps)
         ledger = view(here.ledger, (here.of_ledger,), ledger_of)
-        return task.write_info(ledger, asked, steps, counts, measures)
+        words = view(here.ledger, (here.of_ledger, row_words), _NUMBER)  # EVERY_STEP, EVERY_STRIDE
+        for i in range(len(ledger)):
+            for k in range(first):
+                steps[k, i] = words[i, k] if asked[i] else 0.0
+            counts[0, i] = ledger[i].strides if asked[i] else 0
+            counts[1, i] = ledger[i].outcome if asked[i] else 0
+            present += asked[i]
+            if counts[1, i] != 0:
+                for k in range(measures.shape[1]):
+                    measures[endings, k] = words[i, first + k]
+                endings += 1
+        return present
 
     return Kernels(begin, begin_alike, step, step_here, write_info)
 

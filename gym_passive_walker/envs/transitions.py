@@ -186,22 +186,11 @@ def after(
 ):  # fmt: skip
     """Record a step, and evaluate the compiled functions of reward and termination.
 
-    Args:
-        records: See `task.step`.
-        ledger: See `task.step`.
-        rules: See `task.step`.
-        phases: See `task.step`.
-        actions: Actions of the agents, flat.
-        notes: Transitions (n,) of NOTE to fill.
-        noted: Bits of the groups of PARTS to record.
-        paid: Address of the compiled reward; 0 without one.
-        ends: Address of the compiled termination; 0 without one.
-        at_once: Whether to apply the results here rather than in `enter`.
-        rewards: Rewards (n,) to fill, if `at_once`.
-        terminated: Terminations (n,) to fill, if `at_once`.
-
-    Returns:
-        Number of episodes that end.
+    The first arguments, to the flat actions of the agents, are those of `task.step`. `notes` are
+    the transitions (n,) of NOTE to fill; `noted` has bits of the groups of PARTS to record. `paid`
+    and `ends` are addresses of compiled reward and termination, 0 without one. If `at_once`, their
+    results are applied here to `rewards` and `terminated`, each (n,), rather than in `enter`.
+    Returns the number of episodes that end.
     """
     count = rules[0].actions
     for i in range(len(records)):
@@ -223,13 +212,11 @@ def after(
                 note.action[j] = clip(actions[i * count + j], least, 1.0)
         if noted & _WORKS:
             torque = record.control[0] * rules[0].works[0]
-            note.hip_work, note.hip_work_absolute = work_of(
-                torque, record.moved[0], record.turned[0]
-            )
+            net, absolute = work_of(torque, record.moved[0], record.turned[0])
+            note.hip_work, note.hip_work_absolute = net, absolute
             torque = record.control[1] * rules[0].works[1]
-            note.ankle_work, note.ankle_work_absolute = work_of(
-                torque, record.moved[1], record.turned[1]
-            )
+            net, absolute = work_of(torque, record.moved[1], record.turned[1])
+            note.ankle_work, note.ankle_work_absolute = net, absolute
             pushes = struck and rules[0].largest[len(record.control)] != 0.0
             note.push_off_work = record.push_work if pushes else 0.0
         if noted & _TIMES:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -93,9 +92,7 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
             step_limit=interface.step_limit(max_episode_steps),
             threads=threads,
         )
-        self.single_observation_space = interface.observation_space(
-            self.scene, self.batch.own_observation_size
-        )
+        self.single_observation_space = interface.observation_space(self.scene, self.batch.custom)
         self.single_action_space = interface.action_space(self.scene)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -305,8 +302,24 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
             return {}
         extra = {name: np.where(asked, x, 0) for name, x in self.batch.info_values().items()}
         mask = asked.copy()
-        make = partial(infos_of, mask, steps, counts, measures, extra)
-        return Infos(make, distance=steps[0], _distance=mask)
+
+        def content() -> dict[str, Any]:
+            (strides, outcomes), infos = counts, {}
+            columns = dict(zip(task.EVERY_STEP, (*steps, strides), strict=True))
+            for name, column in (columns | extra).items():
+                infos[name], infos["_" + name] = column, mask
+            ended = outcomes != 0
+            if ended.any():
+                infos["outcome"], infos["_outcome"] = _OUTCOMES.take(outcomes), ended
+            struck = outcomes == int(Outcome.HEELSTRIKE)
+            if struck.any():
+                ways = np.zeros((len(task.EVERY_STRIDE), len(mask)))
+                ways[:, ended] = measures[: np.count_nonzero(ended)].T
+                for name, column in zip(task.EVERY_STRIDE, ways, strict=True):
+                    infos[name], infos["_" + name] = column, struck
+            return infos
+
+        return Infos(content, distance=steps[0], _distance=mask)
 
     def _checked_mask(self, mask: Any, name: str) -> NDArray[np.bool_]:
         """Check and return a boolean array (num_envs,)."""
@@ -374,9 +387,8 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
                 then.
             RuntimeError: if another thread is using this environment.
         """
-        begun = bool(saved.flags(state, "begun"))
-        found = self.batch.checked(state, "begun", "ended", begun=begun)
-        ended = saved.flags(state, "ended", (self.num_envs,))
+        found = self.batch.checked(state, begun=(), ended=(self.num_envs,))
+        begun, ended = bool(found["begun"]), found["ended"]
         if begun and not np.array_equal(ended, saved.over(found["ledger"])):
             raise saved.StateError("the state's 'ended' and its ledger differ in which ended")
         if not self.batch.randoms:
@@ -420,27 +432,3 @@ def seed_randoms(
             randoms[i], _ = seeding.np_random(seeds[i])
     if randoms != batch.randoms:
         batch.randoms = randoms
-
-
-def infos_of(
-    mask: NDArray[np.bool_],
-    steps: NDArray[np.float64],
-    counts: NDArray[np.int64],
-    measures: NDArray[np.float64],
-    extra: Mapping[str, NDArray],
-) -> dict[str, Any]:
-    """Return the infos of a vector environment, from `task.write_info` and disturbances."""
-    (strides, outcomes), infos = counts, {}
-    columns = dict(zip(task.EVERY_STEP, (*steps, strides), strict=True))
-    for name, column in (columns | dict(extra)).items():
-        infos[name], infos["_" + name] = column, mask
-    ended = outcomes != 0
-    if ended.any():
-        infos["outcome"], infos["_outcome"] = _OUTCOMES.take(outcomes), ended
-    struck = outcomes == int(Outcome.HEELSTRIKE)
-    if struck.any():
-        ways = np.zeros((len(task.EVERY_STRIDE), len(mask)))
-        ways[:, ended] = measures[: np.count_nonzero(ended)].T
-        for name, column in zip(task.EVERY_STRIDE, ways, strict=True):
-            infos[name], infos["_" + name] = column, struck
-    return infos

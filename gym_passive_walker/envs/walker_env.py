@@ -268,9 +268,7 @@ class PassiveWalkerEnv(
             need("pygame", "render")
         self.render_mode = render_mode
         self.batch = Batch(self.scene)
-        self.observation_space = interface.observation_space(
-            self.scene, self.batch.own_observation_size
-        )
+        self.observation_space = interface.observation_space(self.scene, self.batch.custom)
         self.action_space = interface.action_space(self.scene)
         self.token = self.batch.token
         self.metadata = {**self.metadata, "render_fps": self.scene.frames_per_second}
@@ -471,8 +469,8 @@ class PassiveWalkerEnv(
                 then.
             RuntimeError: if another thread is using this environment.
         """
-        ready = bool(saved.flags(state, "ready"))
-        found = self.batch.checked(state, "ready", begun=ready)
+        found = self.batch.checked(state, ready=())
+        ready = bool(found["ready"])
         if ready and saved.over(found["ledger"]).any():
             raise saved.StateError("the state is 'ready', and its episode has ended")
         if not self.batch.randoms:

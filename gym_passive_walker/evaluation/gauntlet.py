@@ -13,16 +13,12 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting, as_policy
-from gym_passive_walker.envs.scene import (
-    Scene,
-    make_scene,
-    with_parameters,
-)
+from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.evaluation.walks import Walks, evaluate
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
-from gym_passive_walker.walkers import name_of
+from gym_passive_walker.walkers import check_parametric, name_of
 
 TIME = 100.0
 """Time limit of a walk in sqrt(l/g): some 33 strides."""
@@ -166,7 +162,7 @@ def gauntlet(
     """
     count = whole(walkers, "walkers", 1, 100_000)
     _, own = acting(controller, scene)
-    with_parameters(own, "the gauntlet")
+    check_parametric(own.walker, "the gauntlet")
     walks: dict[str, Walks] = {}
     with progress("tests", len(TESTS)) as done:
         for name, changes in TESTS.items():

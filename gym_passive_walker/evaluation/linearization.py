@@ -13,17 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.envs import rules
+from gym_passive_walker.envs.checks import checked
 from gym_passive_walker.envs.custom import RULES
-from gym_passive_walker.envs.scene import (
-    by_hip_alone,
-    plain,
-    undisturbed,
-    with_parameters,
-)
+from gym_passive_walker.envs.scene import CALM, SceneError, undisturbed
 from gym_passive_walker.gaits.flow import Walkers, go_on, report_of
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import system_of
-from gym_passive_walker.walkers import PARAMETERS
+from gym_passive_walker.walkers import PARAMETERS, check_parametric
 
 _STATE, _ACTION = slice(0, 6), 6  # columns of derivatives
 _STRUCK = int(Outcome.HEELSTRIKE)
@@ -62,10 +58,14 @@ class StepRecorder:
 
     def __init__(self, envs: Any) -> None:
         self._batch = envs.batch
-        scene = with_parameters(envs.scene, "a step with derivatives")
-        scene = by_hip_alone(scene, "steps that are differentiated are driven")
-        scene = plain(scene, "steps that are differentiated have", *RULES)
-        self._scene = undisturbed(scene, "steps that are differentiated go")
+        scene, subject = envs.scene, "steps that are differentiated"
+        checked(check_parametric, scene.walker, "a step with derivatives")
+        if scene.actions != ("hip",):
+            raise SceneError(
+                f"{subject} are driven by the hip alone, and this scene's actions are "
+                f'{scene.actions}: choose make_scene(scene, actions=("hip",))'
+            )
+        self._scene = undisturbed(scene, f"{subject} go", CALM | dict.fromkeys(RULES))
         self.clear()
 
     def clear(self) -> None:

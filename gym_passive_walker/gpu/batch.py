@@ -13,50 +13,43 @@ from numpy.typing import NDArray
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import options
-from gym_passive_walker.envs import disturbance_kernels, one_walker, task
-from gym_passive_walker.envs.batch import default_size, observed_bodies, rules_of, system_in
+from gym_passive_walker.envs import disturbance_kernels, interface, one_walker, task
+from gym_passive_walker.envs.batch import observed_bodies, rules_of, system_in
+from gym_passive_walker.envs.checks import checked
 from gym_passive_walker.envs.constraints import ROOM
-from gym_passive_walker.envs.custom import Custom, Rule
+from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.disturbances import Disturbances, disturbed
-from gym_passive_walker.envs.scene import (
-    Scene,
-    SceneError,
-    make_scene,
-    with_parameters,
-)
+from gym_passive_walker.envs.scene import Scene, SceneError, make_scene, undisturbed
 from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.envs.transitions import NOTE
 from gym_passive_walker.gpu import device, episodes
 from gym_passive_walker.gpu.episodes import SceneConstants, StepBuffers, Walkers
-from gym_passive_walker.gpu.lane import device_code
+from gym_passive_walker.gpu.lane import DeviceCode, device_code
 from gym_passive_walker.physics.systems import bodies
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import Walker, check_parametric
 
 DRAWN = 4096
 """Number of walkers that the episodes of a scene with `domain_randomization` draw from."""
 
 
 @lru_cache
-def _kernels(
-    system: str, pushed: bool, watched: bool, has_disturbances: bool, rules: tuple[Rule, ...]
-) -> tuple[Any, Any]:
+def _kernels(here: DeviceCode, has_disturbances: bool) -> tuple[Any, Any]:
     """Return the kernels that reset and step walkers."""
-    bound = device_code(system, pushed=pushed, watched=watched, rules=rules).bound
-    if rules:
+    bound = here.bound
+    if here.rules:
         bound = bound.instead({
-            episodes.plain_before: episodes.own_before,
-            episodes.plain_after: episodes.own_after,
-            episodes.plain_sight: episodes.own_sight,
+            episodes.before: episodes.own_before,
+            episodes.after: episodes.own_after,
+            episodes.sight: episodes.own_sight,
         })  # fmt: skip
     if has_disturbances:
         bound = bound.instead({
-            disturbance_kernels.copy_of: one_walker.as_it_is,
             disturbance_kernels.integrate_past_events: one_walker.integrate_past_events,
-            episodes.calm_begin: episodes.disturbed_begin,
-            episodes.calm_step: episodes.disturbed_step,
+            episodes.begin_disturbances: episodes.disturbed_begin,
+            episodes.one_step: episodes.disturbed_step,
         })  # fmt: skip
     kernels = episodes.reset_kernel, episodes.step_kernel
-    return tuple(device.kernel(bound.rebound(kernel)) for kernel in kernels)  # type: ignore[return-value]
+    return tuple(device.cuda.jit(bound.rebound(kernel)) for kernel in kernels)  # type: ignore[return-value]
 
 
 class DeviceBatch:
@@ -92,12 +85,9 @@ class DeviceBatch:
         **changes: Any,
     ) -> None:
         device.need_device()
-        self.scene = with_parameters(make_scene(scene, **changes), "a batch on a GPU")
-        if self.scene.randomization_pool:
-            raise SceneError(
-                "walkers on a GPU are not supported with randomization_pool: choose "
-                "make_scene(scene, randomization_pool=None)"
-            )
+        self.scene = make_scene(scene, **changes)
+        checked(check_parametric, self.scene.walker, "a batch on a GPU")
+        undisturbed(self.scene, "walkers on a GPU go", {"randomization_pool": None})
         self.count = whole(count, "count")
         self.custom = Custom(self.scene, 0)
         for name, rule in self.custom.rules.items():
@@ -106,17 +96,17 @@ class DeviceBatch:
                     f"{name} cannot be compiled, which walkers on a GPU need: use gpw.math, and "
                     "its where() instead of if"
                 )
-        self._shown = default_size(self.scene)
+        self._shown = interface.observation_space(self.scene).shape[0]
         self.observation_size = self.custom.observation_size or self._shown
-        system, has_disturbances = system_in(self.scene, self.scene.walker), disturbed(self.scene)
-        self._system, pushed, watched = (
-            system,
-            bool(self.scene.pushes),
-            bool(self.scene.constraints),
+        self._system = system_in(self.scene, self.scene.walker)
+        here = device_code(
+            self._system.name,
+            pushed=bool(self.scene.pushes),
+            watched=bool(self.scene.constraints),
+            rules=tuple(self.custom.rules.values()),
         )
-        rules = tuple(self.custom.rules.values())
-        self._reset, self._step = _kernels(system.name, pushed, watched, has_disturbances, rules)
-        here = device_code(system.name, pushed=pushed, watched=watched, rules=rules)
+        has_disturbances = disturbed(self.scene)
+        self._reset, self._step = _kernels(here, has_disturbances)
         drawn = self._drawn()
         constants = bodies(*drawn)[:, 0]
         self.walkers = self._walkers(constants, seed, own=has_disturbances or len(drawn) > 1)
@@ -131,8 +121,9 @@ class DeviceBatch:
         return [starts.varied(random) for _ in range(count)]
 
     def _walkers(self, drawn: NDArray, seed: int, *, own: bool) -> Walkers:
-        count, has_disturbances = self.count, disturbed(self.scene)
-        width = drawn.shape[1] + (ROOM if has_disturbances else 0)
+        count = self.count
+        disturbed_count = count if disturbed(self.scene) else 0
+        width = drawn.shape[1] + (ROOM if disturbed_count else 0)
         late = self.scene.action_delay, len(self.scene.actions)
         return Walkers(
             records=device.empty((count, 1), RECORD),
@@ -142,10 +133,8 @@ class DeviceBatch:
             keys=device.put(self._keys(seed)),
             episodes=device.put(np.zeros(count, np.int64)),
             drawn=device.put(np.zeros(count, np.int64)),
-            disturbances=device.empty(
-                count if has_disturbances else 0, disturbance_kernels.DISTURBANCE
-            ),
-            pending=device.empty((count if has_disturbances else 0, *late), float),
+            disturbances=device.empty(disturbed_count, disturbance_kernels.DISTURBANCE),
+            pending=device.empty((disturbed_count, *late), float),
             notes=device.put(np.zeros(count if self.custom.rules else 0, NOTE)),
         )
 
@@ -190,7 +179,7 @@ class DeviceBatch:
         return SceneConstants(*map(device.put, arrays))
 
     def _buffers(self) -> StepBuffers:
-        count = self.count
+        count, own = self.count, self.custom.observation_size or 0
         return StepBuffers(
             actions=device.put(np.zeros(count * len(self.scene.actions))),
             observations=device.empty(count * self.observation_size, np.float32),
@@ -198,23 +187,21 @@ class DeviceBatch:
             terminated=device.empty(count, bool),
             truncated=device.empty(count, bool),
             last=device.put(np.zeros(count * self.observation_size, np.float32)),
-            plain=device.empty(
-                count * self._shown if self.custom.observation_size else 0, np.float32
-            ),
-            numbers=device.empty((count, self.custom.observation_size or 0), float),
+            plain=device.empty(count * self._shown if own else 0, np.float32),
+            numbers=device.empty((count, own), float),
         )
 
     def reset(self, *, stream: Any = 0) -> None:
         """Begin an episode of every walker."""
-        device.launch(
-            self._reset, self.count, self.walkers, self._constants, self.buffers, stream=stream
-        )
+        self._launch(self._reset, stream)
 
     def step(self, *, stream: Any = 0) -> None:
         """Step every walker by `buffers.actions`; nothing is transferred.
 
         A non-finite action leaves its walker unchanged, and its reward is NaN.
         """
-        device.launch(
-            self._step, self.count, self.walkers, self._constants, self.buffers, stream=stream
-        )
+        self._launch(self._step, stream)
+
+    def _launch(self, kernel: Any, stream: Any) -> None:
+        arrays = self.walkers, self._constants, self.buffers
+        device.launch(kernel, self.count, *arrays, stream=stream)

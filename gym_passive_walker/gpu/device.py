@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from typing import Any
 
 import numba.cuda
@@ -84,8 +83,3 @@ def launch(kernel: Any, count: int, *arguments: Any, stream: Any = 0) -> None:
     with warnings.catch_warnings():  # a GPU does not warn
         warnings.simplefilter("ignore", RuntimeWarning)
         kernel[count, 1](*arguments)
-
-
-def kernel(function: Callable[..., None]) -> Any:
-    """Compile a function of arrays as a kernel."""
-    return cuda.jit(function)

@@ -56,9 +56,7 @@ class PassiveWalkerGpuEnv:
         self.batch = DeviceBatch(num_envs, scene, step_limit=limit, seed=seed, **changes)
         self.device = torch.device("cpu" if SIMULATED else "cuda")
         self.num_envs = num_envs
-        self.observation_space = interface.observation_space(
-            self.batch.scene, self.batch.custom.observation_size
-        )
+        self.observation_space = interface.observation_space(self.batch.scene, self.batch.custom)
         self.action_space = interface.action_space(self.batch.scene)
         self._buffers = self.batch.buffers._make(map(_tensor, self.batch.buffers))
         self._reported = _tensor(self.batch.walkers.reported.view(np.float64)).view(num_envs, -1)

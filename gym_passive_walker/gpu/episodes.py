@@ -117,23 +117,19 @@ class StepBuffers(NamedTuple):
     numbers: Any
 
 
-SCRATCH = kind(
-    np.dtype(
-        [
-            ("lanes", "i8", (1,)),
-            ("keys", "u8", (1,)),
-            ("slopes", "f8", (1,)),
-            ("draws", "f8", (1, DRAWS)),
-            ("gaits", "f8", (1, 6)),
-            ("actions", "f8", (len(task.CHANNELS),)),  # disturbed in place
-        ]
-    )
-)
+SCRATCH = kind(np.dtype([
+    ("lanes", "i8", (1,)),
+    ("keys", "u8", (1,)),
+    ("slopes", "f8", (1,)),
+    ("draws", "f8", (1, DRAWS)),
+    ("gaits", "f8", (1, 6)),
+    ("actions", "f8", (len(task.CHANNELS),)),  # disturbed in place
+]))  # fmt: skip
 """Working memory of a thread: arrays of a batch of one walker."""
 
 
-def calm_begin(walkers, constants, i, scratch, observations):
-    """Draw no disturbances."""
+def begin_disturbances(walkers, constants, i, scratch, observations):
+    """Draw no disturbances; `disturbed_begin` replaces this in scenes with disturbances."""
 
 
 def disturbed_begin(walkers, constants, i, scratch, observations):
@@ -145,14 +141,9 @@ def disturbed_begin(walkers, constants, i, scratch, observations):
         walkers.records[own], walkers.ledger[own], constants.table, constants.spread,
     )  # fmt: skip
     disturbance_kernels.add_observation_noise(
-        walkers.disturbances[i],
-        walkers.ledger[i],
-        settings[0],
-        constants.table,
-        constants.spread,
-        observations,
-        0,
-    )
+        walkers.disturbances[i], walkers.ledger[i], settings[0], constants.table, constants.spread,
+        observations, 0,
+    )  # fmt: skip
 
 
 def slice_of(i):
@@ -198,19 +189,18 @@ def observe_body(walkers, constants, i, observations):
         observations[first + k] = proportions[walkers.drawn[i], k]
 
 
-begin_disturbances = calm_begin
-"""Draws disturbances; replaced by `disturbed_begin` in scenes with disturbances."""
+# Functions beginning with `own_` replace the next three in scenes with users' functions.
 
 
-def plain_before(walkers, constants, i):
+def before(walkers, constants, i):
     """Record nothing before a step."""
 
 
-def plain_after(walkers, constants, buffers, i, rewards, terminated):
+def after(walkers, constants, buffers, i, rewards, terminated):
     """Evaluate nothing after a step."""
 
 
-def plain_sight(walkers, constants, buffers, i, observations, begins):
+def sight(walkers, constants, buffers, i, observations, begins):
     """Leave the default observation."""
 
 
@@ -249,14 +239,10 @@ def own_sight(walkers, constants, buffers, i, observations, begins):
             observations[k] = buffers.numbers[i, k]
 
 
-before, after, sight = plain_before, plain_after, plain_sight
-"""Users' functions; replaced by `own_before`, `own_after` and `own_sight` in scenes with some."""
-
-
-def calm_step(
+def one_step(
     walkers, constants, i, tiles, histories, actions, observations, rewards, terminated, truncated
 ):
-    """Step a walker without disturbances."""
+    """Step a walker; `disturbed_step` replaces this in scenes with disturbances."""
     own, body = slice_of(i), own_body(walkers, i)
     task.step(
         walkers.records[own], walkers.bodies[body], walkers.ledger[own], constants.rules,
@@ -273,14 +259,9 @@ def disturbed_step(
     disturbance_kernels.step(
         walkers.records[own], walkers.bodies[body], walkers.ledger[own], constants.rules,
         constants.phases, constants.options, tiles, histories, walkers.disturbances[own],
-        walkers.pending[own],
-        constants.settings, constants.hooks, constants.table, constants.spread, actions,
-        observations, rewards, terminated, truncated,
+        walkers.pending[own], constants.settings, constants.hooks, constants.table,
+        constants.spread, actions, observations, rewards, terminated, truncated,
     )  # fmt: skip
-
-
-one_step = calm_step
-"""Steps a walker; replaced by `disturbed_step` in scenes with disturbances."""
 
 
 def own_rows(walkers, buffers, i):
@@ -296,11 +277,8 @@ def own_rows(walkers, buffers, i):
 def step_and_restart(walkers, constants, buffers, i, tiles, histories, scratch):
     """Step a walker, and begin its next episode if this one has ended."""
     own, (observations, plain) = slice_of(i), own_rows(walkers, buffers, i)
-    rewards, terminated, truncated = (
-        buffers.rewards[own],
-        buffers.terminated[own],
-        buffers.truncated[own],
-    )
+    rewards, terminated = buffers.rewards[own], buffers.terminated[own]
+    truncated = buffers.truncated[own]
     actions, finite = scratch.actions[: len(buffers.actions) // len(walkers.records)], True
     for j in range(len(actions)):
         actions[j] = buffers.actions[i * len(actions) + j]
@@ -311,7 +289,7 @@ def step_and_restart(walkers, constants, buffers, i, tiles, histories, scratch):
     before(walkers, constants, i)
     one_step(
         walkers, constants, i, tiles, histories, actions, plain, rewards, terminated, truncated
-    )  # fmt: skip
+    )
     observe_body(walkers, constants, i, plain)
     after(walkers, constants, buffers, i, rewards, terminated)
     sight(walkers, constants, buffers, i, observations, False)

@@ -6,6 +6,8 @@ An address is an integer. Each function declares its types and emits its LLVM in
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
 import numba.cuda.extending
@@ -15,12 +17,29 @@ from numba import types
 intrinsic: Any = numba.cuda.extending.intrinsic
 
 _NUMBER, _WORD = ir.DoubleType(), ir.IntType(64)
+_FLOAT, _INTEGER = types.float64, types.int64
 exp, sqrt, tanh = math.exp, math.sqrt, math.tanh
 
 
-def _entry(builder, place, kind):
+def _emitting(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Decorate a function that emits instructions: kernels call it with this signature."""
+
+    def decorate(emit: Callable[..., Any]) -> Any:
+        def code(context, builder, signature, arguments):
+            result = emit(builder, *arguments)
+            return context.get_dummy_value() if result is None else result
+
+        @wraps(emit)  # the names of its operands are those of the calls
+        def typed(typing_context, *operands):
+            return signature, code
+
+        return intrinsic(typed)
+
+    return decorate
+
+
+def _entry(builder, first, word, kind):
     """Return a pointer to one of the words that begin at an address."""
-    first, word = place
     return builder.gep(builder.inttoptr(first, kind.as_pointer()), [word])
 
 
@@ -32,62 +51,37 @@ def address(typing_context, array):
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
         return builder.ptrtoint(data, _WORD)
 
-    return types.int64(array), code
+    return _INTEGER(array), code
 
 
-@intrinsic
-def get(typing_context, first, word):
+@_emitting(_FLOAT(_INTEGER, _INTEGER))
+def get(builder, first, word):
     """Return the float at a word after an address."""
-
-    def code(context, builder, signature, arguments):
-        return builder.load(_entry(builder, arguments, _NUMBER))
-
-    return types.float64(types.int64, types.int64), code
+    return builder.load(_entry(builder, first, word, _NUMBER))
 
 
-@intrinsic
-def get_whole(typing_context, first, word):
+@_emitting(_FLOAT(_INTEGER, _INTEGER))
+def get_whole(builder, first, word):
     """Return the integer at a word after an address, as a float."""
-
-    def code(context, builder, signature, arguments):
-        return builder.sitofp(builder.load(_entry(builder, arguments, _WORD)), _NUMBER)
-
-    return types.float64(types.int64, types.int64), code
+    return builder.sitofp(builder.load(_entry(builder, first, word, _WORD)), _NUMBER)
 
 
-@intrinsic
-def put(typing_context, first, word, value):
+@_emitting(types.void(_INTEGER, _INTEGER, _FLOAT))
+def put(builder, first, word, value):
     """Write a float at a word after an address."""
-
-    def code(context, builder, signature, arguments):
-        *place, value = arguments
-        builder.store(value, _entry(builder, place, _NUMBER))
-        return context.get_dummy_value()
-
-    return types.void(types.int64, types.int64, types.float64), code
+    builder.store(value, _entry(builder, first, word, _NUMBER))
 
 
-@intrinsic
-def put_whole(typing_context, first, word, value):
+@_emitting(types.void(_INTEGER, _INTEGER, _FLOAT))
+def put_whole(builder, first, word, value):
     """Write a float as an integer at a word after an address."""
-
-    def code(context, builder, signature, arguments):
-        *place, value = arguments
-        builder.store(builder.fptosi(value, _WORD), _entry(builder, place, _WORD))
-        return context.get_dummy_value()
-
-    return types.void(types.int64, types.int64, types.float64), code
+    builder.store(builder.fptosi(value, _WORD), _entry(builder, first, word, _WORD))
 
 
-@intrinsic
-def apart(typing_context):
+@_emitting(types.void())
+def apart(builder):
     """Prevent inlining of the function that contains this call."""
-
-    def code(context, builder, signature, arguments):
-        builder.function.attributes.add("noinline")
-        return context.get_dummy_value()
-
-    return types.void(), code
+    builder.function.attributes.add("noinline")
 
 
 @intrinsic
@@ -101,43 +95,26 @@ def select(typing_context, condition, yes, no):
     return kind(types.boolean, kind, kind), code
 
 
-@intrinsic
-def bits(typing_context, x):
+@_emitting(_INTEGER(_FLOAT))
+def bits(builder, x):
     """Return the bits of a float as an integer."""
-
-    def code(context, builder, signature, arguments):
-        return builder.bitcast(arguments[0], _WORD)
-
-    return types.int64(types.float64), code
+    return builder.bitcast(x, _WORD)
 
 
-@intrinsic
-def of_bits(typing_context, whole):
+@_emitting(_FLOAT(_INTEGER))
+def of_bits(builder, whole):
     """Return the float with these bits."""
-
-    def code(context, builder, signature, arguments):
-        return builder.bitcast(arguments[0], _NUMBER)
-
-    return types.float64(types.int64), code
+    return builder.bitcast(whole, _NUMBER)
 
 
-@intrinsic
-def flip(typing_context, x, last_bit):
+@_emitting(_FLOAT(_FLOAT, _FLOAT))
+def flip(builder, x, last_bit):
     """Return x, with the opposite sign if the last bit of `last_bit` is set."""
-
-    def code(context, builder, signature, arguments):
-        x, other = (builder.bitcast(value, _WORD) for value in arguments)
-        sign = builder.shl(other, _WORD(63))
-        return builder.bitcast(builder.xor(x, sign), _NUMBER)
-
-    return types.float64(types.float64, types.float64), code
+    x, other = (builder.bitcast(value, _WORD) for value in (x, last_bit))
+    return builder.bitcast(builder.xor(x, builder.shl(other, _WORD(63))), _NUMBER)
 
 
-@intrinsic
-def fma(typing_context, a, b, c):
+@_emitting(_FLOAT(_FLOAT, _FLOAT, _FLOAT))
+def fma(builder, a, b, c):
     """Return a * b + c, rounded once."""
-
-    def code(context, builder, signature, arguments):
-        return builder.fma(*arguments)
-
-    return c(c, c, c), code
+    return builder.fma(a, b, c)

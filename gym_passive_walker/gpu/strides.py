@@ -28,28 +28,19 @@ def _made(system: str) -> tuple[Any, Any]:
     here = device_code(system)
     kernel = here.bound.rebound(_stride_kernel)
     kernel.__globals__.update(scratch_types(SYSTEMS[system]))
-    return device.put(here.phases), device.kernel(kernel)
+    return device.put(here.phases), cuda.jit(kernel)
 
 
 @lru_cache
-def _options(tolerance: float, *, scuff: bool, from_section: bool) -> Any:
-    """Return the options of the engine on the GPU."""
-    return device.put(run.options(tolerance, scuff=scuff, from_section=from_section))
+def _options(*, from_section: bool = True, **chosen: Any) -> Any:
+    """Return the options of the engine on the GPU; see `run.options`."""
+    return device.put(run.options(from_section=from_section, **chosen))
 
 
-def advance_there(
-    system: System,
-    bodies: Any,
-    records: Any,
-    *,
-    tolerance: float,
-    scuff: bool = False,
-    from_section: bool = True,
-) -> None:
+def advance_there(system: System, bodies: Any, records: Any, **options: Any) -> None:
     """Integrate records on the GPU in place; see `advance` for the arguments."""
     phases, kernel = _made(system.name)
-    options = _options(tolerance, scuff=scuff, from_section=from_section)
-    device.launch(kernel, len(records), records, bodies, phases, options)
+    device.launch(kernel, len(records), records, bodies, phases, _options(**options))
 
 
 def advance(
@@ -81,7 +72,8 @@ def advance(
         NoDevice: if there is no GPU.
     """
     device.need_device()
-    there, options = device.put(records), {"scuff": scuff, "from_section": from_section}
-    advance_there(system, device.put(bodies), there, tolerance=tolerance, **options)
+    there, bodies = device.put(records), device.put(bodies)
+    options = {"tolerance": tolerance, "scuff": scuff, "from_section": from_section}
+    advance_there(system, bodies, there, **options)
     records[:] = device.to_host(there)
     return records

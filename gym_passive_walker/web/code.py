@@ -112,7 +112,6 @@ def bookkeeping(layout: Layout | None = None) -> list[str]:
     bound = DeviceLinker({}, _jitted).instead({
         lanes.integrate_phase: one_walker.integrate_phase,
         jit.entry: one_walker.entry,
-        disturbance_kernels.copy_of: one_episode.as_it_is,
         disturbance_kernels.integrate_past_events: one_episode.integrate_past_events,
     })  # fmt: skip
     text, name = _compiled(bound.rebound(run), types.int64, types.int64)

@@ -382,7 +382,7 @@ def test_what_is_no_rule_is_refused_in_a_sentence(rules, said):
 
 
 def test_functions_that_need_the_users_own_rules_say_so():
-    with pytest.raises(SceneError, match=r"environment's own observation.*observation=None"):
+    with pytest.raises(SceneError, match=r"go without observation.*observation=None"):
         gpw.stride_map(controller="level-ppo", scene=make_scene(observation=shown))
 
 

@@ -138,6 +138,15 @@ def test_the_walkers_of_a_vector_environment_go_over_to_a_changed_scene_together
     assert env.get_state()["scene"] == fresh.get_state()["scene"]
 
 
+def test_episodes_of_a_changed_scene_are_truncated_after_the_same_number_of_steps():
+    envs = PassiveWalkerVectorEnv(2, max_episode_steps=5, autoreset_mode="SameStep")
+    envs.reset(seed=0)
+    envs.set_scene(energy_weight=2.0)
+    truncated = [envs.step(np.zeros((2, 1)))[3].tolist() for _ in range(11)]
+    ends = [True, False, False, False, False, True, False, False, False, False, True]
+    assert truncated == [[end] * 2 for end in ends]
+
+
 def test_learners_of_stable_baselines3_go_over_to_a_changed_scene():
     env = PassiveWalkerVecEnv(3, "pushed", seed=0)
     env.reset()

@@ -93,7 +93,8 @@ def test_a_start_may_be_given_instead():
 
 
 def test_a_walker_without_any_gait_says_so(monkeypatch):
-    monkeypatch.setattr("gym_passive_walker.envs.starts.passive_gait", lambda *_: None)
+    monkeypatch.setattr(starts, "known_gaits", dict)
+    monkeypatch.setattr(starts, "searched_gait", lambda *_: None)
     with pytest.raises(SceneError, match="give the scene a start"):
         gait_near(WALKERS["C"], 0.0)
 

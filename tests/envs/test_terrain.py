@@ -113,7 +113,7 @@ def test_a_walk_over_rough_ground_is_saved_and_goes_on():
         env.step(np.zeros(1))
     kept = env.batch.get_state()
     one = [env.step(np.zeros(1)) for _ in range(30)]
-    env.batch.set_state(kept)
+    env.batch.put_back(env.batch.checked(kept))
     other = [env.step(np.zeros(1)) for _ in range(30)]
     assert any(info.get("outcome") == "heelstrike" for *_, info in one)
     for a, b in zip(one, other, strict=True):

@@ -236,3 +236,18 @@ def test_a_heelstrike_just_after_the_start_of_a_control_step_has_its_margin():
     plan = iter(torch.from_numpy(actions.astype(float)))
     walked = rollout(lambda seen: next(plan), "rough", 60, count=5, seed=3)
     assert torch.isfinite(walked.rewards).all()
+
+
+def test_own_rewards_at_heelstrikes_see_the_next_foothold_of_the_stride_that_begins():
+    ground = {"terrain": {"rough": {"height_std": 0.001}}, "reset_noise_scale": 0.0, "tick": 0.5}
+    scene = make_scene("lab", **ground, reward=lambda step: step.height_change)
+    envs = PassiveWalkerVectorEnv(COUNT, scene, autoreset_mode="Disabled")
+    envs.reset(seed=0)
+    walked = rollout(lambda seen: 0.0 * seen[:, :1], scene, 20, count=COUNT, seed=0)
+    struck = np.zeros(COUNT, int)
+    for k in range(20):
+        assert walked.going[k].all()
+        _, rewards, _, _, infos = envs.step(np.zeros((COUNT, 1), np.float32))
+        np.testing.assert_allclose(walked.rewards[k], rewards, rtol=0.0, atol=1e-12)
+        struck = infos["strides"]
+    assert (struck >= 2).all() and len(np.unique(walked.rewards)) >= 2 * COUNT
