@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 import gym_passive_walker as gpw
 from gym_passive_walker.cli import main
 from gym_passive_walker.files import replacing
+from gym_passive_walker.loading import SUFFIXES
 
 STATE = np.array([0.2, -0.2, -0.2, -0.2, -0.1, -0.1])
 FULL = Path("/dev/full")
@@ -71,6 +73,45 @@ def test_a_full_disk_leaves_what_was_there_and_no_half_file(name, walk, tmp_path
     assert path.read_text(encoding="utf-8") == "old" and list(tmp_path.iterdir()) == [path]
     WRITERS[name](walk, path)
     assert path.stat().st_size > 100 and list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_an_ending_in_capitals_is_the_same_ending(name, walk, tmp_path):
+    path, usual = tmp_path / name.upper(), tmp_path / name
+    for each in (path, usual):
+        WRITERS[name](walk, each)
+    assert sorted(tmp_path.iterdir()) == sorted([path, usual])
+    assert path.read_bytes()[:4] == usual.read_bytes()[:4]
+
+
+@pytest.mark.parametrize("ending", [".CSV", ".NPZ"])
+def test_an_ending_in_capitals_is_known_to_the_command(ending, tmp_path, capsys):
+    path, usual = tmp_path / f"walk{ending}", tmp_path / f"walk{ending.lower()}"
+    state = " ".join(map(str, STATE))
+    for each in (path, usual):
+        assert main(f"simulate A 0.03 --state {state} --strides 1 --out {each}".split()) == 0
+    capsys.readouterr()
+    assert path.read_bytes()[:4] == usual.read_bytes()[:4]
+
+
+WRITTEN = {
+    ".json": '{"preset": "C", "foot_radius": 0.25}',
+    ".yaml": "preset: C\nfoot_radius: 0.25\n",
+    ".yml": "preset: C\nfoot_radius: 0.25\n",
+    ".toml": 'preset = "C"\nfoot_radius = 0.25\n',
+}
+
+
+@pytest.mark.parametrize("ending", SUFFIXES)
+@pytest.mark.parametrize("capitals", [str.lower, str.upper, str.title])
+def test_a_walker_is_read_from_a_file_whatever_the_case_of_its_ending(ending, capitals, tmp_path):
+    if ending.startswith(".y"):
+        pytest.importorskip("yaml")
+    path = tmp_path / f"walker{capitals(ending)}"
+    path.write_text(WRITTEN[ending], encoding="utf-8")
+    expected = replace(gpw.WALKERS["C"], foot_radius=0.25)
+    assert gpw.as_walker(str(path)) == gpw.as_walker(path) == expected
+    assert gpw.find_gait(str(path), 0.05).walker == expected
 
 
 def test_a_film_that_is_given_up_leaves_no_file(tmp_path):

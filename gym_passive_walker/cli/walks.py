@@ -56,7 +56,7 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     def run(arguments: Namespace) -> Report:
         out: Path | None = arguments.out
-        if out is not None and out.suffix not in _WRITERS:
+        if out is not None and out.suffix.lower() not in _WRITERS:
             raise ValueError(f"--out takes a name that ends in .csv or .npz, not {out}")
         if out is not None:
             prepare(out)
@@ -72,7 +72,7 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
                 walks, slope, state, arguments.strides, samples=arguments.samples,
                 terrain=arguments.terrain, terrain_seed=arguments.terrain_seed,
             )  # fmt: skip
-            files[out] = lambda path: _WRITERS[path.suffix](sampled, path)
+            files[out] = lambda path: _WRITERS[path.suffix.lower()](sampled, path)
         rows: list[dict[str, Any]] = []
         strides = whole(arguments.strides, "--strides")
         ground = ground_of(arguments.terrain, arguments.terrain_seed, strides)
@@ -122,8 +122,8 @@ def export(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
 
 def _write_npz(walk: Trajectory, path: Path) -> None:
-    with replacing(path) as aside:
-        np.savez_compressed(aside, **walk.columns())  # type: ignore[arg-type]
+    with replacing(path) as aside, aside.open("wb") as file:  # to a name, NumPy may add ".npz"
+        np.savez_compressed(file, **walk.columns())  # type: ignore[arg-type]
 
 
 _WRITERS = {".csv": Trajectory.to_csv, ".npz": _write_npz}

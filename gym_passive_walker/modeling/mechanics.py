@@ -101,7 +101,7 @@ _OPERATIONS: dict[str, Callable[..., Any]] = {
     ">=": lambda a, b: np.real(a) >= np.real(b),
     "and": lambda a, b: a & b,
     "or": lambda a, b: a | b,
-    "not": lambda a: ~a,
+    "not": np.logical_not,
     "choose": lambda c, a, b: np.where(c, a, b),
 }
 

@@ -36,7 +36,7 @@ def film_path(path: str | Path) -> Path:
         OSError: if no file can be written there.
     """
     path = Path(path)
-    if path.suffix not in _KINDS:
+    if path.suffix.lower() not in _KINDS:
         raise ValueError(f"a video's name must end in {' or '.join(_KINDS)}, not {path}")
     return prepare(path)
 
@@ -62,7 +62,7 @@ class Film:
         self.path = film_path(path)
         with extra("render"):
             from moviepy.video.io.ffmpeg_writer import FFMPEG_VideoWriter
-        gif = self.path.suffix == ".gif"
+        gif = self.path.suffix.lower() == ".gif"
         # Pictures have few colours: more of them, or dots between them, double the file.
         palette = "split[a][b];[a]palettegen=max_colors=32[p];[b][p]paletteuse=dither=none"
         shrunk = f"fps={min(fps, _GIF_FPS)},scale=iw/{shrink}:-1:flags=lanczos,{palette}"

@@ -38,6 +38,20 @@ def test_a_stride_on_a_slope_that_is_set_is_the_stride_of_that_slope():
     assert infos["gravity_cost"] == pytest.approx(its["gravity_cost"], rel=1e-9)
 
 
+def slope_and_angle(step):
+    """An observation of one's own."""
+    return step.slope, step.state.stance
+
+
+def test_an_observation_of_one_s_own_sees_the_slope_that_is_set():
+    envs, before = strides_on(observation=slope_and_angle)
+    seen = envs.set_slopes(BUMPY, np.array([True, False, True]))
+    expected = np.array([BUMPY[0], 0.036, BUMPY[2]])
+    assert before[:, 0] == pytest.approx(0.036) and seen[:, 0] == pytest.approx(expected)
+    assert seen[:, 1].tolist() == before[:, 1].tolist()
+    assert envs.step(ZEROS)[0][:, 0] == pytest.approx(expected)
+
+
 def test_only_walkers_of_the_mask_come_to_another_slope():
     envs, _ = strides_on()
     seen = envs.set_slopes(0.05, np.array([False, True, False]))

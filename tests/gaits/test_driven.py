@@ -188,3 +188,13 @@ def test_the_cost_of_transport_has_the_work_of_every_motor(drive):
     np.testing.assert_allclose(costs, np.array(works) / way, rtol=1e-8)
     assert gait.motor_cost == pytest.approx(sum(works) / way, rel=1e-8)
     assert gait.cost_of_transport == pytest.approx(np.sin(0.004) + gait.motor_cost, rel=1e-8)
+
+
+@pytest.mark.parametrize("push", [-1e-9, -0.02, [0.02, -0.02], np.array(-0.02)], ids=str)
+@pytest.mark.parametrize("name", ["lab", "D"])
+def test_a_push_off_that_pulls_is_refused_however_it_is_given(name, push):
+    state = find_gait(name, 0.009 if name == "D" else 0.036).state
+    with pytest.raises(ValueError, match="push_off must not be negative"):
+        stride(name, 0.02, state, push_off=push)
+    with pytest.raises(ValueError, match="push_off must not be negative"):
+        stride_map(name, 0.02, controller=Actuation(push_off=push))

@@ -237,3 +237,14 @@ def test_a_table_s_columns_are_those_of_a_state_by_their_names():
         for name in named:
             expected = states[:, STATE_NAMES.index(name)]
             np.testing.assert_array_equal(columns[name], expected)
+
+
+@pytest.mark.parametrize(("name", "kind"), [("lab", "long"), ("lab", "short"), ("C", "short")])
+def test_real_multipliers_whose_product_passes_1_are_no_neimark_sacker_bifurcation(name, kind):
+    """A torus needs a complex pair; those of passive walkers stay within the unit circle."""
+    family = gait_family(name, 0.003, 0.25, kind=kind)
+    pairs = np.triu_indices(family.multipliers.shape[1], 1)
+    products = (family.multipliers[:, pairs[0]] * family.multipliers[:, pairs[1]] - 1.0).prod(1)
+    assert np.all(np.abs(family.multipliers[family.multipliers.imag != 0.0]) < 1.0)
+    assert products.real.min() < 0.0 < products.real.max()
+    assert family.neimark_sackers == ()

@@ -154,6 +154,8 @@ def test_a_kneed_walker_lasts_the_longer_the_smoother_the_ground():
     assert lasts[0] < lasts[1]
 
 
-def test_falls_are_counted_among_all_who_begin_a_stride_once_they_have_settled():
-    found = FirstPassage.of(np.array([100, 90, 60, 30, 0, 0]), settling=1)
-    assert found == FirstPassage(falls=30 + 30 + 30, strides=90 + 60 + 30)
+@pytest.mark.parametrize("left", [(), (0,), (0, 0), (12,), (12, 12), (30, 30, 5)])
+def test_falls_are_counted_among_all_who_begin_a_stride_once_they_have_settled(left):
+    found = FirstPassage.of(np.array([100, 90, 60, 30, *left]), settling=1)
+    begun = [90, 60, 30, *left][:-1]  # those left at the end have begun no further stride
+    assert found == FirstPassage(falls=90 - [30, *left][-1], strides=sum(begun))

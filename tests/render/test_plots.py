@@ -198,6 +198,22 @@ def test_legends_cover_nothing(gait, family):
             assert not ax.get_legend().get_window_extent().overlaps(ax.get_window_extent())
 
 
+@pytest.mark.parametrize("friction", [10.0, 0.3, 0.0])
+def test_a_check_marks_readings_beyond_what_is_allowed_as_violated(gait, friction):
+    check = gpw.reality_check(gait, friction=friction)
+    ax = check.plot(OWN)
+    names = [label.get_text().partition(": ")[0] for label in ax.get_yticklabels()]
+    marks = {line.get_label(): line.get_xydata() for line in ax.lines}
+    violated = {names[int(-row)] for _, row in marks.get("violated", [])}
+    assert violated == {item for item, holds in check.passed.items() if not holds}
+    needed = [
+        (value, label) for label, points in marks.items() if label in ("satisfied", "violated")
+        for value, row in points if names[int(-row)] == "friction"
+    ]  # fmt: skip
+    assert len(needed) == 3
+    assert all((value > friction) == (label == "violated") for value, label in needed)
+
+
 def test_a_walk_that_ends_says_how():
     walk = gpw.simulate("lab", 0.036, [0.3, -0.3, -0.3, -0.1, 0.0, 0.0], 4, samples=7)
     assert walk.ending == "fell backward" and "fell backward" in repr(walk)

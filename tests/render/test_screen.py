@@ -7,8 +7,10 @@ import sys
 import numpy as np
 import pytest
 
+from gym_passive_walker import rough
 from gym_passive_walker.gaits.trajectory import simulate
 from gym_passive_walker.render import level, look, pose, tiled
+from gym_passive_walker.render.film import _SAMPLES, FPS, film
 from gym_passive_walker.render.screen import Screen
 
 pygame = pytest.importorskip("pygame")
@@ -251,3 +253,31 @@ def test_without_pygame_the_error_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(ImportError, match=r'pip install "gym-passive-walker\[render\]"'):
         Screen("lab")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"hip_torque": 0.2},
+        {"hip_torque": [0.0, -0.2]},
+        {"terrain": rough(height_std=0.01), "terrain_seed": 3},
+    ],
+    ids=["torque", "torque of the second stride", "terrain"],
+)
+def test_a_video_shows_the_walk_that_is_asked_for(changes, tmp_path, monkeypatch, no_display):
+    pytest.importorskip("moviepy")
+    shown, draw = [], Screen.draw
+
+    def drawn(self, state, *rest, **more):
+        shown.append(state)
+        return draw(self, state, *rest, **more)
+
+    monkeypatch.setattr(Screen, "draw", drawn)
+    frames = film("lab", SLOPE, GAIT, tmp_path / "walk.gif", strides=2, **changes)
+    walk, plain = (
+        simulate("lab", SLOPE, GAIT, 2, samples=_SAMPLES, **options) for options in (changes, {})
+    )
+    assert frames == len(shown) > 0
+    at = np.searchsorted(walk.times, np.arange(frames) / FPS)
+    np.testing.assert_array_equal(shown, walk.states[at])
+    assert np.abs(walk.states[-1] - plain.states[-1]).max() > 0.01

@@ -177,6 +177,28 @@ def test_what_failed_is_done_once_more_if_that_is_asked_for_and_nothing_else(odd
     np.testing.assert_array_equal(before["seconds"][others], after["seconds"][others])
 
 
+@pytest.mark.parametrize("retry", [False, True])
+def test_what_failed_before_a_sweep_was_stopped_is_done_again_on_request(odd, monkeypatch, retry):
+    """Rows of a sweep that was stopped are in its journal, not in the dataset."""
+    over, given = {"x": list(range(8))}, {"times": 2, "folder": str(odd)}
+    options = {"over": over, "given": given, "workers": 1, "trust": True}
+
+    def full(table, where):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(parquet, "write_table", full)
+        with pytest.raises(OSError, match="free some space"):
+            gpw.sweep("odd_tasks:dies", odd / "out", **options)
+    journal = (odd / "out" / "journal.jsonl").read_text().splitlines()
+    kept = {row["task"]: row for row in map(json.loads, journal)}
+    assert kept[5]["status"] == FAILED and len(kept) == 8
+    columns = gpw.sweep("odd_tasks:dies", odd / "out", retry=retry, **options).columns()
+    assert [*columns["status"]] == [DONE if retry or x != 5 else FAILED for x in range(8)]
+    again = [columns["seconds"][task] != row["seconds"] for task, row in kept.items()]
+    assert np.flatnonzero(again).tolist() == [5] * retry
+
+
 def test_a_full_disk_loses_nothing_finished(odd, monkeypatch):
     full = {"write": True}
     write = parquet.write_table

@@ -149,13 +149,25 @@ def test_a_held_torque_is_that_of_the_stride_map():
     np.testing.assert_allclose(walk.state, before, rtol=0.0, atol=1e-6)
 
 
-def test_a_push_downhill_hastens_the_stance_leg_and_one_uphill_slows_it():
-    for push, faster in ((0.02, True), (-0.02, False)):
-        walk = walk_of("lab")
-        walk.advance(0.2)
-        before = walk.state[3]
-        walk.push(push, 0.0)
-        assert (walk.state[3] < before) == faster
+def hip_velocity(walk: LiveWalk) -> np.ndarray:
+    """Downhill and off the ground: the stance leg rolls on its foot."""
+    walker, (angle, rate) = walk.setup.walker, walk.state[[0, 3]]
+    leg, radius = walker.leg_length - walker.foot_radius, walker.foot_radius
+    return -rate * np.array([radius + leg * np.cos(angle), leg * np.sin(angle)])
+
+
+@pytest.mark.parametrize("push", [(0.02, 0.0), (-0.02, 0.0), (0.0, 0.02), (0.0, -0.02)])
+@pytest.mark.parametrize("passed", [0.1, 0.6], ids=["before midstance", "after midstance"])
+@pytest.mark.parametrize("name", ["lab", "A", "D"])
+def test_a_push_moves_the_hip_where_it_points(name, passed, push):
+    walk = walk_of(name)
+    walk.advance(passed * stride(WALKERS[name], walk.setup.slope, walk.state).duration)
+    state, before = walk.state, hip_velocity(walk)
+    walk.push(*push)
+    np.testing.assert_array_equal(walk.state[:3], state[:3])
+    change = hip_velocity(walk) - before
+    assert change @ push > 0.0
+    assert (walk.state[3] < state[3]) == (change[0] > 0.0)
 
 
 def test_a_walker_that_falls_stays_where_it_is_until_it_begins_again():
