@@ -95,8 +95,8 @@ class StepRecorder:
         results, distance, report = walked.rows, walked.distance, report_of(walked.system)
         fell = rules.ends_episode(rules.outcome_of(walked.outcomes, record["end"], longest))
         results[fell, :, 1:] = 0.0
-        stands = _stands(fell.reshape(shape), record["time"].reshape(shape) == 0.0)
-        distance = distance[:, 1:] * stands.reshape(-1, 1)
+        standing = stands(fell.reshape(shape), record["time"].reshape(shape) == 0.0)
+        distance = distance[:, 1:] * standing.reshape(-1, 1)
         energy = np.zeros_like(distance)
         if system_of(scene.walker).works.hip:
             charged = int(settings["charged"])
@@ -131,15 +131,15 @@ class StepRecorder:
         )
 
 
-def _stands(fell: NDArray[np.bool_], begins: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def stands(fell: NDArray[np.bool_], begins: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return whether each step's stride does not end in a fall, as far as is known, (T, n).
 
     Args:
         fell: Whether each walker falls in a step, (T, n).
         begins: Whether a stride begins with it, (T, n).
     """
-    stands, so_far = np.empty(fell.shape, bool), np.ones(fell.shape[1], bool)
+    standing, so_far = np.empty(fell.shape, bool), np.ones(fell.shape[1], bool)
     for step in reversed(range(len(fell))):
-        stands[step] = so_far & ~fell[step]
-        so_far = stands[step] | begins[step]
-    return stands
+        standing[step] = so_far & ~fell[step]
+        so_far = standing[step] | begins[step]
+    return standing
