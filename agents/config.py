@@ -13,7 +13,7 @@ import yaml
 from gym_passive_walker.arguments import unknown, whole
 from gym_passive_walker.envs.scene import kept_argument
 
-ALGORITHMS = ("ppo", "ppo-fast", "sac", "shac")
+ALGORITHMS = ("ppo", "ppo-fast", "sac", "shac", "shac-learned")
 DEFAULT_SCENE = "level"
 DEFAULT_ALGORITHM = "ppo-fast"
 """What `train.py` trains with, unless `--algo` names another algorithm."""
@@ -29,6 +29,7 @@ _EXPLORATION = {
     "ppo-fast": "agents.exploration.Schedule",
     "sac": "agents.exploration.Ladder",
     "shac": "agents.exploration.Schedule",
+    "shac-learned": "agents.exploration.Schedule",
 }
 
 

@@ -93,6 +93,7 @@ _EXPLORERS: dict[str, type[BaseCallback]] = {
     "ppo-fast": Schedule,
     "sac": Ladder,
     "shac": Schedule,
+    "shac-learned": Schedule,
 }
 
 

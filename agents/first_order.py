@@ -50,6 +50,10 @@ Near a grazing impact both grow without bound."""
 class Taped(VecEnvWrapper):
     """Environments that record their steps and the results, for differentiation.
 
+    Args:
+        venv: The environments.
+        recorder: Record of the steps; None is a new `StepRecorder`.
+
     Attributes:
         recorder: The recorded steps.
         seen: Observations after each step, before a reset; one array (n, 8) for each step.
@@ -57,9 +61,9 @@ class Taped(VecEnvWrapper):
         fell: Whether it ended by a fall, with no later rewards; a boolean array (n,) for each step.
     """
 
-    def __init__(self, venv: VecEnv) -> None:
+    def __init__(self, venv: VecEnv, recorder: Any = None) -> None:
         super().__init__(venv)
-        self.recorder = StepRecorder(venv.unwrapped)
+        self.recorder = StepRecorder(venv.unwrapped) if recorder is None else recorder
         self.clear()
 
     def clear(self) -> None:

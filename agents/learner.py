@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 from safetensors.torch import save as as_safetensors
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.save_util import load_from_zip_file
+from stable_baselines3.common.save_util import load_from_zip_file, recursive_getattr
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from agents.config import Config, ConfigError, reason
 from agents.envs import training_envs
 from agents.files import CONFIG, read_arrays, reading
 from agents.first_order import SHAC
+from agents.learned_steps import LearnedSHAC
 from agents.networks import POLICIES
 from agents.ppo_fast import FastPPO
 from gym_passive_walker.arguments import unknown
@@ -41,7 +42,7 @@ from gym_passive_walker.policies.tensors import read_tensors
 
 MODEL, NORMALIZER = "model.zip", "normalizer.npz"
 _CLASSES: dict[str, type[BaseAlgorithm]] = {
-    "ppo": PPO, "ppo-fast": FastPPO, "sac": SAC, "shac": SHAC,
+    "ppo": PPO, "ppo-fast": FastPPO, "sac": SAC, "shac": SHAC, "shac-learned": LearnedSHAC,
 }  # fmt: skip
 _MOMENTS = ("obs_rms", "ret_rms")
 _PLAIN = (bool, int, float, str, type(None))
@@ -129,8 +130,9 @@ def restore_weights(model: BaseAlgorithm, path: Path) -> None:
     with reading(path):
         _, parameters, variables = load_from_zip_file(path, load_data=False, device="cpu")
         model.set_parameters(parameters, exact_match=True, device="cpu")
-        for name, value in (variables or {}).items():  # SAC's temperature
-            getattr(model, name).data.copy_(value.data)
+        # SAC's temperature, and the model of learned steps.
+        for name, value in (variables or {}).items():
+            recursive_getattr(model, name).data.copy_(value.data)
 
 
 def save_model(path: Path, model: BaseAlgorithm) -> None:

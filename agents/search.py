@@ -54,6 +54,8 @@ _SPACES: dict[str, dict[str, Callable[[Any], Any]]] = {
     },
 }
 
+_SPACES["shac-learned"] = _SPACES["shac"]
+
 
 def search(
     config: Config,

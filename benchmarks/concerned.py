@@ -111,6 +111,7 @@ _NOT_PUBLIC = ("examples", "validation")
 """Folders without options."""
 _BESIDES = {
     "agents/first_order": "reference first_order",
+    "agents/learned_steps": "reference learned_steps",
     "agents/ppo_fast": "reference ppo_fast",
     "cli/sweeps": "sweeps/options",
     "envs/disturbance_kernels": "streams",

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.checks import checked
 from gym_passive_walker.envs.custom import RULES
-from gym_passive_walker.envs.scene import CALM, SceneError, undisturbed
+from gym_passive_walker.envs.scene import CALM, Scene, SceneError, undisturbed
 from gym_passive_walker.gaits.flow import Walkers, go_on, report_of
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import system_of
@@ -45,6 +45,23 @@ class Linear(NamedTuple):
     rewards_by_action: NDArray[np.float64]
 
 
+def differentiable(scene: Scene) -> Scene:
+    """Return a scene after a check that its steps have derivatives.
+
+    Raises:
+        SceneError: if it has other actions than the hip's torque, disturbances, a command, or other
+            rules of observation, reward or termination.
+    """
+    subject = "steps that are differentiated"
+    checked(check_parametric, scene.walker, "a step with derivatives")
+    if scene.actions != ("hip",):
+        raise SceneError(
+            f"{subject} are driven by the hip alone, and this scene's actions are "
+            f'{scene.actions}: choose make_scene(scene, actions=("hip",))'
+        )
+    return undisturbed(scene, f"{subject} go", CALM | dict.fromkeys(RULES))
+
+
 class StepRecorder:
     """Record of the steps of an environment, for differentiation.
 
@@ -58,14 +75,7 @@ class StepRecorder:
 
     def __init__(self, envs: Any) -> None:
         self._batch = envs.batch
-        scene, subject = envs.scene, "steps that are differentiated"
-        checked(check_parametric, scene.walker, "a step with derivatives")
-        if scene.actions != ("hip",):
-            raise SceneError(
-                f"{subject} are driven by the hip alone, and this scene's actions are "
-                f'{scene.actions}: choose make_scene(scene, actions=("hip",))'
-            )
-        self._scene = undisturbed(scene, f"{subject} go", CALM | dict.fromkeys(RULES))
+        self._scene = differentiable(envs.scene)
         self.clear()
 
     def clear(self) -> None:
@@ -95,8 +105,8 @@ class StepRecorder:
         results, distance, report = walked.rows, walked.distance, report_of(walked.system)
         fell = rules.ends_episode(rules.outcome_of(walked.outcomes, record["end"], longest))
         results[fell, :, 1:] = 0.0
-        stands = _stands(fell.reshape(shape), record["time"].reshape(shape) == 0.0)
-        distance = distance[:, 1:] * stands.reshape(-1, 1)
+        standing = stands(fell.reshape(shape), record["time"].reshape(shape) == 0.0)
+        distance = distance[:, 1:] * standing.reshape(-1, 1)
         energy = np.zeros_like(distance)
         if system_of(scene.walker).works.hip:
             charged = int(settings["charged"])
@@ -131,15 +141,15 @@ class StepRecorder:
         )
 
 
-def _stands(fell: NDArray[np.bool_], begins: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def stands(fell: NDArray[np.bool_], begins: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return whether each step's stride does not end in a fall, as far as is known, (T, n).
 
     Args:
         fell: Whether each walker falls in a step, (T, n).
         begins: Whether a stride begins with it, (T, n).
     """
-    stands, so_far = np.empty(fell.shape, bool), np.ones(fell.shape[1], bool)
+    standing, so_far = np.empty(fell.shape, bool), np.ones(fell.shape[1], bool)
     for step in reversed(range(len(fell))):
-        stands[step] = so_far & ~fell[step]
-        so_far = stands[step] | begins[step]
-    return stands
+        standing[step] = so_far & ~fell[step]
+        so_far = standing[step] | begins[step]
+    return standing

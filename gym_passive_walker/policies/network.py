@@ -36,6 +36,7 @@ _PLACES = {
     "ppo-fast": ("mlp_extractor.policy_net", "action_net"),
     "sac": ("actor.latent_pi", "actor.mu"),
     "shac": ("mlp_extractor.policy_net", "action_net"),
+    "shac-learned": ("mlp_extractor.policy_net", "action_net"),
 }
 _LOG_STD = (-20.0, 2.0)  # SAC clips the output of its network to this range
 
@@ -45,7 +46,7 @@ class Network:
 
     Args:
         tensors: Weights and moments, by stable-baselines3's names.
-        algo: "ppo", "ppo-fast", "sac" or "shac".
+        algo: "ppo", "ppo-fast", "sac", "shac" or "shac-learned".
         activation: One of `ACTIVATIONS`.
         normalizer: "epsilon" and "clip" of VecNormalize; None without normalization.
 

@@ -147,7 +147,7 @@ def test_an_evaluation_tells_what_each_episode_would_be_alone():
     assert min(lasted) < 75 < max(lasted) == 150
 
 
-@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac"])
+@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac", "shac-learned"])
 def test_evaluation_changes_nothing_in_an_agent(algo):
     config = configure(algo, "level", n_envs=2)
     model = build(config, training_envs(config))

@@ -87,8 +87,9 @@ def test_ppo_s_walkers_are_worth_what_comes_after_the_time_limit_and_nothing_aft
     np.testing.assert_allclose(rollout.advantages, gains, rtol=1e-3, atol=1e-4)
 
 
-def test_shac_s_walkers_are_worth_what_comes_after_the_time_limit_and_nothing_after_a_fall():
-    model, callback = untrained("shac")
+@pytest.mark.parametrize("algo", ["shac", "shac-learned"])
+def test_shac_s_walkers_are_worth_what_comes_after_the_time_limit_and_nothing_after_a_fall(algo):
+    model, callback = untrained(algo)
     model.collect_rollouts(model.env, callback, model.rollout_buffer, STEPS)
     buffer = model.rollout_buffer
     before, after, rewards, fell, late = walked(buffer.actions, model.seed)
@@ -98,6 +99,19 @@ def test_shac_s_walkers_are_worth_what_comes_after_the_time_limit_and_nothing_af
     np.testing.assert_array_equal(np.stack(model.env.fell), fell)
     np.testing.assert_array_equal(np.stack(model.env.ended), fell | late)
     np.testing.assert_array_equal(np.stack(model.env.seen), after)
+
+
+def test_steps_are_learned_from_the_rewards_of_the_environment_without_values():
+    """At a time limit, stable-baselines3 adds the critic's value to the reward, in place."""
+    model, callback = untrained("shac-learned")
+    model.collect_rollouts(model.env, callback, model.rollout_buffer, STEPS)
+    before, after, rewards, fell, late = walked(model.rollout_buffer.actions, model.seed)
+    steps = [np.stack(column) for column in zip(*model.env.recorder._steps, strict=True)]
+    assert not np.array_equal(model.rollout_buffer.rewards[late], rewards[late])
+    for found, expected in zip(
+        steps[:1] + steps[3:5] + steps[6:], (before, after, rewards, fell), strict=True
+    ):
+        np.testing.assert_array_equal(found, expected)
 
 
 def slopes(function, seen):

@@ -87,6 +87,7 @@ def varied(steps):
         lambda steps: small("shac", steps, "level"),
         lambda steps: small("ppo-fast", steps, "rolling"),
         lambda steps: small("ppo", steps, "pushed"),
+        lambda steps: small("shac-learned", steps, "level"),
     ],
     ids=[
         "ppo-rolling",
@@ -96,6 +97,7 @@ def varied(steps):
         "shac-level",
         "ppo-fast-rolling",
         "ppo-pushed",
+        "shac-learned-level",
     ],
 )
 def test_a_resumed_run_goes_on_as_if_uninterrupted(tmp_path, config):
@@ -130,7 +132,7 @@ def draws(run):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac"])
+@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac", "shac-learned"])
 def test_a_checkpoint_brings_back_every_source_of_random_numbers(tmp_path, algo):
     run = Run(small(algo), tmp_path)
     run.train(progress=False)
@@ -455,7 +457,7 @@ def test_an_exported_policy_with_other_layers_is_refused(tmp_path):
         learned(tmp_path / "out")
 
 
-@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac"])
+@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac", "shac-learned"])
 def test_evaluations_during_a_training_run_the_same_policy_on_numpy(algo, tmp_path):
     run = Run(small(algo), tmp_path)
     policy, seen = LearnedPolicy(run.model, algo), run.exam.observation_space.sample()

@@ -22,6 +22,7 @@ from agents import benchmark, commands, envs, evaluation, standings
 from agents.config import ALGORITHMS, Config, ConfigError, configure, presets
 from agents.exploration import Ladder, Schedule, explorers
 from agents.first_order import SHAC
+from agents.learned_steps import LearnedSHAC
 from agents.learner import build
 from agents.ppo_fast import FastPPO
 from agents.training import Run
@@ -101,6 +102,13 @@ LEARNERS = {
         ELSEWHERE,
         SHAC,
     ),
+    "LearnedSHAC": Call(
+        lambda **options: what(learned(LearnedSHAC, **options)),
+        TWO,
+        {**SAME_OF_BOTH, "reach": 0.5},
+        ELSEWHERE,
+        LearnedSHAC,
+    ),
 }
 
 
@@ -110,10 +118,10 @@ def test_an_option_of_a_learner_is_heard(name, option):
 
 
 def test_every_option_of_every_learner_is_tested():
-    assert not missing(LEARNERS, {"FastPPO", "SHAC"})
+    assert not missing(LEARNERS, {"FastPPO", "SHAC", "LearnedSHAC"})
 
 
-@pytest.mark.parametrize("of", [FastPPO, SHAC])
+@pytest.mark.parametrize("of", [FastPPO, SHAC, LearnedSHAC])
 def test_a_learner_logs_where_it_is_asked_to_and_builds_when(of, tmp_path):
     learned(of, **TWO, tensorboard_log=str(tmp_path))
     assert list(tmp_path.rglob("events.out.tfevents.*"))

@@ -59,7 +59,7 @@ def exported(tmp_path):
     return make
 
 
-@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac"])
+@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac", "shac-learned"])
 @pytest.mark.parametrize("activation", ACTIVATIONS)
 @pytest.mark.parametrize(
     "normalize", [None, {}, {"norm_obs": False}, {"clip_obs": 2.0, "epsilon": 0.1}]
@@ -87,7 +87,7 @@ def test_it_acts_as_stable_baselines3_does(exported, observations, algo, activat
     assert alone.shape == (1,) and abs(alone[0] - expected[7, 0]) < ROUNDING
 
 
-@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac"])
+@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac", "shac-learned"])
 @pytest.mark.parametrize("layers", [(), (4,), (8, 8, 8), (8,) * 7])
 def test_networks_may_be_of_any_depth(exported, observations, algo, layers):
     original, policy = exported(algo, layers=layers)
@@ -95,7 +95,7 @@ def test_networks_may_be_of_any_depth(exported, observations, algo, layers):
     assert np.max(np.abs(actions - expected)) < ROUNDING
 
 
-@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac"])
+@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac", "shac-learned"])
 def test_noise_is_drawn_as_stable_baselines3_draws_it(exported, observations, algo):
     original, policy = exported(algo)
     policy.random = np.random.default_rng(0)

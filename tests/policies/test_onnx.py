@@ -85,7 +85,7 @@ def random_network(algo, activation, normalizer, actions=1, layers=(16, 8)):
     return Network(tensors, algo=algo, activation=activation, normalizer=normalizer)
 
 
-@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac"])
+@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac", "shac-learned"])
 @pytest.mark.parametrize("activation", ACTIVATIONS)
 @pytest.mark.parametrize(
     "normalizer",
