@@ -284,7 +284,7 @@ export function checkScene(given, walker, data) {
   scene.reset_noise_scale ??= ticks ? 0.1 : 0.05;
   scene.end_on_toe_stub ??= walker.knees;
   if (typeof scene.end_on_toe_stub !== "boolean") {
-    throw new SceneError(`end_on_toe_stub must be True, False or None, not ${shown(scene.end_on_toe_stub)}`);
+    throw new SceneError(`end_on_toe_stub must be True or False, not ${shown(scene.end_on_toe_stub)}`);
   }
   if (scene.end_on_toe_stub && !walker.knees) {
     throw new SceneError("end_on_toe_stub is a rule for walkers with knees: straight legs always scuff");
