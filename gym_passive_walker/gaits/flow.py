@@ -493,7 +493,7 @@ def go_on(
         lanes: Indices of these walkers, if parameters are given for more.
         on_section: Whether a stride begins here.
     """
-    uneven = records["ground"][..., 2:].any()  # so lie the next footholds
+    uneven = np.count_nonzero(records["ground"][..., 2:])  # heights, slopes of next footholds
     tangents = _tangents_by(walkers, by) if by else _NONE
     walked = np.zeros((len(records), 1 + len(tangents.names)), records.dtype)
     walked[:, :1] = records
