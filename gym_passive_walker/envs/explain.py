@@ -142,7 +142,7 @@ def _observed(scene: Scene) -> Rows:
         names += [("its slope less that of the one before", "rad")]
     names += [(f"the walker's {name}", "dimensionless") for name in scene.observe_body]
     if scene.observation is not None:
-        names = [(f"of {_name(scene.observation)}", "")] * len(space.low)
+        names = [(f"{_name(scene.observation)}[{i}]", "") for i in range(len(space.low))]
     return [
         {"observation": name, "unit": unit, "min": float(low), "max": float(high)}
         for (name, unit), low, high in zip(names, space.low, space.high, strict=True)

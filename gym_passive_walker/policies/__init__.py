@@ -53,6 +53,9 @@ class TrainedPolicy(Network):
         except (TypeError, ValueError) as error:
             raise PolicyError(f"{folder} is not a policy: {error}") from None
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.folder.name}>"
+
     def to_onnx(self, path: str | Path) -> None:
         """Write the policy as an ONNX file, with its observation normalizer.
 

@@ -109,3 +109,7 @@ def test_one_policy_walks_with_bodies_that_no_training_has_drawn():
             assert (step.truncated | fell).all()
             break
     assert not fell.any()
+
+
+def test_a_policy_is_shown_by_its_name():
+    assert repr(gpw.load_policy("level-ppo")) == "<TrainedPolicy level-ppo>"
