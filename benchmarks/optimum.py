@@ -50,7 +50,10 @@ def searches() -> Iterator[tuple[float, float | None]]:
     JOURNAL.parent.mkdir(exist_ok=True)
     lines = JOURNAL.read_text("utf-8").splitlines() if JOURNAL.exists() else []
     done = {(speed, number): cost for speed, number, cost in map(json.loads, lines)}
-    with progress("searches from random guesses") as searched, JOURNAL.open("a") as journal:
+    with (
+        progress("searches from random guesses") as searched,
+        JOURNAL.open("a", encoding="utf-8") as journal,
+    ):
         for speed, number in ((v, n) for v in SPEEDS for n in range(SEARCHES)):
             searched()
             if (speed, number) not in done:
