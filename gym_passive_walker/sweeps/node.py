@@ -62,7 +62,8 @@ def pieces() -> Iterator[Callable[[], object]]:
 
 
 def _act(world: gym.Env | gym.vector.VectorEnv) -> None:
-    """Reset an environment, take one step, and close it."""
+    """Reset an environment, also with options, take one step, and close it."""
     world.reset(seed=0)
+    world.reset(options={"slope": 0.0})
     world.step(np.zeros(world.action_space.shape))  # type: ignore[arg-type]
     world.close()
