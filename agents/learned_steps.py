@@ -199,13 +199,13 @@ class LearnedSteps:
         slopes = learned[..., [*range(6), -1]].numpy()
         slopes[..., 6, :] *= stands(fell, begins)[..., None]
         # The charge depends on the action directly, and through the change of the hip angle.
-        turned = side[..., None] * _hip_angle(slopes.swapaxes(-1, -2))
-        turned -= _hip_angle(np.eye(7))
-        sign = np.where(torques < 0.0, -1.0, 1.0) * np.where(moved < 0.0, -1.0, 1.0)
-        per_work = {0: sign, 1: 0.5 * (1.0 + sign)}.get(charged, np.ones_like(sign))
-        work = torques[..., None] * turned
-        work[..., 6] += self._scene.max_hip_torque * moved
-        paid = slopes[..., 6, :] - pays * (per_work * ~fell)[..., None] * work
+        turned = side[..., None] * _hip_angle(slopes.swapaxes(-1, -2)) - _hip_angle(np.eye(7))
+        ways = np.where(moved < 0.0, -1.0, 1.0)[..., None] * turned
+        work = rules.motor_charge(charged, torques[..., None], turned, ways)
+        sign = np.where(torques < 0.0, -1.0, 1.0)
+        direct = sign * rules.motor_charge(charged, sign, moved, abs(moved))
+        work[..., 6] += self._scene.max_hip_torque * direct
+        paid = slopes[..., 6, :] - pays * ~fell[..., None] * work
         return Linear(
             states_by_state=slopes[..., _STATE, _STATE],
             states_by_action=slopes[..., _STATE, 6],

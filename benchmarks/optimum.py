@@ -81,6 +81,7 @@ def main() -> None:
         ])  # fmt: skip
     titles = ["speed / √(g l)", "stored cost", "cheaper", "the stored gait", "costlier",
               "cheapest", "costliest", "none found"]  # fmt: skip
+    JOURNAL.unlink()  # a later command searches again, with the code of its time
     keep("random guesses", f"{table(titles, rows)}\n\n{machine()}.", DOCS / "agents.md")
 
 

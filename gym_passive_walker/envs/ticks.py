@@ -135,9 +135,9 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         phases = view(here.phases, (here.of_phases,), PHASE)
         return places, records, bodies, ledger, phases
 
-    @within(Kernel)
-    def begin(where, lanes, slopes, gaits, draws, observations):
-        """Begin episodes of some walkers; see `task.begin`, and `EntryPoint` for `where`."""
+    @within(inlined)
+    def begin_near(where, lanes, slopes, gaits, draws, observations):
+        """Clear what is known of some walkers, and begin their episodes; see `task.begin`."""
         places, records, bodies, ledger, phases = found(where, 0, _ALL)
         here = places[0]
         for i in lanes:
@@ -148,16 +148,18 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
             slopes, gaits, draws, here.reset_noise_scale, observations,
         )  # fmt: skip
 
+    @within(Kernel)
+    def begin(where, lanes, slopes, gaits, draws, observations):
+        """Begin episodes of some walkers, at given slopes and gaits."""
+        begin_near(where, lanes, slopes, gaits, draws, observations)
+
     @within(merged)
     def begin_one(where, i, observations):
         """Begin an episode of walker i with slopes and gaits of the `EntryPoint`, and new draws."""
-        places, records, bodies, ledger, phases = found(where, 0, _ALL)
-        here = places[0]
+        here = view(where, (1,), PLACES)[0]
         lanes, slopes = view(stack(1), (1,), _WORD), view(stack(1), (1,), _NUMBER)
         draws = view(stack(DRAWS), (1, DRAWS), _NUMBER)
         lanes[0] = i
-        clear(entry(records, i), record_words)
-        clear(entry(ledger, i), row_words)
         fill(where, lanes, draws)
         slopes[0] = here.low
         if here.low != here.high:
@@ -167,10 +169,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         if len(nodes) > 1:
             states, gaits = gaits, view(stack(size), (1, size), _NUMBER)
             interpolate(nodes, states, slopes, gaits)
-        task.begin(
-            records, bodies, view(here.radii, (here.of_radii,), _NUMBER), ledger, phases, lanes,
-            slopes, gaits, draws, here.reset_noise_scale, observations,
-        )  # fmt: skip
+        begin_near(where, lanes, slopes, gaits, draws, observations)
 
     @within(Kernel)
     def begin_alike(where, lanes, observations):

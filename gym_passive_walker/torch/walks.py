@@ -227,7 +227,7 @@ def tick(
     )  # fmt: skip
 
 
-_Told = TypeVar("_Told", Stride, Tick)
+_Result = TypeVar("_Result", Stride, Tick)
 
 _IN_UNITS = {
     "duration": ("time", "time"),
@@ -244,8 +244,8 @@ _IN_UNITS = {
 
 
 def _found(
-    kind: type[_Told], walker: Walker, units: Units, time: Tensor, moved: FlowResult, held: Tensor
-) -> _Told:
+    kind: type[_Result], walker: Walker, units: Units, time: Tensor, moved: FlowResult, held: Tensor
+) -> _Result:
     """Return results for n walkers as a `Stride` or a `Tick`, in the walkers' own units.
 
     Args:
@@ -285,7 +285,7 @@ def _found(
 
 
 def _walk(
-    kind: type[_Told],
+    kind: type[_Result],
     walker: WalkerLike,
     slope: Any,
     state: Any,
@@ -300,7 +300,7 @@ def _walk(
     tolerance: float,
     end_on_toe_stub: bool,
     whole: bool = False,
-) -> _Told:
+) -> _Result:
     """Integrate walkers through a stride of at most `end` sqrt(l/g), or for a duration."""
     walker = as_any(walker)
     own, given = isinstance(walker, Mechanism), check_parameters(walker, parameters)
