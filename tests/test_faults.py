@@ -1,4 +1,4 @@
-"""Deliberate faults fit the sources: one whose code is gone would no longer be tried."""
+"""Deliberate faults fit the sources: a fault in code that is gone would no longer be tried."""
 
 import pytest
 
