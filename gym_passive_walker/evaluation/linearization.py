@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.checks import checked
 from gym_passive_walker.envs.custom import RULES
-from gym_passive_walker.envs.scene import CALM, Scene, SceneError, undisturbed
+from gym_passive_walker.envs.scene import UNDISTURBED, Scene, SceneError, undisturbed
 from gym_passive_walker.gaits.flow import Walkers, go_on, report_of
-from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import system_of
 from gym_passive_walker.walkers import PARAMETERS, check_parametric
 
-_STATE, _ACTION = slice(0, 6), 6  # columns of derivatives
-_STRUCK = int(Outcome.HEELSTRIKE)
+_STATE, _ACTION, _START = slice(0, 6), 6, 7  # columns of derivatives
+_WIDTH = 1e-6  # of differences
 
 
 class Linear(NamedTuple):
@@ -30,7 +29,8 @@ class Linear(NamedTuple):
 
     States are the first six numbers of an observation; actions are those within their bounds. All
     is 0 in a step in which a walker falls; a stride that falls takes back what its distance
-    earned, so there its steps' rewards change by what the motor is charged alone.
+    earned, so there its steps' rewards change by what the motor is charged alone. The penalty of a
+    command depends on where the stride began: this is a derivative of its first step's reward.
 
     Attributes:
         states_by_state: (T, n, 6, 6): [..., i, j] is the end's i by the start's j.
@@ -49,8 +49,8 @@ def differentiable(scene: Scene) -> Scene:
     """Return a scene after a check that its steps have derivatives.
 
     Raises:
-        SceneError: if it has other actions than the hip's torque, disturbances, a command, or other
-            rules of observation, reward or termination.
+        SceneError: if it has other actions than the hip's torque, disturbances, or other rules of
+            observation, reward or termination.
     """
     subject = "steps that are differentiated"
     checked(check_parametric, scene.walker, "a step with derivatives")
@@ -59,7 +59,7 @@ def differentiable(scene: Scene) -> Scene:
             f"{subject} are driven by the hip alone, and this scene's actions are "
             f'{scene.actions}: choose make_scene(scene, actions=("hip",))'
         )
-    return undisturbed(scene, f"{subject} go", CALM | dict.fromkeys(RULES))
+    return undisturbed(scene, f"{subject} go", UNDISTURBED | dict.fromkeys(RULES))
 
 
 class StepRecorder:
@@ -82,6 +82,7 @@ class StepRecorder:
         """Forget all steps."""
         self._records: list[NDArray] = []
         self._actions: list[NDArray] = []
+        self._commands: list[NDArray] = []
         self._walkers: list = []
 
     def record(self, actions: NDArray) -> None:
@@ -89,6 +90,8 @@ class StepRecorder:
         self._records.append(self._batch.records.copy())
         self._actions.append(np.array(actions, dtype=float).reshape(-1))
         self._walkers += self._batch.walkers
+        if self._scene.command is not None:
+            self._commands.append(self._batch.disturbances.states["command"].copy())
 
     def linearize(self) -> Linear:
         """Return the derivatives of the steps since the last `clear`."""
@@ -101,11 +104,14 @@ class StepRecorder:
         record["moved"], record["turned"] = 0.0, 0.0
         longest = settings["max_stride_time"]
         record["end"] = rules.step_end(record["time"], settings["tick"], longest)
-        walked = go_on(self._recorded(), records, ("state", "hip_torque"))
+        by = ("state", "hip_torque") if scene.command is None else ("state", "hip_torque", "start")
+        walkers, lanes = self._recorded()
+        walked = go_on(walkers, records, by, lanes=lanes)
         results, distance, report = walked.rows, walked.distance, report_of(walked.system)
         fell = rules.ends_episode(rules.outcome_of(walked.outcomes, record["end"], longest))
         results[fell, :, 1:] = 0.0
-        standing = stands(fell.reshape(shape), record["time"].reshape(shape) == 0.0)
+        begins = record["time"].reshape(shape) == 0.0
+        standing = stands(fell.reshape(shape), begins)
         distance = distance[:, 1:] * standing.reshape(-1, 1)
         energy = np.zeros_like(distance)
         if system_of(scene.walker).works.hip:
@@ -116,29 +122,54 @@ class StepRecorder:
             charge = rules.motor_charge(charged, sign, moved[:, 0], turned[:, 0])
             energy[:, _ACTION] += ~fell * sign * charge
         rewards = rules.reward(distance, energy, scene.energy_weight)
+        by_start = np.zeros(shape)
+        if scene.command is not None:
+            length, period = (results[:, report.at[name]] for name in ("step_length", "time"))
+            rewards -= walked.struck[:, None] * self._penalties_by(length, period)
+            by_start[:] = rewards[:, _START].reshape(shape)
         states = results[:, _STATE, 1:]
         rewards[:, _ACTION] *= scene.max_hip_torque
+        rewards_by_state = rewards[:, _STATE].reshape(*shape, 6)
+        rewards_by_state[..., 0] += at_first_steps(by_start, begins)
         return Linear(
             states_by_state=states[..., _STATE].reshape(*shape, 6, 6),
             states_by_action=scene.max_hip_torque * states[..., _ACTION].reshape(*shape, 6),
-            rewards_by_state=rewards[:, _STATE].reshape(*shape, 6),
+            rewards_by_state=rewards_by_state,
             rewards_by_action=rewards[:, _ACTION].reshape(shape),
         )
 
-    def _recorded(self) -> Walkers:
-        """Return all walkers of the recorded steps."""
+    def _penalties_by(self, length: NDArray, period: NDArray) -> NDArray[np.float64]:
+        """Return the derivatives (n, k) of `command_penalty` from values and tangents (n, 1 + k).
+
+        It is linear in pieces, so differences are derivatives.
+        """
+        commands, weight = np.concatenate(self._commands)[:, None], self._scene.command_weight
+        here, there = (
+            rules.command_penalty(
+                length[:, :1] + width * length[:, 1:], period[:, :1] + width * period[:, 1:],
+                commands, weight,
+            )
+            for width in (0.0, _WIDTH)
+        )  # fmt: skip
+        return (there - here) / _WIDTH
+
+    def _recorded(self) -> tuple[Walkers, NDArray[np.intp]]:
+        """Return the walkers of the recorded steps, each once, and the index of each step's."""
         scene, parameters = self._scene, {}
-        if len(set(map(id, self._walkers))) > 1:
+        each = {id(walker): walker for walker in self._walkers}
+        places = {key: place for place, key in enumerate(each)}
+        if len(each) > 1:
             parameters = {
-                name: np.array([getattr(walker, name) for walker in self._walkers])
+                name: np.array([getattr(walker, name) for walker in each.values()])
                 for name in PARAMETERS
             }
-        return Walkers(
+        walkers = Walkers(
             walker=scene.walker,
             parameters=parameters,
             tolerance=scene.tolerance,
             end_on_toe_stub=scene.end_on_toe_stub,
         )
+        return walkers, np.array([places[id(walker)] for walker in self._walkers])
 
 
 def stands(fell: NDArray[np.bool_], begins: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -153,3 +184,16 @@ def stands(fell: NDArray[np.bool_], begins: NDArray[np.bool_]) -> NDArray[np.boo
         standing[step] = so_far & ~fell[step]
         so_far = standing[step] | begins[step]
     return standing
+
+
+def at_first_steps(amounts: NDArray, begins: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return amounts of steps (T, n), moved to the first step of each one's stride.
+
+    Those of a stride that began before the first step are dropped. `begins` is that of `stands`.
+    """
+    moved, so_far = np.zeros(amounts.shape), np.zeros(amounts.shape[1])
+    for step in reversed(range(len(amounts))):
+        so_far += amounts[step]
+        moved[step, begins[step]] = so_far[begins[step]]
+        so_far[begins[step]] = 0.0
+    return moved

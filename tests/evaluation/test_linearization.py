@@ -34,7 +34,8 @@ def gains(linear):
         {}, {"energy": "positive"}, {"energy": "net"}, {"walker": "A", "slope": 0.02},
         {"domain_randomization": {"foot_radius": 0.1}}, {"slope": (0.0, 0.03)}, {"slope": 0.09,
         **STRIDES},
-        {"energy_weight": 0.0, "slope": 0.0, "reset_noise_scale": 0.3},
+        {"energy_weight": 0.0, "slope": 0.0, "reset_noise_scale": 0.3}, {"command": 0.16},
+        {"command": (0.05, 0.3), "command_weight": 1.3, "observe_body": ("foot_radius",)},
     ],
 )  # fmt: skip
 def test_what_a_walk_earns_changes_with_each_action_as_differences_say(changes):
