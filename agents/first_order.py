@@ -52,18 +52,20 @@ class Taped(VecEnvWrapper):
 
     Args:
         venv: The environments.
-        recorder: Record of the steps; None is a new `StepRecorder`.
+        recorder: Record of the steps; None is a new `StepRecorder`, without the bound of the
+            penalty of commands: where a stride earns nothing, gradients would vanish.
 
     Attributes:
         recorder: The recorded steps.
-        seen: Observations after each step, before a reset; one array (n, 8) for each step.
+        seen: Observations after each step, before a reset; one array (n, k) for each step.
         ended: Whether the episode ended with the step; one boolean array (n,) for each step.
         fell: Whether it ended by a fall, with no later rewards; a boolean array (n,) for each step.
     """
 
     def __init__(self, venv: VecEnv, recorder: Any = None) -> None:
         super().__init__(venv)
-        self.recorder = StepRecorder(venv.unwrapped) if recorder is None else recorder
+        new = recorder is None
+        self.recorder = StepRecorder(venv.unwrapped, bounded=False) if new else recorder
         self.clear()
 
     def clear(self) -> None:
@@ -210,11 +212,11 @@ class SHAC(OnPolicyAlgorithm):
         return super().collect_rollouts(env, *args, **kwargs)
 
     def action(self, seen: Tensor) -> Tensor:
-        """The policy's action without noise, (...), from observations (..., 8)."""
+        """The policy's action without noise, (...), from observations (..., k)."""
         return self.policy.action_net(self.policy.mlp_extractor.forward_actor(seen))[..., 0]
 
     def value(self, seen: Tensor) -> Tensor:
-        """The critic's value, (...), from observations (..., 8)."""
+        """The critic's value, (...), from observations (..., k)."""
         return self.policy.value_net(self.policy.mlp_extractor.forward_critic(seen))[..., 0]
 
     def train(self) -> None:
@@ -282,7 +284,7 @@ def _single(array: NDArray) -> Tensor:
 
 
 def _by_state(function: Callable[[Tensor], Tensor], seen: NDArray) -> NDArray[np.float64]:
-    """Derivative of a function of observations (T, n, 8) by the state in each, (T, n, 6)."""
+    """Derivative of a function of observations (T, n, k) by the state in each, (T, n, 6)."""
     leaf = torch.tensor(seen, requires_grad=True)
     (gradient,) = torch.autograd.grad(function(leaf).sum(), leaf)
     return gradient[..., _STATE].double().numpy()

@@ -31,6 +31,7 @@ from torch import Tensor
 
 from agents.first_order import SHAC, Taped
 from gym_passive_walker.envs import rules
+from gym_passive_walker.envs.scene import undisturbed
 from gym_passive_walker.evaluation.linearization import Linear, differentiable, stands
 
 _STANCE, _THIGH, _LOCKED = 0, 1, 6  # columns of an observation
@@ -138,12 +139,12 @@ class LearnedSteps:
             outputs are the state after the step, and the distance that is rewarded.
 
     Raises:
-        SceneError: as for `differentiable`.
+        SceneError: as for `differentiable`, or if the scene has a command.
     """
 
     def __init__(self, envs: Any) -> None:
         self._batch = envs.batch
-        self._scene = differentiable(envs.scene)
+        self._scene = undisturbed(differentiable(envs.scene), "derivatives of steps are learned")
         self.model = StepModel(self._batch.observation_size, 7)
         self.clear()
 

@@ -68,13 +68,16 @@ class StepRecorder:
     Args:
         envs: A vector environment, for Gymnasium or stable-baselines3, of walkers that are
             driven by the hip alone, without disturbances.
+        bounded: Whether the penalty of a command is bounded by the stride's length, as it is in
+            the reward. Where the bound holds, a stride earns nothing, whatever its speed. Without
+            the bound, the derivatives still point to the commanded speed.
 
     Raises:
         SceneError: if it is otherwise.
     """
 
-    def __init__(self, envs: Any) -> None:
-        self._batch = envs.batch
+    def __init__(self, envs: Any, *, bounded: bool = True) -> None:
+        self._batch, self._bounded = envs.batch, bounded
         self._scene = differentiable(envs.scene)
         self.clear()
 
@@ -144,13 +147,16 @@ class StepRecorder:
         It is linear in pieces, so differences are derivatives.
         """
         commands, weight = np.concatenate(self._commands)[:, None], self._scene.command_weight
+
+        def penalty(lengths: NDArray, periods: NDArray) -> NDArray[np.float64]:
+            if self._bounded:
+                return rules.command_penalty(lengths, periods, commands, weight)
+            return weight * rules.command_error(lengths, periods, commands)
+
         here, there = (
-            rules.command_penalty(
-                length[:, :1] + width * length[:, 1:], period[:, :1] + width * period[:, 1:],
-                commands, weight,
-            )
+            penalty(length[:, :1] + width * length[:, 1:], period[:, :1] + width * period[:, 1:])
             for width in (0.0, _WIDTH)
-        )  # fmt: skip
+        )
         return (there - here) / _WIDTH
 
     def _recorded(self) -> tuple[Walkers, NDArray[np.intp]]:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.scene import SceneError, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.evaluation.linearization import StepRecorder
@@ -75,6 +76,42 @@ def test_what_a_walk_earns_changes_with_each_action_as_differences_say(changes):
 def test_steps_that_are_not_the_walker_s_and_its_hip_s_alone_are_refused(changes, words):
     with pytest.raises(SceneError, match=words):
         StepRecorder(PassiveWalkerVectorEnv(2, "level", **changes))
+
+
+def test_without_the_bound_derivatives_point_to_a_speed_that_is_far_away():
+    """Strides of half the commanded speed earn nothing, whatever they do."""
+    env = world(command=0.5, energy_weight=0.0)
+    scene, actions = env.scene, np.full((STEPS, COUNT, 1), 0.2)
+
+    def walk(actions, recorder=None):
+        """What strides earn without the bound, (COUNT,)."""
+        env.reset(seed=2)
+        earned = np.zeros(COUNT)
+        for action in actions:
+            if recorder is not None:
+                recorder.record(action)
+            _, rewards, terminated, _, infos = env.step(action)
+            assert not terminated.any()
+            length, period = (
+                infos.get(name, np.zeros(COUNT)) for name in ("step_length", "step_period")
+            )
+            error = scene.command_weight * rules.command_error(length, period, scene.command)
+            earned += rewards + np.minimum(error, length) - error
+        return earned
+
+    found = {}
+    for bounded in (True, False):
+        recorder = StepRecorder(env, bounded=bounded)
+        walk(actions, recorder)
+        found[bounded] = gains(recorder.linearize())[0]
+    earned = []
+    for sign in (1.0, -1.0):
+        changed = actions.copy()
+        changed[0] += sign * WIDTH
+        earned.append(walk(changed))
+    difference = (earned[0] - earned[1]) / (2.0 * WIDTH)
+    np.testing.assert_allclose(found[False], difference, rtol=1e-4, atol=1e-7)
+    assert (abs(found[False]) > 2.0 * abs(found[True])).all()
 
 
 def test_what_was_noted_stays_when_the_array_it_came_in_changes():
