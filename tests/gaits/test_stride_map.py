@@ -81,6 +81,15 @@ def test_derivatives_are_those_of_all_results(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_a_derivative_has_the_same_bits_beside_those_by_constants(name):
+    walker_map, slope, points = beside_each(name, 20)
+    _, alone = walker_map.linearize(points, slope, by=("state", "slope"))
+    _, beside_others = walker_map.linearize(points, slope, by=("state", "slope", "hip_mass"))
+    for told in TOLD:
+        np.testing.assert_array_equal(getattr(alone, told), getattr(beside_others, told)[..., :-1])
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_a_batch_is_its_walkers_one_by_one(name):
     walker_map, slope, points = beside_each(name, 9)
     passage, change = walker_map.linearize(points, slope, by=("state", "slope"))
