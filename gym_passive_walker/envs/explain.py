@@ -100,7 +100,7 @@ def as_rows(env: Any = "level") -> dict[str, Rows]:
         {
             "number": i,
             "action": f"control {name!r}" if own else _CHANNELS[name][0],
-            "min": 0.0 if name == "push_off" and not own else -1.0,
+            "min": scene.least(name),
             "max": 1.0,
             "action 1 is": f"{scene.largest(name):g} {'' if own else _CHANNELS[name][1]}".rstrip(),
         }
