@@ -412,19 +412,16 @@ class ControlledMap(StrideMap):
         self, records: NDArray, slopes: NDArray, ahead: NDArray | None
     ) -> NDArray[np.float64]:
         """Return the controller's observations, as in the environment, (n, size)."""
-        scene, record = self.scene, records[:, 0]
-        if self.own:
-            return np.column_stack([self._states(records), slopes])
+        scene, body = self.scene, proportions(self.walker, self.scene.observe_body)
         links = np.array([phase.links for phase in self.walkers.system().phases])
-        locked = links[record["phase"]] == 2
-        seen = [*rules.observation(record["state"].T, locked, slopes)]
-        if scene.command is not None:
-            seen.append(np.mean(scene.command))
-        if scene.terrain_lookahead:  # without terrain the ground ahead is smooth
-            ahead = np.zeros(2 * scene.terrain_lookahead) if ahead is None else ahead
-            for foothold in np.reshape(ahead, (-1, scene.terrain_lookahead, 2)).transpose(1, 2, 0):
-                seen += rules.foothold(*foothold)
-        seen += map(rules.proportion, proportions(self.walker, scene.observe_body))
+        locked = links[records["phase"][:, 0]] == 2
+        # Without terrain the ground ahead is smooth.
+        rows = np.atleast_2d(np.zeros(2 * scene.terrain_lookahead) if ahead is None else ahead)
+        changes = rows.reshape(len(rows), scene.terrain_lookahead, 2).transpose(1, 2, 0)
+        command = None if scene.command is None else np.mean(scene.command)
+        seen = rules.observed(
+            scene, self._states(records).T, locked, slopes, command, changes, body
+        )  # fmt: skip
         return np.stack(np.broadcast_arrays(*seen), axis=1, dtype=float)
 
     def _states(self, records: NDArray) -> NDArray[np.float64]:

@@ -290,18 +290,12 @@ def observed(scene: Scene, here: RolloutState) -> Tensor:
     if scene.observation is not None:
         seen = scene.observation(here.last)
         return _stacked(seen if isinstance(seen, tuple | list) else [seen], here)
-    slopes = here.slopes + _ground(scene, here)[:, 0]
-    seen: list[Any] = [*here.states.T, slopes]
-    if scene.own_system is None:
-        locked = _locked(scene, here.phases).double()
-        seen = [*rules.observation(here.states.T, locked, slopes)]
-    if scene.command is not None:
-        seen.append(here.commands)
-    for ahead in range(scene.terrain_lookahead):
-        seen += rules.foothold(*_ground(scene, here, ahead).T[1:])
+    slopes, body = here.slopes + _ground(scene, here)[:, 0], ()
+    locked = None if scene.own_system is not None else _locked(scene, here.phases).double()
+    ahead = [_ground(scene, here, place).T[1:] for place in range(scene.terrain_lookahead)]
     if scene.observe_body:
         body = proportions(varied(scene.walker, here.parameters), scene.observe_body)
-        seen += map(rules.proportion, body)
+    seen = rules.observed(scene, here.states.T, locked, slopes, here.commands, ahead, body)
     return _stacked(seen, here)
 
 
