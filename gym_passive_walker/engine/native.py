@@ -33,8 +33,8 @@ class Module:
     Args:
         fuses: Whether a product that only one sum uses becomes a fused multiply-add.
         group: Lanes of a vector; 1 for code over single numbers.
-        still: Names of the active fields whose derivatives are zero. Their terms are left out, and
-            all other operations are rounded as with them.
+        still: Names of active fields with derivatives of zero. Their terms are left out, and all
+            other operations are rounded as with them.
 
     Attributes:
         table: Constants of vector code, with their index in the module's table.

@@ -116,7 +116,7 @@ def _parts(env: Any) -> tuple[Scene, Batch | None, float | None]:
     if isinstance(env, Scene | str | Mapping):
         return make_scene(env), None, MAX_EPISODE_STEPS
     inner = getattr(env, "envs", getattr(env, "unwrapped", env))
-    batch = getattr(inner, "batch", None)
+    batch: Any = getattr(inner, "batch", None)
     if not isinstance(scene := getattr(batch, "scene", None), Scene):
         raise TypeError(
             f"explain takes an environment of this package or a scene, not {shown(env)}"

@@ -140,9 +140,9 @@ def initial_state(
         count: Number of walkers.
         seed: Seed of the first walker; the others use seed + 1, seed + 2, ...
         parameters: Values of walker parameters that replace the scene's, numbers or (count,).
-        footholds: Height change in leg lengths and slope change in rad from each foothold of an
-            episode to the next, added to those of the scene's terrain, (k, 2) or (k, count, 2).
-            None adds none, as do the footholds after these.
+        footholds: Changes from each foothold of an episode to the next: height in leg lengths and
+            slope in rad, (k, 2) or (k, count, 2). They add to those of the scene's terrain. Later
+            footholds are without such changes, and all of them when None.
 
     Raises:
         SceneError: if the scene has noise, delays, random pushes or feasibility constraints.
