@@ -23,7 +23,7 @@ from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.starts import Starts
-from gym_passive_walker.gaits.actuation import Actuation, for_each
+from gym_passive_walker.gaits.actuation import for_each
 from gym_passive_walker.gaits.flow import Walkers, go_on, new_records, report_of, states_in
 from gym_passive_walker.gaits.passage import imbalance, product
 from gym_passive_walker.gaits.stride import Stride, account
@@ -170,8 +170,6 @@ class ControlledMap(StrideMap):
     ) -> tuple[NDArray, NDArray[np.int8]]:
         """Results as in `Change`, values before derivatives, (1 + k, m + 6, n); and outcomes."""
         m, n = self.dimension, len(points)
-        if refused := set(by) & {*Actuation._fields}:
-            raise ValueError(f"{', '.join(sorted(refused))} follow {self.controller_name}")
         change, moving = self.seeds(n, by, along)
         total = np.zeros((n, m + 6, 1 + change.shape[2]))
         outcomes = np.full(n, _STRUCK)
@@ -257,8 +255,16 @@ class ControlledMap(StrideMap):
     ) -> tuple[NDArray, NDArray]:
         """Return what `_stride` does, by central differences along the tangents."""
         change, (n, m) = seeds.points, points.shape
-        if len(seeds.moving.keys() - {"slope"}) > 1:
-            raise ValueError(f"give one parameter of {', '.join(seeds.moving)} at a time")
+        apart = [name for name in seeds.moving if name != "slope"][1:]
+        if apart:  # the walkers of a map differ in one parameter
+            rest = {name: at for name, at in seeds.moving.items() if name not in apart}
+            found, ended = self._differences(points, slopes, lanes, Seeds(change, rest), place)
+            for name in apart:
+                at = seeds.moving[name]
+                own = Seeds(change[:, :, at : at + 1], {name: 0})
+                beside, _ = self._differences(points, slopes, lanes, own, place)
+                found[:, :, 1 + at] = beside[:, :, 1]
+            return found, ended
         size = np.abs(change).max(axis=1)
         size[:, list(seeds.moving.values())] += 1.0
         steps = _SHIFTS[self._single] / np.where(size > 0.0, size, 1.0)  # (n, k)
@@ -406,19 +412,16 @@ class ControlledMap(StrideMap):
         self, records: NDArray, slopes: NDArray, ahead: NDArray | None
     ) -> NDArray[np.float64]:
         """Return the controller's observations, as in the environment, (n, size)."""
-        scene, record = self.scene, records[:, 0]
-        if self.own:
-            return np.column_stack([self._states(records), slopes])
+        scene, body = self.scene, proportions(self.walker, self.scene.observe_body)
         links = np.array([phase.links for phase in self.walkers.system().phases])
-        locked = links[record["phase"]] == 2
-        seen = [*rules.observation(record["state"].T, locked, slopes)]
-        if scene.command is not None:
-            seen.append(np.mean(scene.command))
-        if scene.terrain_lookahead:  # without terrain the ground ahead is smooth
-            ahead = np.zeros(2 * scene.terrain_lookahead) if ahead is None else ahead
-            for foothold in np.reshape(ahead, (-1, scene.terrain_lookahead, 2)).transpose(1, 2, 0):
-                seen += rules.foothold(*foothold)
-        seen += map(rules.proportion, proportions(self.walker, scene.observe_body))
+        locked = links[records["phase"][:, 0]] == 2
+        # Without terrain the ground ahead is smooth.
+        rows = np.atleast_2d(np.zeros(2 * scene.terrain_lookahead) if ahead is None else ahead)
+        changes = rows.reshape(len(rows), scene.terrain_lookahead, 2).transpose(1, 2, 0)
+        command = None if scene.command is None else np.mean(scene.command)
+        seen = rules.observed(
+            scene, self._states(records).T, locked, slopes, command, changes, body
+        )  # fmt: skip
         return np.stack(np.broadcast_arrays(*seen), axis=1, dtype=float)
 
     def _states(self, records: NDArray) -> NDArray[np.float64]:

@@ -62,7 +62,8 @@ def stride_map(
             either; the path of a policy that `load_policy` reads, such as an ONNX file; any object
             with `predict(observation, state, episode_start, deterministic)`; or a function or a
             torch module from observations (n, 8) to actions (n, actions). What it remembers starts
-            again with each stride. A `System` is observed by its state and the slope, (n, 2 m + 1).
+            again with each stride. A `System` is observed by its state, the slope and the scene's
+            command, (n, 2 m + 1) without a command.
         scene: Which motors a controller has, how strong they are and how long its actions are
             held, in a form that `make_scene` takes; the policy's own or "level" when None. Its
             disturbances are left out.

@@ -39,6 +39,9 @@ class FunctionPolicy:
     def __init__(self, function: Callable[..., Any]) -> None:
         self.function, self.name = function, getattr(function, "__name__", "function")
 
+    def __repr__(self) -> str:
+        return f"FunctionPolicy({self.name})"
+
     def predict(
         self, observation: NDArray, state: Any = None, *_: Any, **__: Any
     ) -> tuple[NDArray[np.float64], Any]:

@@ -33,13 +33,17 @@ class Module:
     Args:
         fuses: Whether a product that only one sum uses becomes a fused multiply-add.
         group: Lanes of a vector; 1 for code over single numbers.
+        still: Names of active fields with derivatives of zero. Their terms are left out, and all
+            other operations are rounded as with them.
 
     Attributes:
         table: Constants of vector code, with their index in the module's table.
     """
 
-    def __init__(self, *, fuses: bool = True, group: int = GROUP) -> None:
-        self.fuses, self.group = fuses, group
+    def __init__(
+        self, *, fuses: bool = True, group: int = GROUP, still: Collection[str] = ()
+    ) -> None:
+        self.fuses, self.group, self.still = fuses, group, still
         self.functions: list[str] = []
         self.declared: set[str] = set()
         self.table: dict[str, int] = {}
@@ -248,6 +252,7 @@ class Emitter:
         self.before_tangents: list[str] | None = None
         self.tangent = 0
         self.varying: dict[Expression, bool] = {}
+        self.vanishing: dict[Expression, bool] = {}
 
     def enter_tangents(self, before: list[str], tangent: int, uses: Counter[Expression]) -> None:
         """Begin a loop over tangents; further instructions belong to the loop.
@@ -263,6 +268,8 @@ class Emitter:
         """Return the name of an expression's value; emit its instructions if necessary."""
         if x.op == "constant":
             return self._constant(x.args[0])
+        if self._vanishes(x):
+            return self._constant(0.0)
         if x not in self.done:
             if self.before_tangents is None or self._varies(x):
                 self.done[x] = self._of(x)
@@ -278,6 +285,20 @@ class Emitter:
             varies = x.args[3] > 0 if x.op == "read" else any(map(self._varies, operands(x)))
             self.varying[x] = varies
         return self.varying[x]
+
+    def _vanishes(self, x: Expression) -> bool:
+        """Return whether an expression is zero, as derivatives of `Module.still` fields are."""
+        if x not in self.vanishing:
+            if x.op == "read":
+                vanishes = x.args[3] > 0 and x.args[1] in self.owner.module.still
+            elif x.op == "mul":
+                vanishes = any(map(self._vanishes, x.args))
+            elif x.op == "choose":
+                vanishes = all(y.value == 0.0 or self._vanishes(y) for y in x.args[1:])
+            else:
+                vanishes = x.op in ("neg", "add", "sub") and all(map(self._vanishes, x.args))
+            self.vanishing[x] = vanishes
+        return self.vanishing[x]
 
     def _of(self, x: Expression) -> str:
         op, args = x.op, x.args
@@ -337,6 +358,10 @@ class Emitter:
         """Emit a sum or difference, fused with a product that nothing else uses."""
         a, b = x.args
         minus = x.op == "sub"
+        if self._vanishes(b):
+            return self(a)
+        if self._vanishes(a):
+            return self._negative(self(b)) if minus else self(b)
         if self._fusible(a):
             rest = self._negative(self(b)) if minus else self(b)
             return self._call("fma", self(a.args[0]), self(a.args[1]), rest)

@@ -265,10 +265,11 @@ def advance(
         The records.
     """
     changes = records.shape[1] - 1
-    if changes and bodies.shape[1] == 1:
+    still = changes > 0 and bodies.shape[1] == 1
+    if still:
         values, bodies = bodies, np.zeros((len(bodies), changes + 1, bodies.shape[2]))
         bodies[:, :1] = values
-    phases = compiled(system.name, derived=changes > 0)
+    phases = compiled(system.name, derived=changes > 0, still=still)
     chosen = options(tolerance, scuff=scuff, from_section=from_section, tangents=changes)
     layout = layout_in(records.dtype)
 

@@ -94,6 +94,7 @@ class Batch:
         ledger: Accounts of stride and episode, (count,) of `task.LEDGER`.
         randoms: Random generator of each environment, (count,).
         observation_size: Size of an observation.
+        step_limit: Steps after which an episode is truncated.
         custom: The user's own functions; None without them.
         disturbances: Disturbances; None in a scene without them.
         token: Token that the calling thread holds; see `one_thread`.
@@ -129,6 +130,7 @@ class Batch:
         if self.custom and self.custom.observation_size:
             self._plain = np.empty(count * self.observation_size, np.float32)
             self.observation_size = self.custom.observation_size
+        self.step_limit = step_limit
         self.threads = None if threads is None else whole(threads, "threads")
         self.walkers = [scene.walker] * count if walkers is None else list(walkers)
         if len({kind_of(walker) for walker in self.walkers}) > 1:

@@ -176,7 +176,7 @@ class Rule:
     def __init__(self, name: str, function: Callable[[Transition], Any], shape: Shape) -> None:
         self.name, self.function, self.shape = name, function, shape
         self.native, self.noted, self._each = 0, _ALL, False
-        sample = np.zeros(2, note_for(shape.layout))
+        sample = np.zeros(3, note_for(shape.layout))
         sample["duration"], sample["steps"] = 0.1, 1.0
         try:
             self._compile()
@@ -185,7 +185,9 @@ class Rule:
             untraced = error  # a user's function may raise anything
         for self._each in (False, True):
             try:
-                self.size = self(sample).shape[1]
+                self.size, other = (self(sample[:n]).shape[1] for n in (2, 3))
+                if other != self.size:
+                    raise TypeError(f"it gives {self.size} numbers for 2 walkers, {other} for 3")
                 self._check_size(self.size)
                 break
             except Exception as error:
@@ -208,10 +210,7 @@ class Rule:
 
     def _traced(self, step: Transition) -> list[Any]:
         """Return the expressions from the function; raises TypeError for other results."""
-        found, again = (
-            list(x) if isinstance(x, tuple | list) else [x]
-            for x in (self.function(step), self.function(step))
-        )
+        found, again = (_numbers(self.function(step)) for _ in range(2))
         for result, other in zip(found, again, strict=True):
             if not isinstance(result, Expression | int | float):
                 raise TypeError(f"it gives {shown(result)}")
@@ -260,9 +259,12 @@ class Rule:
     def __call__(self, notes: NDArray) -> NDArray[np.float64]:
         """Return results (n, size) for transitions (n,), from arrays or one walker at a time."""
         if self._each:
-            return np.array([self._of_one(notes[i : i + 1]) for i in range(len(notes))], float)
+            each = np.array([self._of_one(notes[i : i + 1]) for i in range(len(notes))], float)
+            if each.ndim != 2:
+                raise TypeError(f"it gives arrays of shape {each.shape[2:]}, not numbers")
+            return each
         found = self.function(of_notes(notes, self.shape))
-        columns = found if isinstance(found, tuple | list) else [found]
+        columns = _numbers(found, arrays=True)
         return np.stack(
             [np.broadcast_to(np.asarray(column, float), len(notes)) for column in columns], axis=1
         )
@@ -273,8 +275,13 @@ class Rule:
             name: note[name][0].tolist() if name in SEVERAL else note[name].item()
             for name in Transition._fields
         }
-        found = self.function(self.shape.transition(parts))
-        return list(found) if isinstance(found, tuple | list) else [found]
+        return _numbers(self.function(self.shape.transition(parts)))
+
+
+def _numbers(found: Any, *, arrays: bool = False) -> list[Any]:
+    """Return the result of a function as a list of its numbers, or of `arrays` of them."""
+    several = isinstance(found, np.ndarray) and found.ndim > arrays
+    return [*found] if several or isinstance(found, tuple | list) else [found]
 
 
 _CONDITIONS = ("<", "<=", ">", ">=", "and", "or", "not")

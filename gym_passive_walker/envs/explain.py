@@ -100,7 +100,7 @@ def as_rows(env: Any = "level") -> dict[str, Rows]:
         {
             "number": i,
             "action": f"control {name!r}" if own else _CHANNELS[name][0],
-            "min": 0.0 if name == "push_off" and not own else -1.0,
+            "min": scene.least(name),
             "max": 1.0,
             "action 1 is": f"{scene.largest(name):g} {'' if own else _CHANNELS[name][1]}".rstrip(),
         }
@@ -116,15 +116,17 @@ def _parts(env: Any) -> tuple[Scene, Batch | None, float | None]:
     if isinstance(env, Scene | str | Mapping):
         return make_scene(env), None, MAX_EPISODE_STEPS
     inner = getattr(env, "envs", getattr(env, "unwrapped", env))
-    if not isinstance(batch := getattr(inner, "batch", None), Batch):
+    batch: Any = getattr(inner, "batch", None)
+    if not isinstance(scene := getattr(batch, "scene", None), Scene):
         raise TypeError(
             f"explain takes an environment of this package or a scene, not {shown(env)}"
         )
-    limit = float(batch.rules["step_limit"][0])
+    limit = batch.step_limit
     if limit == np.inf:
         limit = getattr(getattr(env, "spec", None), "max_episode_steps", None) or np.inf
-    begun = bool(batch.randoms) and bool(np.any(batch.records["state"]))
-    return inner.scene, batch if begun else None, None if limit == np.inf else limit
+    if not isinstance(batch, Batch) or not batch.randoms or not np.any(batch.records["state"]):
+        batch = None  # on a GPU, or before the first episode
+    return scene, batch, None if limit == np.inf else limit
 
 
 def _observed(scene: Scene) -> Rows:

@@ -7,6 +7,7 @@ tensors and `Batch` with arrays. All quantities are dimensionless (see `physics.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -96,6 +97,30 @@ def foothold(height_change, slope_change):
 def proportion(value):
     """Return the observation of a proportion of the body."""
     return clip(value, -LARGEST_PROPORTION, LARGEST_PROPORTION)
+
+
+def observed(
+    scene: Any, state: Any, knee_locked: Any, slope: Any, command: Any, ahead: Any, body: Any
+) -> list[Any]:
+    """Return the numbers in the observation of a scene's agent, each of n walkers.
+
+    Kernels write them piece by piece, as they know no scene.
+
+    Args:
+        scene: The scene.
+        state: Angles or coordinates of the walkers, then their velocities.
+        knee_locked: As for `observation`; ignored of a `System`.
+        slope: Slope of the ground in rad.
+        command: Commanded speed over sqrt(g l); ignored without a command.
+        ahead: Height and slope changes of each foothold ahead that is observed.
+        body: Observed proportions of the body.
+    """
+    own = scene.own_system is not None
+    seen = [*state, slope] if own else [*observation(state, knee_locked, slope)]
+    seen += [command] * (scene.command is not None)
+    for changes in ahead:
+        seen += foothold(*changes)
+    return [*seen, *map(proportion, body)]
 
 
 @shared

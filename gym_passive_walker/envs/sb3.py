@@ -21,10 +21,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.one_thread import one_thread
+from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.extras import extra
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import Walker, WalkerLike
 
 with extra("train"):
     from stable_baselines3.common.vec_env import VecEnv
@@ -74,8 +75,12 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         num_envs: Number of walkers.
         scene: A scene, its name, or its arguments; see `PassiveWalkerEnv`.
         seed: Seed of the first reset; `seed()` sets those of later resets.
-        **changes: Further arguments of `PassiveWalkerVectorEnv`: `max_episode_steps`, `walkers`,
-            `slopes`, `threads`, `render_mode`, and arguments of the scene to change.
+        max_episode_steps: As for `PassiveWalkerVectorEnv`, as are the next four.
+        walkers: Walkers of one kind, (num_envs,), instead of the scene's.
+        slopes: Slopes in rad, (num_envs,), instead of the scene's.
+        threads: Number of threads for large batches; numba's number when None.
+        render_mode: "rgb_array", or None.
+        **changes: Arguments of the scene to change; see `PassiveWalkerEnv`.
 
     Attributes:
         envs: The vector environment of the walkers.
@@ -87,9 +92,17 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         scene: Scene | str | Mapping[str, Any] = "level",
         *,
         seed: int | None = None,
+        max_episode_steps: int | None = MAX_EPISODE_STEPS,
+        walkers: Sequence[WalkerLike] | None = None,
+        slopes: Sequence[float] | None = None,
+        threads: int | None = None,
+        render_mode: str | None = None,
         **changes: Any,
     ) -> None:
-        self.envs = PassiveWalkerVectorEnv(num_envs, scene, autoreset_mode="SameStep", **changes)
+        self.envs = PassiveWalkerVectorEnv(
+            num_envs, scene, max_episode_steps=max_episode_steps, autoreset_mode="SameStep",
+            walkers=walkers, slopes=slopes, threads=threads, render_mode=render_mode, **changes,
+        )  # fmt: skip
         self.batch = self.envs.batch
         self.token = self.batch.token
         num_envs = self.envs.num_envs

@@ -156,11 +156,18 @@ class Starts:
 
     def varied(self, rng: np.random.Generator) -> Walker:
         """Return the walker with random parameters, if the scene has domain randomization."""
-        shares, pool = self.scene.domain_randomization, self.scene.randomization_pool
+        pool = self.scene.randomization_pool
+        return self._drawn(rng) if pool is None else self.pooled(int(rng.integers(pool)))
+
+    def pooled(self, index: int) -> Walker:
+        """Return a walker of the scene's `randomization_pool`, the same in every batch."""
+        return self._drawn(np.random.default_rng((_POOL, index)))
+
+    def _drawn(self, rng: np.random.Generator) -> Walker:
+        """Return the walker with parameters that a generator draws."""
+        shares = self.scene.domain_randomization
         if not shares:
             return self.walker
-        if pool is not None:  # each index gives the same walker in every batch
-            rng = np.random.default_rng((_POOL, int(rng.integers(pool))))
         for _ in range(100):
             factors = 1.0 + np.array(list(shares.values())) * rng.uniform(-1.0, 1.0, len(shares))
             nominal = self.walker.body if isinstance(self.walker, Mechanism) else self.walker

@@ -63,6 +63,7 @@ functions (see `transitions.after`); and the number of control steps of `action_
 
 _NUMBER, _WORD, _BOOLEAN = np.dtype("f8"), np.dtype("i8"), np.dtype("?")
 _ALL = 1 << 62
+FEW = 64  # walkers that begin together: their draws and gaits are on the stack
 
 _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
     ("PyCapsule_GetPointer", ctypes.pythonapi)
@@ -117,6 +118,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     history, tile = history_for(layout), tile_for(PAIR, layout=layout)
     size, record_words = 2 * layout.links, record.itemsize // 8
     row_words = ledger_of.itemsize // 8
+    drawn, numbers = FEW * DRAWS, FEW * size
 
     def within(compiler: Callable[..., Any]) -> Callable[..., Any]:
         kind = "wide" * (layout != NARROW) + "disturbed" * disturbed + "custom" * custom
@@ -154,28 +156,28 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         begin_near(where, lanes, slopes, gaits, draws, observations)
 
     @within(merged)
-    def begin_one(where, i, observations):
-        """Begin an episode of walker i with slopes and gaits of the `EntryPoint`, and new draws."""
-        here = view(where, (1,), PLACES)[0]
-        lanes, slopes = view(stack(1), (1,), _WORD), view(stack(1), (1,), _NUMBER)
-        draws = view(stack(DRAWS), (1, DRAWS), _NUMBER)
-        lanes[0] = i
+    def begin_few(where, lanes, observations):
+        """Begin episodes of at most FEW walkers, at slopes and gaits of the `EntryPoint`."""
+        here, count = view(where, (1,), PLACES)[0], len(lanes)
+        slopes = view(stack(FEW), (count,), _NUMBER)
+        draws = view(stack(drawn), (count, DRAWS), _NUMBER)
         fill(where, lanes, draws)
-        slopes[0] = here.low
-        if here.low != here.high:
-            slopes[0] = here.low + (here.high - here.low) * draws[0, 0]
+        for j in range(count):
+            slopes[j] = here.low
+            if here.low != here.high:
+                slopes[j] = here.low + (here.high - here.low) * draws[j, 0]
         nodes = view(here.nodes, (here.of_nodes,), _NUMBER)
         gaits = view(here.states, (here.of_states, size), _NUMBER)
         if len(nodes) > 1:
-            states, gaits = gaits, view(stack(size), (1, size), _NUMBER)
+            states, gaits = gaits, view(stack(numbers), (count, size), _NUMBER)
             interpolate(nodes, states, slopes, gaits)
         begin_near(where, lanes, slopes, gaits, draws, observations)
 
     @within(Kernel)
     def begin_alike(where, lanes, observations):
-        """Begin episodes of some walkers, each as `begin_one` does; fills the flat observations."""
-        for i in lanes:
-            begin_one(where, i, observations)
+        """Begin episodes of some walkers, each with new draws; fills the flat observations."""
+        for first in range(0, len(lanes), FEW):
+            begin_few(where, lanes[first : first + FEW], observations)
 
     @within(merged)
     def tick(where, first, last, tiles, histories, observations, rewards, terminated, truncated):
@@ -240,9 +242,11 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         )  # fmt: skip
         if again and answer[0] < 0:
             _, records, _, _, _ = found(where, first, last)
+            lane = view(stack(1), (1,), _WORD)
             for i in range(len(records)):
                 if records[i, 0].outcome == RESTING:
-                    begin_one(where, i, observations)
+                    lane[0] = i
+                    begin_few(where, lane, observations)
         return answer
 
     @within(Kernel)

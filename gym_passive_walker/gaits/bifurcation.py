@@ -159,7 +159,7 @@ def beginnings(
     if stride_map.controlled:
         return stride_map.beginning(slopes)  # type: ignore[attr-defined]
     low, high = float(slopes.min()), float(slopes.max())
-    low, high = low - 1e-9 * abs(low), high + 1e-9 * abs(high)
+    low, high = (x + sign * (1e-9 * abs(x) or 1e-9) for x, sign in ((low, -1.0), (high, 1.0)))
     family = gait_family(stride_map, low, high, kind)
     points = stride_map.points_at(nearest_on(family, slopes))
     points[:, 0] *= 1.0 + _NUDGE
@@ -284,8 +284,8 @@ def crisis_slope(
     low, high = one_slope(low, "low"), one_slope(high, "high")
     strides, walkers = whole(strides, "strides"), whole(walkers, "walkers", 1, KEPT)
     accuracy = number(accuracy, "accuracy", least=_FINEST_SLOPE, most=1.0)
-    if not 0.0 < low < high:
-        raise ValueError(f"slopes must be 0 < low < high, not {low}, {high}")
+    if not low < high or (stride_map.passive and low <= 0.0):
+        raise ValueError(f"slopes must be 0 < low < high, not {low}, {high}; motors walk uphill")
     points = beginnings(stride_map, np.array([low]), kind, start)
     points = stride_map.apply(points, low, strides=strides).ends
     if not np.all(np.isfinite(points)):

@@ -283,10 +283,11 @@ def parameter_family(
             the range. As a parameter of the walker changes, what its motors do stays what it is
             over the walker's units, which change with sizes and masses.
         parameter: A numerical parameter of `Walker`, such as "shank_offset", or of `Actuation`,
-            such as "push_off".
+            such as "push_off"; or "slope", in rad, for the family of `gait_family`.
         low: Lowest value.
         high: Highest value.
-        slope: Slope in rad; the map's own when None.
+        slope: Slope in rad; the map's own when None. Where "slope" varies, the slope of the gait
+            to begin with.
         kind: Gait to begin with, "long" or "short".
         resolution: Longest step along the curve; the range counts as one.
 
@@ -295,13 +296,17 @@ def parameter_family(
         ValueError: if there is no such parameter, or the range is empty or leaves it out.
     """
     stride_map = map_of(walker, tolerance=_TOLERANCE)
+    if parameter == "slope":
+        start = None if slope is None else find_gait(stride_map, slope, kind)
+        return gait_family(stride_map, low, high, kind, start=start, resolution=resolution)
     slope = stride_map.chosen(slope)
     resolution = number(resolution, "resolution", least=_FINEST, most=1.0)
     low, high = number(low, "low"), number(high, "high")
     kind = gait_kind(kind)
     known = stride_map.parameters
     if not isinstance(parameter, str) or parameter not in known:
-        raise ValueError(f"no parameter {shown(parameter)} to vary: choose from {', '.join(known)}")
+        choices = ", ".join(("slope", *known))
+        raise ValueError(f"no parameter {shown(parameter)} to vary: choose from {choices}")
     here = known[parameter]
     if not low < high or not low <= here <= high:
         raise ValueError(f"{parameter} of this walker is {here}: give low <= {here} <= high")

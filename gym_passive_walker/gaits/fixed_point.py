@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from gym_passive_walker.arguments import gait_kind, whole
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound
 from gym_passive_walker.gaits.search import ACCURACY, seek
-from gym_passive_walker.gaits.stride_map import MapLike, map_of
+from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.progress import said
 from gym_passive_walker.units import unit_of
 from gym_passive_walker.walkers import (
@@ -131,6 +131,11 @@ def find_gait(
         with said(f"no {kind}-step gait at slope {slope:g} rad: looking for what would help"):
             advice, near, alike = _advice(stride_map.walker, slope, kind)
     raise GaitNotFound(f"{none} {advice}", slope=near, walker=alike)
+
+
+def state_on(stride_map: StrideMap, slope: float, state: ArrayLike | None) -> ArrayLike:
+    """Return a state on the Poincaré section; that of the long-step gait when None."""
+    return find_gait(stride_map, slope).state if state is None else state
 
 
 def _advice(

@@ -29,6 +29,7 @@ from gym_passive_walker.gaits.dense_stride import (
     ratio_turns,
     turns,
 )
+from gym_passive_walker.gaits.fixed_point import state_on
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.gaits.stride_map import StrideMap
@@ -252,7 +253,8 @@ def reality_check(
         walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, which
             supplies slope, state and actuation where they are not given.
         slope: Slope in rad, positive downhill.
-        state: State on the Poincaré section, just after heelstrike, shape (6,).
+        state: State on the Poincaré section, just after heelstrike, shape (6,); that of the gait
+            when None.
         strides: Number of strides to check; 1 by default, or the gait's period.
         friction: Coefficient of friction of foot and ground; 0.8 is the example of Garcia (1999).
         hip_torque: Torque held through all strides, as for `stride`; 0 by default, or the gait's
@@ -263,6 +265,7 @@ def reality_check(
         The `RealityCheck`.
 
     Raises:
+        GaitNotFound: if no state is given, and the walker has no gait.
         NoStride: if a stride does not end with a heelstrike, or if its straight-leg phase has no
             duration.
         ValueError: if a number is not finite or out of its range, or if the map has a terrain,
@@ -277,10 +280,10 @@ def reality_check(
         )
     slope, strides = one_slope(slope), whole(period if strides is None else strides, "strides")
     friction = number(friction, "friction", least=0.0, most=math.inf)
-    tolerance, here = check_tolerance(tolerance), check_state(state)
+    tolerance = check_tolerance(tolerance)
     number(motors.hip_torque, "hip_torque")
     walks = controlled or StrideMap.of(walker, controller=one_actuation(walker, motors))
-    walks = walks.with_tolerance(tolerance)
+    walks, here = walks.with_tolerance(tolerance), check_state(state_on(walks, slope, state))
     if here.shape != (6,):
         raise ValueError(f"reality_check takes one walker: state must be (6,), not {here.shape}")
     time = 0.0

@@ -97,7 +97,10 @@ class Section:
 
     def points(self, states: ArrayLike) -> Points:
         """Return the points of states (6,) or (n, 6) on the section, in the walker's own units."""
-        return Points(self, self.point(self.units.to_dimensionless(np.atleast_2d(states))))
+        given = np.atleast_2d(states)
+        if given.shape[-1] != self.size:
+            raise ValueError(f"states must have shape ({self.size},) or (n, {self.size})")
+        return Points(self, self.point(self.units.to_dimensionless(given)))
 
     def from_chart(self, u: NDArray) -> Points:
         """Return the points with coordinates `u` (n, m) of the chart."""

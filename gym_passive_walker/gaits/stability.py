@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope, unknown
 from gym_passive_walker.gaits.actuation import Actuation, actuation_units, one_actuation
+from gym_passive_walker.gaits.fixed_point import state_on
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.gaits.passage import NoStride
@@ -45,8 +46,8 @@ def stride_jacobian(
         walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, which
             supplies slope, state and actuation where they are not given.
         slope: Slope in rad.
-        state: State on the Poincaré section, (6,), or several, (n, 6). Thigh and shank angle are
-            taken as minus the stance angle.
+        state: State on the Poincaré section, (6,), or several, (n, 6); that of the gait when None.
+            Thigh and shank angle are taken as minus the stance angle.
         hip_torque: Torque held through the stride; 0 by default, or the gait's own.
         ankle_torque: Torque held through the stride, as for `stride`; 0 by default, or the gait's
             own.
@@ -62,6 +63,7 @@ def stride_jacobian(
         with knees and 3 without.
 
     Raises:
+        GaitNotFound: if no state is given, and the walker has no gait.
         NoStride: if a stride does not end with a heelstrike.
         ValueError: if an argument is out of range.
     """
@@ -77,7 +79,8 @@ def stride_jacobian(
     known = ("state", "slope", *stride_map.parameters)
     if strange := unknown(names or [wrt], known, "wrt: the stride map"):
         raise ValueError(strange)
-    states, units = check_state(state, size=stride_map.size), stride_map.units
+    state, units = state_on(stride_map, slope, state), stride_map.units
+    states = check_state(state, size=stride_map.size)
     points, driving = stride_map.points_at(states), actuation_units(units)._asdict()
     moved = set(names)
     # A parameter also changes the units, hence the dimensionless state and torques.

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, TypeAlias, Un
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import one_slope, whole
+from gym_passive_walker.arguments import one_slope, unknown, whole
 from gym_passive_walker.gaits.actuation import (
     PASSIVE,
     Actuation,
@@ -25,7 +25,7 @@ from gym_passive_walker.gaits.actuation import (
 )
 from gym_passive_walker.gaits.flow import Flow, Walkers, accelerations, flow, states_in
 from gym_passive_walker.gaits.passage import Change, Passage, imbalance, product
-from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.gaits.section import Points, Section
 from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.physics.hybrid import Ground, Outcome, System
@@ -259,10 +259,11 @@ class StrideMap(Section):
         return actuations
 
     def _checked(
-        self, points: ArrayLike, slopes: ArrayLike | None, strides: int
+        self, points: ArrayLike | Points, slopes: ArrayLike | None, strides: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
         """Check points of the section, slopes, of which there is one for each, and strides."""
-        points, slopes = np.asarray(points, dtype=float), self.slope if slopes is None else slopes
+        given = points.values if isinstance(points, Points) else points
+        points, slopes = np.asarray(given, dtype=float), self.slope if slopes is None else slopes
         if points.ndim != 2 or points.shape[1] != self.dimension:
             raise ValueError(
                 f"points of the section must have the shape (n, {self.dimension}), got "
@@ -273,12 +274,12 @@ class StrideMap(Section):
         return points, for_each(slopes, len(points)), whole(strides, "strides")
 
     def apply(
-        self, points: NDArray, slopes: ArrayLike | None = None, *, strides: int = 1
+        self, points: NDArray | Points, slopes: ArrayLike | None = None, *, strides: int = 1
     ) -> Passage:
         """Apply the stride map to points of the section.
 
         Args:
-            points: Points of the section, (n, m).
+            points: Points of the section, (n, m), such as the `point` of a gait.
             slopes: Slope in rad, one for all or (n,); the map's own when None.
             strides: How many times to apply the map, at least once.
         """
@@ -288,7 +289,7 @@ class StrideMap(Section):
 
     def linearize(
         self,
-        points: NDArray,
+        points: NDArray | Points,
         slopes: ArrayLike | None = None,
         *,
         strides: int = 1,
@@ -298,7 +299,7 @@ class StrideMap(Section):
         """Apply the stride map to points of the section, with exact derivatives.
 
         Args:
-            points: Points of the section, (n, m).
+            points: Points of the section, (n, m), such as the `point` of a gait.
             slopes: Slope in rad, one for all or (n,); the map's own when None.
             strides: How many times to apply the map, at least once.
             by: Columns of the derivatives, in order: "state" (one for each coordinate), "slope",
@@ -309,6 +310,10 @@ class StrideMap(Section):
         Returns:
             The `Passage`, and a `Change` with the derivatives of its fields.
         """
+        if tuple(by) != ("state",):
+            known = "state", "slope", *self.parameters
+            if strange := unknown(by, known, "by: this stride map"):
+                raise ValueError(strange)
         points, slopes, strides = self._checked(points, slopes, strides)
         walking, outcomes = np.arange(len(points)), np.empty(len(points), np.int8)
         if len(points) > _FEW:

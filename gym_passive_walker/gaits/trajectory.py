@@ -15,7 +15,8 @@ from gym_passive_walker.arguments import (
     real_array,
     whole,
 )
-from gym_passive_walker.gaits.actuation import Actuation, to_dimensionless
+from gym_passive_walker.gaits.actuation import Actuation, one_actuation, to_dimensionless
+from gym_passive_walker.gaits.fixed_point import state_on
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.gaits.stride import STATE_NAMES, stride, together
 from gym_passive_walker.gaits.stride_map import StrideMap
@@ -137,7 +138,7 @@ def simulate(
         walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, which
             supplies slope, state and actuation where they are not given.
         slope: Slope in rad, positive downhill.
-        state: Initial state, just after heelstrike, shape (6,).
+        state: Initial state, just after heelstrike, shape (6,); that of the gait when None.
         strides: Number of strides; fewer are made if the walker falls.
         samples: Number of samples in each stride, evenly spaced, at least 2. The first is just
             after heelstrike, the last just before the event that ends the stride.
@@ -156,13 +157,17 @@ def simulate(
         The `Trajectory`, with `samples` instants for each stride made.
 
     Raises:
+        GaitNotFound: if no state is given, and the walker has no gait.
         ValueError: if a number is not finite or out of its range, or a shape does not fit.
     """
     walker, slope, state, motors, _, controlled = walk_of(
         walker, slope, state, hip_torque, ankle_torque, push_off
     )
-    size = state_size(walker)
-    slope, state = one_slope(slope), check_state(state, size=size)
+    size, slope = state_size(walker), one_slope(slope)
+    if state is None:
+        held = motors if isinstance(walker, Mechanism) else one_actuation(walker, motors)
+        state = state_on(controlled or StrideMap.of(walker, controller=held), slope, None)
+    state = check_state(state, size=size)
     if state.shape != (size,):
         raise ValueError(f"simulate follows one walker: state must be ({size},), not {state.shape}")
     strides, samples = whole(strides, "strides", 1, KEPT), whole(samples, "samples", 2, KEPT)

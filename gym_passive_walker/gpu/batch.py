@@ -19,7 +19,7 @@ from gym_passive_walker.envs.checks import checked
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.disturbances import Disturbances, disturbed
-from gym_passive_walker.envs.scene import Scene, SceneError, make_scene, undisturbed
+from gym_passive_walker.envs.scene import Scene, SceneError, make_scene
 from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.envs.transitions import NOTE
 from gym_passive_walker.gpu import device, episodes
@@ -29,7 +29,8 @@ from gym_passive_walker.physics.systems import bodies
 from gym_passive_walker.walkers import Walker, check_parametric
 
 DRAWN = 4096
-"""Number of walkers that the episodes of a scene with `domain_randomization` draw from."""
+"""Number of walkers that the episodes of a scene with `domain_randomization` draw from, if its
+`randomization_pool` has no fewer."""
 
 
 @lru_cache
@@ -69,6 +70,7 @@ class DeviceBatch:
         buffers: Actions, observations, rewards and terminations, on the GPU; see
             `episodes.StepBuffers`.
         walkers: State of each walker, on the GPU; see `episodes.Walkers`.
+        step_limit: Steps after which an episode is truncated.
 
     Raises:
         NoDevice: if there is no GPU.
@@ -87,7 +89,6 @@ class DeviceBatch:
         device.need_device()
         self.scene = make_scene(scene, **changes)
         checked(check_parametric, self.scene.walker, "a batch on a GPU")
-        undisturbed(self.scene, "walkers on a GPU go", {"randomization_pool": None})
         self.count = whole(count, "count")
         self.custom = Custom(self.scene, 0)
         for name, rule in self.custom.rules.items():
@@ -110,13 +111,16 @@ class DeviceBatch:
         drawn = self._drawn()
         constants = bodies(*drawn)[:, 0]
         self.walkers = self._walkers(constants, seed, own=has_disturbances or len(drawn) > 1)
-        self._limit = step_limit
+        self.step_limit = step_limit
         self._constants = self._scene_constants(here, constants, observed_bodies(self.scene, drawn))
         self.buffers = self._buffers()
 
     def _drawn(self) -> list[Walker]:
         """Return the walkers that episodes draw from."""
         starts, random = Starts(self.scene), np.random.default_rng(0)
+        pool = self.scene.randomization_pool
+        if pool is not None and pool <= DRAWN:
+            return [starts.pooled(index) for index in range(pool)]
         count = DRAWN if self.scene.domain_randomization else 1
         return [starts.varied(random) for _ in range(count)]
 
@@ -153,7 +157,7 @@ class DeviceBatch:
             SceneError: if the kind of work is unknown.
         """
         scene = self.scene if energy is None else make_scene(self.scene, energy=energy)
-        rules = device.put(rules_of(scene, self._system, self._limit))
+        rules = device.put(rules_of(scene, self._system, self.step_limit))
         self._constants = self._constants._replace(rules=rules)
 
     def _scene_constants(
@@ -166,7 +170,7 @@ class DeviceBatch:
         disturbances = Disturbances(scene, self._system.name, 0)
         arrays = SceneConstants(
             here.phases, options(scene.tolerance, scuff=bool(scene.end_on_toe_stub)),
-            rules_of(scene, self._system, self._limit),
+            rules_of(scene, self._system, self.step_limit),
             np.zeros(1, RECORD), np.zeros(1, task.LEDGER),
             np.zeros(1, disturbance_kernels.DISTURBANCE),
             np.array([starts.low, starts.high]), nodes, states, np.array([scene.reset_noise_scale]),

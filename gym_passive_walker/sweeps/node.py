@@ -54,6 +54,7 @@ def pieces() -> Iterator[Callable[[], object]]:
     for name in SYSTEMS:
         yield partial(compiled, name)
         yield partial(compiled, name, derived=True)
+        yield partial(compiled, name, derived=True, still=True)
         yield partial(hooks, name, pushed=True, watched=True)
     yield lambda: find_gait("C", 0.03)
     yield lambda: _act(gym.make_vec(ID, num_envs=2))

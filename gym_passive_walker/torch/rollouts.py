@@ -34,6 +34,7 @@ from gym_passive_walker.torch.operation import (
     columns_of,
 )
 from gym_passive_walker.units import proportions
+from gym_passive_walker.walkers import check_heights_only
 from gym_passive_walker.walkers.walker import varied
 
 _RUNNING, _STRUCK = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE))
@@ -52,6 +53,8 @@ class RolloutState(NamedTuple):
         progress: Distance of the hip in the present stride, in leg lengths, (n,).
         strides: Number of strides that have ended in the episode, (n,).
         keys: Terrain seeds, 64 bits each, (n,).
+        footholds: Changes from each foothold to the next beyond the terrain's, (k, n, 2); see
+            `initial_state`.
         commands: Commanded speeds over sqrt(g l), (n,); 0 without a command.
         last: The last control step; zeros where an episode begins.
         parameters: Walker parameters that differ from the scene's, by name, (n,) each.
@@ -66,6 +69,7 @@ class RolloutState(NamedTuple):
     progress: Tensor
     strides: Tensor
     keys: Tensor
+    footholds: Tensor
     commands: Tensor
     last: Transition
     parameters: dict[str, Tensor]
@@ -127,6 +131,7 @@ def initial_state(
     *,
     seed: int | None = None,
     parameters: Mapping[str, Any] | None = None,
+    footholds: Any = None,
 ) -> RolloutState:
     """Draw initial states of episodes, as a vector environment with this seed does.
 
@@ -135,9 +140,13 @@ def initial_state(
         count: Number of walkers.
         seed: Seed of the first walker; the others use seed + 1, seed + 2, ...
         parameters: Values of walker parameters that replace the scene's, numbers or (count,).
+        footholds: Changes from each foothold of an episode to the next: height in leg lengths and
+            slope in rad, (k, 2) or (k, count, 2). They add to those of the scene's terrain. Later
+            footholds are without such changes, and all of them when None.
 
     Raises:
         SceneError: if the scene has noise, delays, random pushes or feasibility constraints.
+        ValueError: if `footholds` have another shape, or slopes that a `System` does not support.
         WalkerError: if a walker has no such parameter.
     """
     scene, count = _differentiable(make_scene(scene)), whole(count, "count")
@@ -155,6 +164,16 @@ def initial_state(
         for name in scene.domain_randomization
     }
     given = check_parameters(scene.walker, parameters)
+    changes = torch.zeros((0, 2), dtype=torch.float64)
+    if footholds is not None:
+        changes = as_tensor(footholds, "footholds")
+    if changes.ndim == 2:
+        changes = changes[:, None]
+    if changes.ndim != 3 or changes.shape[1] not in (1, count) or changes.shape[2] != 2:
+        raise ValueError(
+            f"footholds must have shape (k, 2) or (k, {count}, 2), not {tuple(changes.shape)}"
+        )
+    check_heights_only(scene.walker, changes[:, :, 1].numpy(force=True))
     zeros = torch.zeros(count, dtype=torch.float64)
     states = torch.from_numpy(states_in(batch.records[:, 0], coordinates).copy())
     here = RolloutState(
@@ -166,6 +185,7 @@ def initial_state(
         progress=zeros,
         strides=torch.zeros(count, dtype=torch.int64),
         keys=torch.from_numpy(keys.view(np.int64).copy()),
+        footholds=changes.expand(-1, count, -1),
         commands=torch.from_numpy(commands.copy()),
         last=Transition._make([zeros] * len(Transition._fields)),
         parameters=values | {name: value.expand(count) for name, value in given.items()},
@@ -250,10 +270,19 @@ def _ground(scene: Scene, here: RolloutState, ahead: int = 0) -> Tensor:
     Returns:
         Slope in rad, height change in leg lengths and slope change in rad to the next, (n, 3).
     """
+    count, places = len(here.footholds), here.strides + ahead
     if scene.terrain is None:
-        return torch.zeros((len(here.slopes), 3), dtype=torch.float64)
-    keys = here.keys.numpy().view(np.uint64)
-    return torch.from_numpy(scene.terrain.ground(keys, here.strides.numpy() + ahead))
+        ground = torch.zeros((len(here.slopes), 3), dtype=torch.float64)
+    else:
+        keys = here.keys.numpy().view(np.uint64)
+        ground = torch.from_numpy(scene.terrain.ground(keys, places.numpy()))
+    if count == 0:
+        return ground
+    level = torch.zeros_like(here.footholds[:1])
+    changes, lanes = torch.cat([here.footholds, level]), torch.arange(len(places))
+    slopes = torch.cat([level, here.footholds])[:, :, 1].cumsum(0)
+    places = places.clamp(max=count)  # the last is level
+    return ground + torch.cat([slopes[places, lanes, None], changes[places, lanes]], 1)
 
 
 def observed(scene: Scene, here: RolloutState) -> Tensor:
@@ -261,18 +290,12 @@ def observed(scene: Scene, here: RolloutState) -> Tensor:
     if scene.observation is not None:
         seen = scene.observation(here.last)
         return _stacked(seen if isinstance(seen, tuple | list) else [seen], here)
-    slopes = here.slopes + _ground(scene, here)[:, 0]
-    seen: list[Any] = [*here.states.T, slopes]
-    if scene.own_system is None:
-        locked = _locked(scene, here.phases).double()
-        seen = [*rules.observation(here.states.T, locked, slopes)]
-    if scene.command is not None:
-        seen.append(here.commands)
-    for ahead in range(scene.terrain_lookahead):
-        seen += rules.foothold(*_ground(scene, here, ahead).T[1:])
+    slopes, body = here.slopes + _ground(scene, here)[:, 0], ()
+    locked = None if scene.own_system is not None else _locked(scene, here.phases).double()
+    ahead = [_ground(scene, here, place).T[1:] for place in range(scene.terrain_lookahead)]
     if scene.observe_body:
         body = proportions(varied(scene.walker, here.parameters), scene.observe_body)
-        seen += map(rules.proportion, body)
+    seen = rules.observed(scene, here.states.T, locked, slopes, here.commands, ahead, body)
     return _stacked(seen, here)
 
 
@@ -316,10 +339,12 @@ def _tick(
     other = () if pushes is None else ("push",)
     ruled = any(getattr(scene, name) is not None for name in RULES)
     other += ("start",) if ruled or scene.command is not None else ()  # for the step length
-    parameters, uneven = tuple(here.parameters), () if scene.terrain is None else UNEVEN
+    parameters, given = tuple(here.parameters), len(here.footholds) > 0
+    uneven = UNEVEN if given or scene.terrain is not None else ()
+    ground = ("slope", *UNEVEN) if given else ()
     using = (*(motor for motor in motors if motor != "hip_torque"), *uneven, *other)
     options = FlowOptions(
-        scene.walker, parameters, (*motors, *other, *parameters), using, scene.tolerance,
+        scene.walker, parameters, (*motors, *other, *ground, *parameters), using, scene.tolerance,
         bool(scene.end_on_toe_stub),
     )  # fmt: skip
     inputs = torch.cat([here.states, torch.stack(columns, 1)], 1)

@@ -144,7 +144,7 @@ def test_a_policy_without_a_derivative_is_differentiated_by_differences():
     exact = gpw.stride_map(controller=policy)
     strides = gpw.stride_map(controller=Observing(policy, "steep"))
     assert exact.exact and not strides.exact
-    point, by = point_of(exact), ("state", "slope", "foot_radius")
+    point, by = point_of(exact), ("shank_com", "state", "slope", "foot_radius")
     for count in (1, 2):
         _, change = strides.linearize(point, by=by, strides=count)
         _, expected = exact.linearize(point, by=by, strides=count)
@@ -154,7 +154,7 @@ def test_a_policy_without_a_derivative_is_differentiated_by_differences():
                 getattr(change, name), getattr(expected, name), atol=5e-3 * scale, err_msg=name
             )
     np.testing.assert_allclose(exact.linearize(point)[1].ends[0], policy.closed_loop, atol=1e-8)
-    with pytest.raises(ValueError, match="push_off follow LQR"):
+    with pytest.raises(ValueError, match="has no push_off"):
         exact.linearize(point, by=("push_off",))
 
 
@@ -206,6 +206,12 @@ def test_walks_under_a_policy_have_a_bifurcation_diagram_and_exponents():
     exponent = gpw.lyapunov_exponents(strides, slopes[1:], strides=60, n_transient=40)
     expected = gpw.closed_loop_gait(strides.controller).multipliers
     assert exponent[0, 0] == pytest.approx(np.log(abs(expected[0])), abs=0.05)
+
+
+def test_a_crisis_is_found_from_level_ground_on():
+    strides = gpw.stride_map("D", 0.0, controller=Actuation(push_off=0.05))
+    found = gpw.crisis_slope(strides, 0.0, 0.1, strides=50, walkers=2, accuracy=1e-3)
+    assert 0.0 < found < 0.1
 
 
 def test_a_driven_walker_has_a_bifurcation_diagram_too():

@@ -360,6 +360,19 @@ def test_what_cannot_be_compiled_is_called_and_says_so_once(rule, how):
         assert (rewards[~mine] == 0.0).all()
 
 
+@pytest.mark.parametrize("axis", [0, -1])
+@pytest.mark.parametrize("same", [lambda x: x, np.positive])
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_an_observation_may_be_an_array(axis, same):
+    def seen(step):
+        return same(np.stack([step.state.stance, step.state.thigh], axis=axis))
+
+    for count in (1, 2, 3):
+        plain, own = PassiveWalkerVectorEnv(count), PassiveWalkerVectorEnv(count, observation=seen)
+        expected, found = plain.reset(seed=0)[0], own.reset(seed=0)[0]
+        np.testing.assert_array_equal(found, expected[:, :2])
+
+
 @pytest.mark.parametrize(
     ("rules", "said"),
     [
@@ -373,6 +386,7 @@ def test_what_cannot_be_compiled_is_called_and_says_so_once(rule, how):
         ({"reward": lambda step: (step.distance, step.energy)}, "reward fails: .*2 numbers"),
         ({"observation": lambda step: ()}, "observation fails: .*0 numbers"),
         ({"reward": lambda step: "much"}, "reward fails"),
+        ({"observation": lambda step: np.zeros((2, 2, 2))}, "gives arrays of shape"),
     ],
 )
 @pytest.mark.filterwarnings("ignore::UserWarning")

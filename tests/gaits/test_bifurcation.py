@@ -251,6 +251,8 @@ def test_what_makes_no_sense_is_refused():
         doubling_cascade("D", 0.01, 0.02, doublings=0)
     with pytest.raises(ValueError, match="has not ended"):
         crisis_slope("D", 0.01, 0.012, strides=200, walkers=4)
+    with pytest.raises(ValueError, match="0 < low < high"):
+        crisis_slope("D", 0.0, 0.012)
 
 
 def test_without_a_transient_the_first_stride_is_recorded():

@@ -172,6 +172,15 @@ def test_a_parameter_is_followed_at_a_fixed_slope():
         assert end.step_length == pytest.approx(family.step_length[i], rel=1e-9)
 
 
+def test_the_slope_is_a_parameter_too():
+    by_slope = gait_family("lab", 0.036, 0.04)
+    for slope in (None, 0.038):
+        family = parameter_family("lab", "slope", 0.036, 0.04, slope=slope)
+        assert family.parameter == "slope"
+        for i in (0, -1):
+            np.testing.assert_allclose(family.state[i], by_slope.state[i], rtol=1e-9)
+
+
 def test_a_length_is_followed_in_the_walker_s_own_units():
     family = parameter_family("E", "shank_length", 0.4, 0.6, slope=0.01)
     for i in (0, -1):

@@ -5,7 +5,18 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from gym_passive_walker import WALKERS, find_gait, lab_walker_from_parts, stride, stride_jacobian
+from gym_passive_walker import (
+    WALKERS,
+    Actuation,
+    GaitNotFound,
+    find_gait,
+    lab_walker_from_parts,
+    reality_check,
+    simulate,
+    stride,
+    stride_jacobian,
+    stride_map,
+)
 from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.physics.systems import FITTINGS
 from gym_passive_walker.units import units_of
@@ -182,3 +193,18 @@ def test_one_fall_among_many_states_is_named():
     states = [start("E")[1], [0.3, -0.3, -0.3, -0.1, -0.1, -0.1]]
     with pytest.raises(NoStride, match=r"from state 1 .* FELL_BACKWARD"):
         stride_jacobian("E", start("E")[0], states)
+
+
+@pytest.mark.parametrize("push_off", [None, 0.02])
+def test_without_a_state_analyses_of_a_walk_begin_at_the_gait(push_off):
+    held = Actuation(push_off=push_off or 0.0)
+    strides = stride_map("lab", 0.036, controller=held)
+    gait = find_gait(strides)
+    for given, driven in (((strides,), {}), (("lab", 0.036), {"push_off": push_off})):
+        found = stride_jacobian(*given, **driven)
+        np.testing.assert_allclose(found, stride_jacobian(gait), rtol=1e-6, atol=1e-9)
+        walk = simulate(*given, **driven, strides=2)
+        np.testing.assert_allclose(walk.states[0], gait.state, rtol=1e-9)
+    assert reality_check(strides).least_normal_force == reality_check(gait).least_normal_force
+    with pytest.raises(GaitNotFound):
+        simulate("lab", -0.1)

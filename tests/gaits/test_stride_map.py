@@ -81,6 +81,15 @@ def test_derivatives_are_those_of_all_results(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_a_derivative_has_the_same_bits_beside_those_by_constants(name):
+    walker_map, slope, points = beside_each(name, 20)
+    _, alone = walker_map.linearize(points, slope, by=("state", "slope"))
+    _, beside_others = walker_map.linearize(points, slope, by=("state", "slope", "hip_mass"))
+    for told in TOLD:
+        np.testing.assert_array_equal(getattr(alone, told), getattr(beside_others, told)[..., :-1])
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_a_batch_is_its_walkers_one_by_one(name):
     walker_map, slope, points = beside_each(name, 9)
     passage, change = walker_map.linearize(points, slope, by=("state", "slope"))
@@ -286,6 +295,14 @@ def test_points_of_another_shape_are_refused(shape):
             method(np.zeros(shape))
 
 
+def test_unknown_derivatives_and_states_of_another_shape_are_refused():
+    walker_map, slope, points = beside("lab")
+    with pytest.raises(ValueError, match=r"has no foot_radii \(foot_radius\?\)"):
+        walker_map.linearize(points, slope, by=("state", "foot_radii"))
+    with pytest.raises(ValueError, match=r"states must have shape \(6,\)"):
+        walker_map.points_at([0.2, -0.2, -0.2])
+
+
 @pytest.mark.parametrize("strides", [0, -1, 1.5])
 def test_a_map_is_applied_at_least_once(strides):
     walker_map, slope, points = beside_each("lab", 1)
@@ -307,5 +324,6 @@ def test_a_gait_is_a_point_of_its_map():
     np.testing.assert_allclose(point.states, gait.state[None], rtol=1e-15)
     np.testing.assert_array_equal(point.values, gait.stride_map.points_at(gait.state))
     np.testing.assert_allclose(point.chart[0, 0], np.log(gait.stance_angle), rtol=1e-15)
-    ends = gait.stride_map.apply(point.values).ends
+    ends = gait.stride_map.apply(point).ends
+    np.testing.assert_array_equal(ends, gait.stride_map.apply(point.values).ends)
     np.testing.assert_allclose(gait.stride_map.at(ends).chart, point.chart, rtol=1e-9)

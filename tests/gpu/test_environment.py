@@ -8,7 +8,10 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from gym_passive_walker.envs.explain import as_text  # noqa: E402
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv  # noqa: E402
 from gym_passive_walker.gpu.environment import PassiveWalkerGpuEnv  # noqa: E402
+from gym_passive_walker.physics.systems import bodies  # noqa: E402
 
 SCENE = {"slope": 0.03, "tick": 0.6, "command": (0.1, 0.2)}
 
@@ -48,6 +51,24 @@ def test_spaces_are_those_of_the_other_environments():
     there = PassiveWalkerGpuEnv(3, SCENE)
     assert there.observation_space.shape == (9,)
     assert there.action_space.shape == (1,)
+
+
+def test_a_pool_has_the_walkers_of_the_other_environments():
+    scene = SCENE | {"domain_randomization": {"foot_radius": 0.2}, "randomization_pool": 3}
+    there, here = PassiveWalkerGpuEnv(2, scene), PassiveWalkerVectorEnv(64, scene)
+    here.reset(seed=0)
+    walkers = there.batch._drawn()
+    assert len(walkers) == 3 and {*walkers} == {*here.batch.walkers}
+    there.reset()
+    constants = bodies(*walkers)[:, 0]  # readings of checks are behind them
+    found = np.asarray(there.batch.walkers.bodies)[:, 0, : constants.shape[1]]
+    assert all((own == constants).all(axis=1).any() for own in found)
+
+
+def test_its_scene_is_explained():
+    there = PassiveWalkerGpuEnv(2, SCENE, max_episode_steps=7)
+    here = PassiveWalkerVectorEnv(2, SCENE, max_episode_steps=7)
+    assert as_text(there) == as_text(here)
 
 
 def test_motors_charged_for_other_work_are_those_of_a_scene_that_says_so():

@@ -83,7 +83,7 @@ def test_exact_derivatives_under_a_controller_are_those_of_differences(scene):
     points = exact.beginning(scene["slope"])
     for parameter in ("slope", next(iter(exact.parameters))):
         found, expected = (
-            each.linearize(points, by=("point", parameter))[1] for each in (exact, differences)
+            each.linearize(points, by=("state", parameter))[1] for each in (exact, differences)
         )
         for field in Change.__dataclass_fields__:
             values = getattr(found, field), getattr(expected, field)
@@ -141,3 +141,17 @@ def test_a_scene_of_a_mapping_may_name_its_system():
     assert make_scene({"system": DRIVEN}).walker is DRIVEN
     with pytest.raises(ValueError, match="a walker or a system, not both"):
         make_scene({"system": DRIVEN, "walker": "C"})
+
+
+def test_a_controller_of_a_system_observes_its_command():
+    scene, seen = make_scene(**SCENES["compass"], command=0.15), []
+
+    def idle(observation):
+        seen.append(observation)
+        return np.zeros((len(observation), len(scene.actions)))
+
+    strides = gpw.stride_map(controller=idle, scene=scene)
+    strides.apply(strides.beginning([SLOPE]))
+    env = gym.make("PassiveWalker-v0", scene=scene)
+    assert seen[0].shape[1:] == env.observation_space.shape
+    assert (seen[0][:, -2:] == (SLOPE, 0.15)).all()

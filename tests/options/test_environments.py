@@ -515,7 +515,13 @@ def test_every_option_of_torch_is_heard():
         "initial_state": Call(
             doors.initial_state,
             dict(scene="level", seed=0),
-            dict(scene="steep", count=3, seed=1, parameters={"hip_mass": 0.5}),
+            dict(
+                scene="steep",
+                count=3,
+                seed=1,
+                parameters={"hip_mass": 0.5},
+                footholds=[(0.001, 0.0)],
+            ),
         ),
         "rollout": Call(
             doors.rollout,

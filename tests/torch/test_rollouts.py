@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from gym_passive_walker import footholds
 from gym_passive_walker.control.feedback import powered_gait
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
@@ -251,3 +252,36 @@ def test_own_rewards_at_heelstrikes_see_the_next_foothold_of_the_stride_that_beg
         np.testing.assert_allclose(walked.rewards[k], rewards, rtol=0.0, atol=1e-12)
         struck = infos["strides"]
     assert (struck >= 2).all() and len(np.unique(walked.rewards)) >= 2 * COUNT
+
+
+def test_footholds_are_those_of_a_terrain_and_have_gradients():
+    heights, slopes = 1e-3 * np.array([0.0, 0.3, -0.4, 0.0]), 1e-3 * np.array([0, 1, -1, 1])
+    policy, horizon, changes = Steady(), 100, np.stack([np.diff(heights), np.diff(slopes)], 1)
+    about = {"start": tuple(policy.start), "reset_noise_scale": 0.01, "tolerance": 1e-12}
+    smooth = make_scene("level", **about)
+    listed = footholds(heights, slopes)
+    on_list = rollout(policy, make_scene(smooth, terrain=listed), horizon, count=2, seed=0)
+    given = torch.tensor(changes, requires_grad=True)
+    own = initial_state(smooth, 2, seed=0, footholds=given)
+    walked = rollout(policy, smooth, horizon, start=own)
+    assert (walked.end.strides > 2).all()
+    torch.testing.assert_close(walked.rewards, on_list.rewards, rtol=1e-9, atol=1e-12)
+    torch.testing.assert_close(walked.observations, on_list.observations, rtol=1e-9, atol=1e-12)
+    # Beside a terrain's footholds they add up.
+    doubled = initial_state(make_scene(smooth, terrain=listed), 2, seed=0, footholds=-given)
+    level = rollout(policy, make_scene(smooth, terrain=listed), horizon, start=doubled)
+    plain = rollout(policy, smooth, horizon, count=2, seed=0)
+    torch.testing.assert_close(level.rewards, plain.rewards, rtol=1e-9, atol=1e-12)
+    walked.returns.sum().backward()
+    for place in ((0, 0), (1, 0), (0, 1), (2, 1)):
+        returns = []
+        for step in (1e-6, -1e-6):
+            moved = changes.copy()
+            moved[place] += step
+            start = initial_state(smooth, 2, seed=0, footholds=moved)
+            with torch.no_grad():
+                returns.append(rollout(policy, smooth, horizon, start=start).returns.sum())
+        difference = float(returns[0] - returns[1]) / 2e-6
+        assert difference == pytest.approx(float(given.grad[place]), rel=1e-5)
+    with pytest.raises(ValueError, match=r"footholds must have shape \(k, 2\) or \(k, 2, 2\)"):
+        initial_state(smooth, 2, footholds=np.zeros((3, 4, 2)))
