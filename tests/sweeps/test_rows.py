@@ -216,6 +216,14 @@ def test_a_picture_by_a_number_has_its_colours_and_a_bar(tmp_path):
     assert ax.get_xlabel() == label("slope") != ax.get_ylabel() == "step length / l"
 
 
+def test_a_failed_task_is_drawn_where_its_parameters_are(tmp_path):
+    pytest.importorskip("matplotlib.pyplot").figure()
+    found = written(tmp_path / "out", FOUR, FOUND)
+    points, failed = found.plot(x="seconds", y="slope", by="multiplier").collections
+    np.testing.assert_allclose(points.get_offsets(), [(0.0, 0.01), (0.5, 0.03), (0.75, 0.04)])
+    np.testing.assert_allclose(failed.get_offsets(), [(0.25, 0.02)])
+
+
 def test_a_picture_goes_on_the_axes_that_are_given(tmp_path):
     pyplot = pytest.importorskip("matplotlib.pyplot")
     _, (first, second) = pyplot.subplots(1, 2)
