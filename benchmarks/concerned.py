@@ -137,7 +137,8 @@ def tests_of(file: str) -> list[str]:
     if file == "train":
         tests, options = ["tests/agents/test_command_line.py"], [_OPTIONS["agents"]]
     # List single files: pytest orders the files of a folder differently.
-    rest = [f"tests/test_{file}.py"] if file == room else _tests_in(f"tests/{room}")
+    rest = [] if file == room else _tests_in(f"tests/{room}")
+    rest = rest or [f"tests/test_{room}.py"]  # of a package without a folder of tests
     return list(dict.fromkeys([*tests, *options, *rest]))
 
 

@@ -412,9 +412,9 @@ def _columns(tasks: list[dict[str, Any]]) -> dict[str, str]:
     found: dict[str, str] = {}
     for name in tasks[0]:
         kinds = {_TYPES.get(type(given[name]), "string") for given in tasks}
+        if kinds == {"int64", "double"}:
+            kinds = {"double"}
         found[name] = kinds.pop() if len(kinds) == 1 else "string"
-        if kinds and {found[name], *kinds} <= {"int64", "double"}:
-            found[name] = "double"
     return {name: kind for name, kind in found.items() if name != "seed"}
 
 
