@@ -60,8 +60,8 @@ class View:
         notes = ["paused"] * player.paused
         if player.pace != 1.0:
             notes.append(f"pace {Fraction(player.pace)}")
-        if player.film is not None:
-            notes.append(f"recording {player.film.path.name}")
+        if player.video is not None:
+            notes.append(f"recording {player.video.path.name}")
         if player.drag is not None:
             downhill, up = player.impulse
             notes.append(f"push {downhill:+.3f} downhill, {up:+.3f} up, in m √(g l)")

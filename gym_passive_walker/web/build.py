@@ -28,7 +28,7 @@ PACKAGE = _ROOT / "package"
 KINDS = ("kneed", "straight", "simplest")
 DATA = "data.json"
 
-# Numba then writes code for a processor without vector units, which becomes the smallest module.
+# Numba then writes code for a CPU without vector units, which becomes the smallest module.
 _PLAIN = {
     "NUMBA_CPU_NAME": "generic",
     "NUMBA_CPU_FEATURES": "",

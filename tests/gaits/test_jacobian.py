@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, find_gait, lab_walker_from_parts, stride, stride_jacobian
-from gym_passive_walker.gaits.passage import NoStride
+from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.physics.systems import FITTINGS
 from gym_passive_walker.units import units_of
 from tests.physics.examples import LONG_GAITS

@@ -10,8 +10,8 @@ import pytest
 from gym_passive_walker import rough
 from gym_passive_walker.gaits.trajectory import simulate
 from gym_passive_walker.render import level, look, pose, tiled
-from gym_passive_walker.render.film import _SAMPLES, FPS, film
 from gym_passive_walker.render.screen import Screen
+from gym_passive_walker.render.video import _SAMPLES, FPS, video
 
 pygame = pytest.importorskip("pygame")
 
@@ -273,7 +273,7 @@ def test_a_video_shows_the_walk_that_is_asked_for(changes, tmp_path, monkeypatch
         return draw(self, state, *rest, **more)
 
     monkeypatch.setattr(Screen, "draw", drawn)
-    frames = film("lab", SLOPE, GAIT, tmp_path / "walk.gif", strides=2, **changes)
+    frames = video("lab", SLOPE, GAIT, tmp_path / "walk.gif", strides=2, **changes)
     walk, plain = (
         simulate("lab", SLOPE, GAIT, 2, samples=_SAMPLES, **options) for options in (changes, {})
     )

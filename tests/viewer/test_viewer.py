@@ -323,7 +323,7 @@ def test_the_window_does_what_was_asked_and_writes_its_last_picture(tmp_path):
 def test_a_film_has_a_frame_for_each_instant(tmp_path, ending):
     moviepy = pytest.importorskip("moviepy")
     path = tmp_path / f"walk{ending}"
-    play("lab", SLOPE, seconds=0.5, film=path)
+    play("lab", SLOPE, seconds=0.5, video=path)
     with moviepy.VideoFileClip(str(path)) as clip:
         assert clip.duration == pytest.approx(0.5, abs=0.06)
         frame = clip.get_frame(0.4).astype(int)
@@ -332,14 +332,14 @@ def test_a_film_has_a_frame_for_each_instant(tmp_path, ending):
     assert int((np.abs(frame - look.LEGS[1]) < 40).all(axis=-1).sum()) > 100
 
 
-def test_f_films_until_the_end_and_never_over_another_film(tmp_path, monkeypatch):
+def test_f_records_until_the_end_and_never_over_another_video(tmp_path, monkeypatch):
     pytest.importorskip("moviepy")
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "walk-1.mp4").write_text("another film")
+    (tmp_path / "walk-1.mp4").write_text("another video")
     pygame.display.init()
     pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_f, mod=0))
     play("lab", SLOPE, seconds=0.1)
-    assert (tmp_path / "walk-1.mp4").read_text() == "another film"
+    assert (tmp_path / "walk-1.mp4").read_text() == "another video"
     assert (tmp_path / "walk-2.mp4").stat().st_size > 1000
 
 
@@ -354,7 +354,7 @@ def test_a_gentle_slope_lets_its_walker_walk():
         ({"walker": "Z"}, "no walker"),
         ({"slope": 2.0}, "slope"),
         ({"policy": "none"}, "no policy"),
-        ({"film": "walk.txt"}, ".mp4"),
+        ({"video": "walk.txt"}, ".mp4"),
     ],
 )
 def test_bad_arguments_are_refused_in_a_sentence(arguments, reported):
@@ -406,15 +406,15 @@ def test_the_viewer_is_refused_in_a_sentence_without_pygame(monkeypatch):
         play("lab", SLOPE)
 
 
-@pytest.mark.parametrize("kept", [{"film": "walk.avi"}, {"picture": "seen.webp"}])
+@pytest.mark.parametrize("kept", [{"video": "walk.avi"}, {"picture": "seen.webp"}])
 def test_a_file_that_cannot_be_written_is_refused_before_a_window_opens(kept, tmp_path):
     [(option, name)] = kept.items()
-    what = {"film": "video"}.get(option, option)
+    what = {"video": "video"}.get(option, option)
     with pytest.raises(ValueError, match=f"{what}'s name must end in"):
         play("lab", SLOPE, **{option: tmp_path / name})
     (tmp_path / "folder.mp4").mkdir()
     (tmp_path / "folder.png").mkdir()
-    ending = {"film": ".mp4", "picture": ".png"}[option]
+    ending = {"video": ".mp4", "picture": ".png"}[option]
     with pytest.raises(IsADirectoryError, match="folder"):
         play("lab", SLOPE, **{option: tmp_path / f"folder{ending}"})
     assert not pygame.display.get_init()
