@@ -72,3 +72,7 @@ def test_no_page_is_longer_than_a_reader_wants():
         text = page.read_text(encoding="utf-8")
         text = re.sub(r"<!-- (.+?) -->\n.*?<!-- end of \1 -->", "", text, flags=re.S)
         assert len(text.split()) <= LONGEST, page.name
+
+
+def test_the_readme_is_one_page():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 700
