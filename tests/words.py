@@ -26,7 +26,13 @@ RULES: list[dict[str, Any]] = [
 ]
 """Rules that extend Vale's `substitution` and `occurrence`."""
 
-_PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/*.md", "docs/notebooks/*.md")
+_PAGES = (
+    "*.md",
+    "benchmarks/*.md",
+    "docs/*.md",
+    "docs/notebooks/*.md",
+    "gym_passive_walker/web/**/*.md",
+)
 _MODULES = ("gym_passive_walker", "agents", "benchmarks", "docs", "examples", "tests", "validation")
 _EXAMPLES = ("tests/docs/test_words.py",)
 """Modules that have words to avoid as data."""
@@ -101,9 +107,16 @@ def _entries(text: str) -> str:
     return "\n".join(lines)
 
 
+def _cells(page: str) -> str:
+    """Headings and cells of tables of a page, a paragraph each."""
+    lines = re.findall(r"^(?:\||#+ ).*$", _CODE.sub("", page), re.M)
+    return "\n\n".join(cell.strip("# ") for line in lines for cell in line.split("|"))
+
+
 def faults(path: Path) -> Iterator[str]:
     """What is wrong in a file, a line for each fault."""
-    texts = [(1, path.read_text(encoding="utf-8"), False)]
+    page = path.read_text(encoding="utf-8")
+    texts = [(1, page, False), (1, _cells(page), True)]
     if path.suffix == ".py":
         texts = [(line, _entries(text), False) for line, text in docstrings(path)]
         texts += [(line, text, True) for line, text in remarks(path)]
@@ -118,7 +131,7 @@ def files() -> list[Path]:
     pages = [path for pattern in _PAGES for path in sorted(ROOT.glob(pattern))]
     modules = [path for folder in _MODULES for path in sorted((ROOT / folder).rglob("*.py"))]
     modules = [path for path in modules if path not in {ROOT / name for name in _EXAMPLES}]
-    return [*pages, *modules, ROOT / "train.py"]
+    return [*pages, *modules, *sorted(ROOT.glob("*.py"))]
 
 
 def main() -> int:

@@ -92,6 +92,11 @@ def test_a_sentence_of_more_than_thirty_words_is_stopped():
         ("page.md", "People who read `who` in\n```\nwhose\n```\n", []),
         ("page.md", "It begins anew.", ["anew"]),
         ("page.md", " ".join(["word"] * 31) + ".", ["31"]),
+        (
+            "page.md",
+            "# A fate\n\n| who | that |\n|---|---|\n| a | told |\n",
+            ["fate", "who", "told"],
+        ),
         ("module.py", "x = 1  # told by the caller", ["told"]),
         ("module.py", 'raise ValueError(f"{x} is told")', ["told"]),
         ("module.py", '"""It is told."""', ["told"]),
