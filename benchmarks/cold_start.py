@@ -116,7 +116,7 @@ def levels() -> None:
         rows.append((level, empty, filled, code, sum(kept.values()) - code, 1e6 * took))
         print(*rows[-1], flush=True)
     heads = ["made for", "CPU s, none there", "all there", "equations, kB", "bookkeeping, kB"]
-    text = table([*heads, "us a stride"], rows)
+    text = table([*heads, "µs a stride"], rows)
     keep("levels", f"{text}\n\nOne core, scene lab: a first reset and step. {_machine()}.", PAGE)
 
 
