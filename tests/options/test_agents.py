@@ -29,7 +29,7 @@ from agents.training import Run
 from gym_passive_walker.control import optimal
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.envs.scene import SCENES
-from tests.options.heard import Call, To, cases, check, missing, plain
+from tests.options.effects import Call, To, cases, check, missing, plain
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -29,7 +29,7 @@ from gym_passive_walker.sweeps.tasks import ANALYSES
 from gym_passive_walker.walkers import name_of
 from tests.modeling import statements
 from tests.modeling.statements import COMPASS, DRIVEN
-from tests.options.heard import Call, Later, To, cases, check, missing
+from tests.options.effects import Call, Later, To, cases, check, missing
 
 RESULTS = set(
     "Basin BifurcationDiagram Cascade Design TimedExtremum FootVelocity Gait GaitFamily Gauntlet "

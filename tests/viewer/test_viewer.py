@@ -13,7 +13,7 @@ import pytest
 
 from gym_passive_walker import WALKERS, Outcome, closed_loop_gait, find_gait, load_policy
 from gym_passive_walker.cli import main
-from gym_passive_walker.render import look
+from gym_passive_walker.render import colours
 from gym_passive_walker.viewer import play
 from gym_passive_walker.viewer.walk import LiveWalk, Setup
 
@@ -235,9 +235,9 @@ def test_the_picture_shows_both_legs_everywhere_they_belong(session):
     session.gait()
     frame = session.frames(FPS)
     assert frame.shape == (SIZE[1], SIZE[0], 3)
-    for colour in look.LEGS:
+    for colour in colours.LEGS:
         assert shows(frame, SCENE, colour) and shows(frame, PORTRAIT, colour)
-    assert shows(frame, GAIT, look.LEGS[0])
+    assert shows(frame, GAIT, colours.LEGS[0])
 
 
 def test_a_push_is_drawn_from_the_hip(session):
@@ -315,7 +315,7 @@ def test_the_window_does_what_was_asked_and_writes_its_last_picture(tmp_path):
         pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key, mod=0))
     play("lab", SLOPE, seconds=0.2, picture=tmp_path / "seen.png")
     seen = pygame.surfarray.array3d(pygame.image.load(tmp_path / "seen.png")).swapaxes(0, 1)
-    assert shows(seen.astype(int), SCENE, look.LEGS[0])
+    assert shows(seen.astype(int), SCENE, colours.LEGS[0])
     assert not pygame.display.get_init()
 
 
@@ -329,7 +329,7 @@ def test_a_film_has_a_frame_for_each_instant(tmp_path, ending):
         frame = clip.get_frame(0.4).astype(int)
     shrunk = SIZE[0] // frame.shape[1]
     assert frame.shape == (SIZE[1] // shrunk, SIZE[0] // shrunk, 3)
-    assert int((np.abs(frame - look.LEGS[1]) < 40).all(axis=-1).sum()) > 100
+    assert int((np.abs(frame - colours.LEGS[1]) < 40).all(axis=-1).sum()) > 100
 
 
 def test_f_records_until_the_end_and_never_over_another_video(tmp_path, monkeypatch):
