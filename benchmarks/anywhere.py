@@ -63,7 +63,7 @@ class Watched:
         self.policy, self.last = policy, []
 
     def predict(self, observation: Any, *rest: Any, **named: Any) -> tuple[Any, Any]:
-        """As the policy's own."""
+        """Return the policy's actions and memory, and record them."""
         actions, state = self.policy.predict(observation, *rest, **named)
         self.last = [*self.last[1 - _KEPT :], (observation[:, :6].copy(), actions[:, 0].copy())]
         return actions, state
@@ -210,7 +210,7 @@ def optima(out: Path, args: argparse.Namespace) -> None:
 
 
 def place(scene: Scene) -> list[float]:
-    """Where a body and its slope lie among others, each number from about -1 to 1."""
+    """Return coordinates of a body and its slope, each from about -1 to 1."""
     nominal = make_scene("anywhere")
     ratios = [
         (getattr(scene.walker, name) / getattr(nominal.walker, name) - 1.0) / share
@@ -282,7 +282,7 @@ def show(out: Path, _: argparse.Namespace) -> None:
 
 
 def bodies_drawn(run: Path) -> int:
-    """How many bodies a training without a pool has drawn, from its last checkpoint.
+    """Return the number of bodies that a training without a pool drew, from its last checkpoint.
 
     Each reset takes `_DRAWS` random numbers from the generator of its environment.
     """

@@ -1,4 +1,4 @@
-"""How much CPU time the equations of a system of one's own take to compile.
+"""CPU time to compile the equations of a system of one's own.
 
 python -m benchmarks.compilation
 """

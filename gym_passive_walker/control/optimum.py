@@ -349,7 +349,7 @@ class Problem:
         return np.clip(z, *self.box.T), said
 
     def _leaving(self, z: NDArray) -> NDArray[np.bool_]:
-        """Which unknowns are between their bounds, or better were; those without effect are not."""
+        """Return the unknowns to vary as booleans: not held by a bound, and with an effect."""
         _, gradient, _, by_gap = self.at(z)
         low, high = self.box.T
         rest = self._lagrangian(z)

@@ -1,4 +1,4 @@
-"""What frames are drawn with: shapes and lettering at places along a slope and off it."""
+"""Drawing of frames: shapes and lettering at places along a slope and off it."""
 
 from __future__ import annotations
 
