@@ -87,7 +87,7 @@ def test_each_table_of_results_that_is_written_by_hand_names_a_commit(page):
         rows = table.splitlines()[2:]
         numbers = len(re.findall(r"\d\.\d|\d{2,}", "".join(rows)))
         if numbers >= max(6, len(rows)):
-            assert re.fullmatch(r"\*.*commit `[0-9a-f]{7,}`.*\*", rest), rows[0]
+            assert re.fullmatch(r"\*.*commits? `[0-9a-f]{7,}`.*\*", rest), rows[0]
 
 
 @pytest.mark.parametrize("key", sorted(CODE))
