@@ -29,11 +29,11 @@ def tests(session: nox.Session, resolution: str) -> None:
 
 
 @nox.session
-def processors(session: nox.Session) -> None:
-    """Walk on lesser processors, by their instructions alone."""
+def cpus(session: nox.Session) -> None:
+    """Walk with the instructions of older CPUs."""
     session.install(".[test]")
     kernels = {"XDG_CACHE_HOME": session.create_tmp()}
-    chosen = ["tests/engine/test_lanes.py", "-k", "another_processor", "-m", "slow or not slow"]
+    chosen = ["tests/engine/test_lanes.py", "-k", "another_cpu", "-m", "slow or not slow"]
     session.run("python", "-m", "pytest", *chosen, env=QUIET | kernels)
 
 

@@ -201,7 +201,7 @@ def train(args: argparse.Namespace) -> int:
 
 
 def outlook(folder: Path, config: Config) -> str:
-    """Where the files of a run are, and what to try next."""
+    """Return lines with the files of a run and what to try next."""
     lines = [
         f"Pictures: {folder / 'gait.png'} (the gait) and {folder / 'learning_curve.png'}",
         f"Other files in {folder}: model.zip, learning_curve.csv, evaluation.csv, evaluation.txt",

@@ -31,7 +31,7 @@ from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.evaluation.steps import steps
-from gym_passive_walker.evaluation.walks import HUNDRED, WALKED_ON, Walks, evaluate
+from gym_passive_walker.evaluation.walks import HUNDRED, TIME_LIMIT, Walks, evaluate
 from gym_passive_walker.files import replacing
 from gym_passive_walker.gaits.gait import Gait
 
@@ -57,7 +57,7 @@ EVALUATIONS = 4
 
 SCORES = (
     "distance", "strides", "speed", "cost_of_transport", "gravity_cost", "hip_cost",
-    "positive_hip_cost", "net_hip_cost", "reward", "walked_on", "hundred_strides",
+    "positive_hip_cost", "net_hip_cost", "reward", "reached_time_limit", "hundred_strides",
     "above_optimum", "perturbation_forward", "perturbation_backward", "rough_strides",
     "learning_steps", "learning_seconds", "steps_to_hundred", "seconds_to_hundred",
 )  # fmt: skip
@@ -185,7 +185,7 @@ def scores_of(policy: Policy, name: str) -> dict[str, Any]:
         "positive_hip_cost": 0.5 * (hip + net),
         "net_hip_cost": net,
         "reward": float(walks.reward.mean()),
-        "walked_on": walks.endings.count(WALKED_ON) / len(walks),
+        "reached_time_limit": walks.endings.count(TIME_LIMIT) / len(walks),
         "hundred_strides": float(np.mean(walks.strides >= HUNDRED)),
         "endings": dict(Counter(walks.endings)),
         "above_optimum": _above_optimum(name, walks, speed, gravity + hip),
@@ -265,7 +265,7 @@ def _above_optimum(scene: str, walks: Walks, speed: float, cost: float) -> float
     NaN if no optimum is known, or if most walks end in a fall: strides before a fall use up the
     energy of the initial state.
     """
-    if walks.endings.count(WALKED_ON) < 0.5 * len(walks):
+    if walks.endings.count(TIME_LIMIT) < 0.5 * len(walks):
         return math.nan
     try:
         return cost / optimal.least_cost(scene, speed) - 1.0

@@ -204,11 +204,11 @@ def run_benchmark(arguments: Sequence[str]) -> int:
     if not args.budget > 0.0:
         raise ConfigError(f"--budget must be positive, not {args.budget}")
     todo = benchmark.units(args.scenes, args.agents, args.seeds)
-    from agents import standings  # imported late: no other command draws a benchmark
+    from agents import results  # imported late: no other command draws a benchmark
 
     if args.document is not None:
         try:
-            standings.around_tables(args.document)  # raise an error now, not after the benchmark
+            results.around_tables(args.document)  # raise an error now, not after the benchmark
         except (OSError, ValueError) as error:
             raise ConfigError(str(error)) from None
     if not args.tables:
@@ -216,18 +216,16 @@ def run_benchmark(arguments: Sequence[str]) -> int:
     scores = benchmark.load_scores(args.out)
     if not scores:
         raise ConfigError(f"there are no scores in {args.out} yet: leave out --tables")
-    text = standings.tables(scores)
+    text = results.tables(scores)
     print(text)
-    standings.write_csv(args.out / "scores.csv", scores)
+    results.write_csv(args.out / "scores.csv", scores)
     if args.document is not None:
         folder = args.document.parent
-        made = standings.provenance(shlex.join(["python", "train.py", "benchmark", *arguments]))
-        standings.write_document(args.document, f"{text}\n\n{made}")
-        standings.write_csv(folder / "agents-scores.csv", scores)
-        standings.draw(folder / "images" / "agents-pareto.png", scores)
-        standings.draw_learning(
-            folder / "images" / "agents-learning.png", args.out / "runs", scores
-        )
+        made = results.provenance(shlex.join(["python", "train.py", "benchmark", *arguments]))
+        results.write_document(args.document, f"{text}\n\n{made}")
+        results.write_csv(folder / "agents-scores.csv", scores)
+        results.draw(folder / "images" / "agents-pareto.png", scores)
+        results.draw_learning(folder / "images" / "agents-learning.png", args.out / "runs", scores)
     return 0
 
 

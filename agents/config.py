@@ -16,7 +16,7 @@ from gym_passive_walker.envs.scene import kept_argument
 ALGORITHMS = ("ppo", "ppo-fast", "sac", "shac", "shac-learned")
 DEFAULT_SCENE = "level"
 DEFAULT_ALGORITHM = "ppo-fast"
-"""What `train.py` trains with, unless `--algo` names another algorithm."""
+"""Algorithm of `train.py`, unless `--algo` names another one."""
 EVALUATIONS = 20
 """Default number of evaluations and checkpoints of a run."""
 

@@ -17,7 +17,7 @@ from gym_passive_walker.arguments import whole
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import Passive
 from gym_passive_walker.envs.scene import undisturbed
-from gym_passive_walker.evaluation.walks import WALKED_ON, Walks, evaluate, table
+from gym_passive_walker.evaluation.walks import TIME_LIMIT, Walks, evaluate, table
 from gym_passive_walker.files import replacing
 
 EPISODES, SEED = 20, 1000
@@ -69,8 +69,8 @@ def in_words(config: Config, walks: Walks, passive: Walks) -> list[str]:
 
 
 def _how_far(walks: Walks) -> str:
-    """How many walks reach the time limit, how the others end, and the median walk."""
-    endings = Counter(ending for ending in walks.endings if ending != WALKED_ON).most_common()
+    """Describe how many walks reach the time limit, how others end, and the median walk."""
+    endings = Counter(ending for ending in walks.endings if ending != TIME_LIMIT).most_common()
     falls = f" ({', '.join(f'{ending}: {count}' for ending, count in endings)})" if endings else ""
     median = walks.summary()
     return (
@@ -80,7 +80,7 @@ def _how_far(walks: Walks) -> str:
 
 
 def _above_optimum(config: Config, walks: Walks) -> str:
-    """How much more energy the walks to the time limit take than the optimal gait."""
+    """Describe the energy of the walks to the time limit beside that of the optimal gait."""
     lasting = walks.reached_limit
     if 2 * lasting.sum() < len(walks):
         return "Most of its walks end in a fall, so its cost is not compared with the optimum."

@@ -105,7 +105,7 @@ class Run:
 
     def first_walks(self) -> str:
         """A sentence on when half of the evaluation walks first reached the time limit."""
-        walked = [row for row in self.notes["curve"] if row["walked_on"] >= 0.5]
+        walked = [row for row in self.notes["curve"] if row["reached_time_limit"] >= 0.5]
         if not walked:
             return "At no time in training did half of the evaluation walks reach the time limit."
         first = walked[0]

@@ -34,7 +34,7 @@ from gym_passive_walker.control.optimum import OptimalGait
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.starts import DRAWS, Starts
-from gym_passive_walker.evaluation.walks import WALKED_ON, evaluate
+from gym_passive_walker.evaluation.walks import TIME_LIMIT, evaluate
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.physics.systems import bodies
 
@@ -63,7 +63,7 @@ class Watched:
         self.policy, self.last = policy, []
 
     def predict(self, observation: Any, *rest: Any, **named: Any) -> tuple[Any, Any]:
-        """As the policy's own."""
+        """Return the policy's actions and memory, and record them."""
         actions, state = self.policy.predict(observation, *rest, **named)
         self.last = [*self.last[1 - _KEPT :], (observation[:, :6].copy(), actions[:, 0].copy())]
         return actions, state
@@ -142,7 +142,7 @@ def walk(out: Path, args: argparse.Namespace) -> None:
         rows = []
         for i, ending in enumerate(walks.endings):
             speed, (point, torques) = float(scenes[i].command), ([], [])  # type: ignore[arg-type]
-            if ending == WALKED_ON:
+            if ending == TIME_LIMIT:
                 speed = float(walks.speed[i])
                 point, torques = watched.stride(i, scenes[i].max_hip_torque)
             rows.append({
@@ -150,7 +150,7 @@ def walk(out: Path, args: argparse.Namespace) -> None:
                 "point": point, "torques": torques,
             })  # fmt: skip
         walks_of(out, name).write_text(json.dumps(rows), encoding="utf-8")
-        print(f"{name}: {walks.endings.count(WALKED_ON)} of {len(walks)} walk to the end")
+        print(f"{name}: {walks.endings.count(TIME_LIMIT)} of {len(walks)} walk to the end")
 
 
 def best_of(scene: Scene, speed: float, starts: list[OptimalGait | None]) -> OptimalGait | None:
@@ -180,7 +180,7 @@ def optima(out: Path, args: argparse.Namespace) -> None:
         for i in range(first, min(first + _TURN, len(rows), args.bodies))
         if (name, i, rows[i]["speed"]) not in found
     ]
-    todo.sort(key=lambda each: walks[each[0]][each[1]]["ending"] == WALKED_ON)  # falls first
+    todo.sort(key=lambda each: walks[each[0]][each[1]]["ending"] == TIME_LIMIT)  # falls first
     scenes = held_out(args.bodies)
     places = [place(scene) for scene in scenes]
     known = [(np.array([*places[i], _SPEED * gait.speed]), gait)
@@ -210,7 +210,7 @@ def optima(out: Path, args: argparse.Namespace) -> None:
 
 
 def place(scene: Scene) -> list[float]:
-    """Where a body and its slope lie among others, each number from about -1 to 1."""
+    """Return coordinates of a body and its slope, each from about -1 to 1."""
     nominal = make_scene("anywhere")
     ratios = [
         (getattr(scene.walker, name) / getattr(nominal.walker, name) - 1.0) / share
@@ -248,7 +248,7 @@ def show(out: Path, _: argparse.Namespace) -> None:
         if not walks_of(out, name).is_file():
             continue
         rows = walked(out, name)
-        lasts = np.array([row["ending"] == WALKED_ON for row in rows])
+        lasts = np.array([row["ending"] == TIME_LIMIT for row in rows])
         cost = np.array([row["cost"] for row in rows])
         keys = [(name, i, row["speed"]) for i, row in enumerate(rows)]
         searched = np.array([key in found for key in keys])
@@ -282,7 +282,7 @@ def show(out: Path, _: argparse.Namespace) -> None:
 
 
 def bodies_drawn(run: Path) -> int:
-    """How many bodies a training without a pool has drawn, from its last checkpoint.
+    """Return the number of bodies that a training without a pool drew, from its last checkpoint.
 
     Each reset takes `_DRAWS` random numbers from the generator of its environment.
     """

@@ -69,10 +69,10 @@ print(took)
 """
 
 
-def wait(parts: list[str], cache: str, **processor: str) -> float:
-    """CPU seconds of the last part, in a fresh process; `processor` selects another CPU model."""
+def wait(parts: list[str], cache: str, **model: str) -> float:
+    """CPU seconds of the last part, in a fresh process; `model` selects another CPU."""
     line = [sys.executable, "-c", _TIMED, json.dumps(parts)]
-    variables = alone(cache) | processor
+    variables = alone(cache) | model
     found = subprocess.run(line, env=variables, capture_output=True, text=True, check=True)
     return float(found.stdout.split()[-1])
 
@@ -88,8 +88,8 @@ def waits() -> None:
     keep("cold start", f"{text}\n\nOne core, each in a fresh process. {_machine()}.", PAGE)
 
 
-PROCESSORS = {
-    "this processor": {},
+CPUS = {
+    "this CPU": {},
     "x86-64-v4": {"NUMBA_CPU_NAME": "x86-64-v4", "NUMBA_CPU_FEATURES": "-prefer-256-bit"},
     "x86-64-v3": {"NUMBA_CPU_NAME": "x86-64-v3", "NUMBA_CPU_FEATURES": ""},
 }
@@ -105,18 +105,18 @@ def levels() -> None:
     """Measure kernels compiled ahead for an instruction set: start-up, size and speed."""
     rows = []
     reset, step = (part.format("lab", 0.036) for part in (_RESET, _STEP))
-    for level, processor in PROCESSORS.items():
+    for level, model in CPUS.items():
         with tempfile.TemporaryDirectory() as cache:
             begun = [_ENVIRONMENT, f"{reset}; {step}"]
-            empty, filled = (wait(begun, cache, **processor) for _ in range(2))
+            empty, filled = (wait(begun, cache, **model) for _ in range(2))
             kept = {file: file.stat().st_size / 1e3 for file in Path(cache).rglob("*.*")}
             code = sum(size for file, size in kept.items() if file.suffix == ".o")
             strides = [_BEGIN, _BATCH + "; " + _STRIDES.partition(": ")[2], _STRIDES]
-            took = min(wait(strides, cache, **processor) for _ in range(5)) / (50 * 2048)
+            took = min(wait(strides, cache, **model) for _ in range(5)) / (50 * 2048)
         rows.append((level, empty, filled, code, sum(kept.values()) - code, 1e6 * took))
         print(*rows[-1], flush=True)
     heads = ["made for", "CPU s, none there", "all there", "equations, kB", "bookkeeping, kB"]
-    text = table([*heads, "us a stride"], rows)
+    text = table([*heads, "µs a stride"], rows)
     keep("levels", f"{text}\n\nOne core, scene lab: a first reset and step. {_machine()}.", PAGE)
 
 

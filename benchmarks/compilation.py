@@ -1,4 +1,4 @@
-"""How much processor time the equations of a system of one's own take to compile.
+"""CPU time to compile the equations of a system of one's own.
 
 python -m benchmarks.compilation
 """
@@ -15,7 +15,7 @@ from gym_passive_walker.engine import compiled
 
 
 def main() -> None:
-    """Print seconds of processor time to trace and to compile, with and without derivatives."""
+    """Print seconds of CPU time to trace and to compile, with and without derivatives."""
     argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0]).parse_args()
     console.print_in_any_encoding()
     print(f"{'system':<12} {'derivatives':<12} traced compiled together")

@@ -54,7 +54,7 @@ CASES = {
 
 
 def sampled(strides: StrideMap, state: NDArray, ground: gpw.Terrain, case: Case) -> NDArray:
-    """How many walkers of a map are left on random ground, each over its own, (1 + count,)."""
+    """Count walkers left after each stride, each on random ground of its own, (1 + count,)."""
     keys = np.random.default_rng(0).integers(2**64, size=case.walkers, dtype=np.uint64)
     states, left = np.repeat(state[None], case.walkers, axis=0), [case.walkers]
     ahead = range(strides.terrain_lookahead)

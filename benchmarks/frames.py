@@ -154,6 +154,6 @@ def on_tensors() -> str:
     return (
         f"{text}\n\nOn tensors {middle:.2f} times as many (quartiles {low:.2f} and {high:.2f} of "
         f"{MEASURED} turns of {max(frames):,} frames each, after {WARMING * frames[0]:,}), by the "
-        "time of the processor: what else a machine does slows both, and is not counted. One "
+        "CPU time: other work of the machine slows both, and is not counted. One "
         f"thread of torch. {machine('stable-baselines3', 'torch')}."
     )

@@ -40,7 +40,7 @@ ROUGHNESS = 0.004
 """Standard deviation of footholds' heights in leg lengths, for the first passage."""
 
 FALLING = Case({}, (ROUGHNESS,), walkers=500, count=100)
-"""How many walkers make how many strides there."""
+"""Numbers of walkers and of strides on this ground."""
 
 SHOWN = {
     "rough, 0.002 l": "rough 0.002",

@@ -84,7 +84,7 @@ def _report(name: str, text: str) -> None:
         return
     there = cuda.get_current_device().name
     there = there.decode() if isinstance(there, bytes) else there
-    keep(name, f"{text}\n\n{there}; processor: {machine('numba-cuda', 'torch')}.", SPEED)
+    keep(name, f"{text}\n\n{there}; CPU: {machine('numba-cuda', 'torch')}.", SPEED)
 
 
 def carried() -> None:
@@ -98,7 +98,7 @@ def carried() -> None:
             if count <= LARGEST_HERE:
                 one = engine.microseconds(p, count, tolerance, CORES)
                 reached = error(engine.strides(p, tolerance), exact)
-                rows.append((f"processor, {CORES} cores", count, reached, 1e6 / one))
+                rows.append((f"CPU, {CORES} cores", count, reached, 1e6 / one))
         heads = ["by", "walkers", "error reached", "strides/s"]
         text += [f"Walker {name}, tolerance {tolerance:.0e}", table(heads, rows)]
     _report("gpu strides", "\n\n".join(text))
@@ -125,8 +125,8 @@ def ticks() -> None:
     for count in SIZES:
         rows.append(("GPU", count, count / _tick(DeviceBatch(count))))
         if count <= LARGEST_HERE:
-            rows.append((f"processor, {CORES} cores", count, count / _tick_here(count)))
-    _report("gpu ticks", table(["by", "walkers", "ticks/s"], rows))
+            rows.append((f"CPU, {CORES} cores", count, count / _tick_here(count)))
+    _report("gpu ticks", table(["by", "walkers", "control steps/s"], rows))
 
 
 def _tick(there: DeviceBatch) -> float:
@@ -172,7 +172,7 @@ def learning() -> None:
 
     rows = []
     for count in SIZES if SIMULATED else (4096, 65_536, 524_288):
-        for label, envs in (("device", PassiveWalkerGpuEnv), ("processor", here)):
+        for label, envs in (("GPU", PassiveWalkerGpuEnv), ("CPU", here)):
             options = {**_PPO, "num_steps_per_env": steps}
             runner = OnPolicyRunner(RslRlWalkers(count, envs=envs), options, device=where)
 
@@ -185,7 +185,7 @@ def learning() -> None:
                 (f"rsl_rl, walkers on the {label}", count, frames / seconds(job, repeats=2))
             )
         update = _finished(_ppo_fast(count, steps))
-        rows.append(("ppo-fast, both on the device", count, frames / seconds(update, repeats=2)))
+        rows.append(("ppo-fast, both on the GPU", count, frames / seconds(update, repeats=2)))
     _report("gpu learning", table(["PPO", "walkers", "frames/s"], rows))
 
 

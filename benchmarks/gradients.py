@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import penalty, reference, rivals
+from benchmarks import other_solvers, penalty, reference
 from benchmarks.problem import Problem, problem
 from benchmarks.report import command, machine, plot, seconds, table
 from benchmarks.tables import PRECISION, keep
@@ -125,7 +125,7 @@ def differences(
 
 def diffrax(point: NDArray, p: Problem, strides: int, tolerance: float) -> Gradient:
     """Gradient by diffrax with its differentiable events and JAX's reverse mode, compiled."""
-    stride = rivals.diffrax_stride(p, "Dopri8", tolerance, max_steps=4096)
+    stride = other_solvers.diffrax_stride(p, "Dopri8", tolerance, max_steps=4096)
     import jax
     import jax.numpy as jnp
 
@@ -145,7 +145,7 @@ def diffrax(point: NDArray, p: Problem, strides: int, tolerance: float) -> Gradi
 
 def torchdiffeq(point: NDArray, p: Problem, strides: int, tolerance: float) -> Gradient:
     """Gradient by torchdiffeq's `odeint_event` and torch's reverse mode."""
-    stride = rivals.torchdiffeq_stride(p, "dopri8", tolerance)
+    stride = other_solvers.torchdiffeq_stride(p, "dopri8", tolerance)
     import torch
 
     def gradient() -> NDArray:

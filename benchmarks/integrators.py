@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853, RK45
 
 from benchmarks import reference
+from benchmarks.other_solvers import heyoka_swings
 from benchmarks.problem import Problem, error, problem
 from benchmarks.report import command, machine, seconds, table
-from benchmarks.rivals import heyoka_swings
 from benchmarks.tables import PRECISION, keep
 from gym_passive_walker import console
 from gym_passive_walker.engine.compiled import loaded, object_code, phases_of, written

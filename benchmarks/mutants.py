@@ -58,7 +58,7 @@ class Mutant(NamedTuple):
     source: str
 
     @property
-    def room(self) -> str:
+    def package(self) -> str:
         """The package or folder of the module."""
         return self.file.split("/")[0]
 

@@ -30,7 +30,6 @@ from typing import NoReturn
 
 import pytest
 
-from benchmarks.concerned import CHANGED, tests_of
 from benchmarks.equivalent_mutants import EQUIVALENT
 from benchmarks.mutants import (
     BESIDE,
@@ -44,6 +43,7 @@ from benchmarks.mutants import (
     path_of,
     sample,
 )
+from benchmarks.related_tests import CHANGED, tests_of
 from benchmarks.report import machine, table
 from benchmarks.tables import DOCS, keep
 
@@ -104,11 +104,11 @@ class Copy:
         path = self.tree / path_of(mutant.file)
         path.write_text(mutant.source, "utf-8")
         shutil.rmtree(self.cache, ignore_errors=True)
-        if mutant.room not in ("physics", "engine"):
+        if mutant.package not in ("physics", "engine"):
             # numba notices a change of a kernel's own file, but not of other files that it uses.
             stale = shutil.ignore_patterns(*WITHIN.get(mutant.file, ()))
             shutil.copytree(self.filled, self.cache, ignore=stale)
-        elif mutant.room == "physics" and mutant.file != "physics/hybrid":
+        elif mutant.package == "physics" and mutant.file != "physics/hybrid":
             # Code compiled by numba does not contain the equations: only object files are stale.
             shutil.copytree(self.filled, self.cache, ignore=shutil.ignore_patterns("*.o"))
         try:
@@ -210,17 +210,17 @@ def run(
             with results.open("a", encoding="utf-8") as log:
                 log.write(json.dumps(record) + "\n")
             print("noticed " if failure else "SURVIVED", mutant.line, mutant.name, flush=True)
-    return [{"room": mutant.room, **known[mutant.name]} for mutant in chosen]
+    return [{"package": mutant.package, **known[mutant.name]} for mutant in chosen]
 
 
 def report(records: list[dict]) -> str:
     """The score of each package, and the mutants that were not detected."""
     rows: list[list] = []
-    for room in dict.fromkeys(record["room"] for record in records):
-        mine = [record for record in records if record["room"] == room]
+    for package in dict.fromkeys(record["package"] for record in records):
+        mine = [record for record in records if record["package"] == package]
         left = [record["name"] for record in mine if not record["noticed_by"]]
         argued = sum(name in EQUIVALENT for name in left)
-        rows.append([room, len(mine), len(mine) - len(left), argued, len(left) - argued])
+        rows.append([package, len(mine), len(mine) - len(left), argued, len(left) - argued])
     rows.append(["all", *(sum(row[i] for row in rows) for i in range(1, 5))])
     for row in rows:
         row.append(f"{row[2] / max(1, row[1] - row[3]):.0%}")
@@ -246,7 +246,7 @@ def main() -> None:
     add("--seed", type=int, default=1, help="seed of their order")
     add("--blind", action="store_true", help="faults by someone who had not read the tests")
     add("--unseen", action="store_true", help="those of them that were not tried before")
-    add("--rooms", nargs="+", metavar="ROOM", help="only these packages")
+    add("--packages", nargs="+", metavar="PACKAGE", help="only these packages")
     add("--again", action="store_true", help="repeat faults that were not noticed")
     add("--tried", action="store_true", help="only report results so far")
     add("--results", type=Path, default=ROOT / "build" / "mutants.jsonl")
@@ -256,8 +256,8 @@ def main() -> None:
     folder = UNSEEN if options.unseen else BLIND if options.blind else FAULTS
     thought_up, gone = faults(folder)
     chosen = pool[: options.changes] or thought_up
-    if options.rooms:
-        chosen = [mutant for mutant in chosen if mutant.room in options.rooms]
+    if options.packages:
+        chosen = [mutant for mutant in chosen if mutant.package in options.packages]
     records = run(chosen, options.results, again=options.again, tried=options.tried)
     from gym_passive_walker import console  # not before mutants are tried: see `run`
 

@@ -20,7 +20,6 @@ from benchmarks.report import command, machine, table
 from benchmarks.tables import DOCS, keep
 from gym_passive_walker import console
 from gym_passive_walker.policies import TrainedPolicy, shipped_policies
-from gym_passive_walker.render.film import film
 from gym_passive_walker.walkers import name_of
 
 STRIDES = 2
@@ -66,7 +65,7 @@ def described(name: str, found: Scores) -> str:
     config, scene = Config(**policy.trained), policy.scene
     slopes = " to ".join(f"{bound:g}" for bound in np.atleast_1d(scene.slope))
     video = f"policy-{name}.gif"
-    film(
+    video(
         gait.stride_map, gait.slope, gait.state, DOCS / "images" / video, strides=STRIDES, shrink=3
     )
     multipliers = ", ".join(f"{size:.3f}" for size in np.abs(gait.multipliers))

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.other_solvers import heyoka_integrators, heyoka_stride
 from benchmarks.problem import Problem, error
-from benchmarks.rivals import heyoka_integrators, heyoka_stride
 
 REFERENCES = Path(__file__).parent / "references"
 

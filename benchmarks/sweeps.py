@@ -133,7 +133,7 @@ def keeper() -> None:
     rows = [("a row of ten parameters kept", written * 1e6)]
     if find_spec("ray"):
         rows.append(("a second's tasks sent through Ray, and their outcomes back", _call() * 1e6))
-    keep("keeper", f"{table(['', 'µs of processor time'], rows)}\n\n{_when()}", PAGE)
+    keep("keeper", f"{table(['', 'µs of CPU time'], rows)}\n\n{_when()}", PAGE)
 
 
 def _call() -> float:

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import engine, measured, reference
-from benchmarks.measured import BATCH, Point
+from benchmarks import engine, errors_and_times, reference
+from benchmarks.errors_and_times import BATCH, Point
 from benchmarks.problem import WALKS, error, problem
 from benchmarks.report import command, machine, plot, seconds, table
 from benchmarks.tables import PRECISION, keep
@@ -51,9 +51,9 @@ def strides() -> None:
         p = problem(name)
         exact, own = reference.strides(p)
         methods: dict[str, Callable[[float], Point]] = {
-            f"this engine, {BATCH} at once": partial(measured.engine, p, exact, BATCH),
-            "this engine, alone": partial(measured.engine, p, exact, 1),
-            **measured.everyone_else(p, exact),
+            f"this engine, {BATCH} at once": partial(errors_and_times.engine, p, exact, BATCH),
+            "this engine, alone": partial(errors_and_times.engine, p, exact, 1),
+            **errors_and_times.everyone_else(p, exact),
         }
         curves = {}
         for label, method in methods.items():

@@ -1,4 +1,4 @@
-"""How Sphinx makes the documentation's site: `make docs`."""
+"""Configuration of Sphinx for the documentation's site: `make docs`."""
 
 import os
 import re

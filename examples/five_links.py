@@ -109,7 +109,7 @@ def links(body, state):
 
 
 def stretched(body, angles, bend):
-    """How far both knees and the torso are from where their springs rest."""
+    """Return the deviations of both knees and the torso from the rest of their springs."""
     shin, thigh, torso, swing_thigh, swing_shin = angles
     mean = 0.5 * (thigh + swing_thigh)
     return thigh - shin - bend, swing_thigh - swing_shin - bend, torso - mean

@@ -139,7 +139,7 @@ class PotentialShaping:
         return replace(self.walker, gravity=gravity), self.felt_slope
 
     def cost(self, gait: Gait, slope: float) -> Cost:
-        """Cost of transport of a gait of the passive twin, walked on a slope in rad."""
+        """Cost of transport of a gait of the passive twin on a slope in rad."""
         if (gait.walker, gait.slope) != self.passive_twin:
             raise ValueError("the gait is not of the passive twin: find_gait(*passive_twin)")
         strides = gait.stride_map.with_tolerance(1e-13)

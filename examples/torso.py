@@ -62,7 +62,7 @@ def landing(body, state):
 
 
 def lean(stance, swing, torso):
-    """How far the torso is off the bisecting line."""
+    """Return the angle of the torso from the bisecting line."""
     return torso - 0.5 * (stance + swing)
 
 

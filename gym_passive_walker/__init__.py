@@ -33,7 +33,7 @@ from gym_passive_walker.gaits.bifurcation import (
     crisis_slope,
     lyapunov_exponents,
 )
-from gym_passive_walker.gaits.dense_stride import Extreme, Impulse
+from gym_passive_walker.gaits.dense_stride import Impulse, TimedExtremum
 from gym_passive_walker.gaits.design import Design, optimize_walker, tune_to_walk
 from gym_passive_walker.gaits.doubling import Cascade, doubling_cascade
 from gym_passive_walker.gaits.family import GaitFamily, gait_family, parameter_family
@@ -55,7 +55,7 @@ from gym_passive_walker.modeling.mechanics import Link
 from gym_passive_walker.modeling.system import StatementError, System
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import PolicyError, TrainedPolicy, load_policy
-from gym_passive_walker.sweeps.run import Swept, sweep
+from gym_passive_walker.sweeps.run import SweepResult, sweep
 from gym_passive_walker.viewer.play import play
 from gym_passive_walker.walkers import (
     WALKERS,
@@ -83,7 +83,6 @@ __all__ = [
     "BifurcationDiagram",
     "Cascade",
     "Design",
-    "Extreme",
     "FootVelocity",
     "Gait",
     "GaitFamily",
@@ -100,9 +99,10 @@ __all__ = [
     "Robustness",
     "StatementError",
     "Stride",
-    "Swept",
+    "SweepResult",
     "System",
     "Terrain",
+    "TimedExtremum",
     "TrainedPolicy",
     "Trajectory",
     "Transition",

@@ -64,7 +64,7 @@ class Units(NamedTuple):
 
 
 def _times(time: float | NDArray, size: int) -> NDArray[np.float64]:
-    """What rates are multiplied by and angles are not, (size,), or (n, size) for n walkers."""
+    """Factors of the numbers of a state, 1 for angles, (size,), or (n, size) for n walkers."""
     if type(time) is float:
         return _times_of_one(time, size)
     times = np.ones((*np.shape(time), size))

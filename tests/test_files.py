@@ -49,12 +49,12 @@ def as_picture(walk, path):
 
 def as_film(walk, path):
     pytest.importorskip("moviepy")
-    from gym_passive_walker.render.film import Film
+    from gym_passive_walker.render.video import Video
 
     noise = np.random.default_rng(0).integers(0, 256, (64, 64, 3), np.uint8)
-    with Film(path, (64, 64), 30) as film:
+    with Video(path, (64, 64), 30) as video:
         for _ in range(10):
-            film.write(noise)
+            video.write(noise)
 
 
 WRITERS = {
@@ -116,10 +116,10 @@ def test_a_walker_is_read_from_a_file_whatever_the_case_of_its_ending(ending, ca
 
 def test_a_film_that_is_given_up_leaves_no_file(tmp_path):
     pytest.importorskip("moviepy")
-    from gym_passive_walker.render.film import Film
+    from gym_passive_walker.render.video import Video
 
-    with pytest.raises(RuntimeError), Film(tmp_path / "walk.mp4", (64, 64), 30) as film:
-        film.write(np.zeros((64, 64, 3), np.uint8))
+    with pytest.raises(RuntimeError), Video(tmp_path / "walk.mp4", (64, 64), 30) as video:
+        video.write(np.zeros((64, 64, 3), np.uint8))
         raise RuntimeError
     assert list(tmp_path.iterdir()) == []
 
@@ -204,11 +204,11 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path):
 def test_a_film_in_slow_motion_has_as_many_more_frames(tmp_path):
     pytest.importorskip("moviepy")
     pytest.importorskip("pygame")
-    from gym_passive_walker.render.film import film
+    from gym_passive_walker.render.video import video
 
     state = gpw.find_gait("lab", 0.036).state
     frames = [
-        film("lab", 0.036, state, tmp_path / "walk.gif", strides=1, slower=slower)
+        video("lab", 0.036, state, tmp_path / "walk.gif", strides=1, slower=slower)
         for slower in (1.0, 2.0, 0.5)
     ]
     assert frames[1] == pytest.approx(2 * frames[0], abs=1)

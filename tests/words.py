@@ -1,10 +1,10 @@
-"""Check the prose of documentation, docstrings, comments and messages for words to avoid.
+"""Apply the rules of `styles/Walker` to documentation, docstrings, comments and messages.
 
     python -m tests.words                  every page and module
     python -m tests.words FILE...          some of them
 
-The words are those for which the literature has a term, and those that make a sentence unclear.
-Sentences of pages and docstrings must not be long either.
+The rules are in the format of Vale (https://vale.sh): terms to avoid, and the longest sentence.
+Comments and messages are exempt from the longest sentence.
 """
 
 from __future__ import annotations
@@ -15,38 +15,27 @@ import sys
 import tokenize
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 ROOT = Path(__file__).parents[1]
-LONGEST = 30
-"""Words in a sentence."""
+STYLE = ROOT / "styles" / "Walker"
+RULES: list[dict[str, Any]] = [
+    yaml.safe_load(path.read_text(encoding="utf-8")) for path in sorted(STYLE.glob("*.yml"))
+]
+"""Rules that extend Vale's `substitution` and `occurrence`."""
 
-AVOIDED = {
-    r"whoever|whom|whose": "of which, its, each; 'who' is a person",
-    r"(?<!people )(?<!someone )(?<!users )(?<!readers )(?<!those )"
-    r"(?<!engineers )(?<!scientists )who": "that; a person",
-    r"befall\w*|befell": "disturbances",
-    r"fates?": "disturbance state",
-    r"told|tells?|telling": "returns, reports, shows",
-    r"anew": "again; recomputed",
-    r"likewise": "name it",
-    r"as of": "as in, see, of",
-    r"nonsense": "invalid input",
-    r"strobe pictures?": "stroboscopic picture",
-    r"(?:seed|source) documents?": "Garcia (1999), chapter 4",
-    r"on the level": "on level ground",
-    r"doors?": "entry point",
-    r"crowd": "batch",
-    r"truths?": "boolean",
-    r"looked at": "checked, read",
-    r"programmes?": "program; nonlinear program",
-    r"(?:optim|random|normal|minim|maxim|initial|vector|general)is\w+": "-ize",
-}
-"""Words to avoid, as regular expressions, and what to write instead."""
-
-_PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/*.md", "docs/notebooks/*.md")
+_PAGES = (
+    "*.md",
+    "benchmarks/*.md",
+    "docs/*.md",
+    "docs/notebooks/*.md",
+    "gym_passive_walker/web/**/*.md",
+)
 _MODULES = ("gym_passive_walker", "agents", "benchmarks", "docs", "examples", "tests", "validation")
-_EXAMPLES = ("tests/words.py", "tests/docs/test_rendered.py")
-"""Modules that have the words to avoid as data."""
+_EXAMPLES = ("tests/docs/test_words.py",)
+"""Modules that have words to avoid as data."""
 _CODE = re.compile(r"```.*?```|~~~.*?~~~|<!--.*?-->|\$\$.*?\$\$", re.S)
 _INLINE = re.compile(r"`[^`]*`|\$[^$\n]*\$|\[([^\]]*)\]\([^)]*\)|https?://\S+|<[^>\n]*>")
 _ENDS = re.compile(r"(?<=[.!?:;])\s+|\n\s*\n|\n\s*(?:[-*]|\d+\.)\s|\n\s*\|[^\n]*")
@@ -60,6 +49,20 @@ def prose(text: str) -> Iterator[str]:
     for sentence in _ENDS.split(text):
         if words := re.findall(r"[A-Za-z0-9][\w'’/^.,-]*", sentence or ""):
             yield " ".join(words)
+
+
+def breaches(sentence: str, short: bool = False) -> Iterator[str]:
+    """What the rules say about a sentence; a short text may have sentences of any length."""
+    for rule in RULES:
+        if rule["extends"] == "occurrence":
+            count = len(re.findall(rule["token"], sentence))
+            if count > rule["max"] and not short:
+                yield rule["message"] % count
+            continue
+        for avoided, instead in rule["swap"].items():
+            flags = re.I if rule["ignorecase"] else 0
+            if found := re.search(rf"\b(?:{avoided})\b", sentence, flags):
+                yield rule["message"] % (instead, found[0])
 
 
 def docstrings(path: Path) -> Iterator[tuple[int, str]]:
@@ -104,24 +107,23 @@ def _entries(text: str) -> str:
     return "\n".join(lines)
 
 
+def _cells(page: str) -> str:
+    """Headings and cells of tables of a page, a paragraph each."""
+    lines = re.findall(r"^(?:\||#+ ).*$", _CODE.sub("", page), re.M)
+    return "\n\n".join(cell.strip("# ") for line in lines for cell in line.split("|"))
+
+
 def faults(path: Path) -> Iterator[str]:
     """What is wrong in a file, a line for each fault."""
-    short: list[tuple[int, str]] = []
+    page = path.read_text(encoding="utf-8")
+    texts = [(1, page, False), (1, _cells(page), True)]
     if path.suffix == ".py":
-        texts = [(line, _entries(text)) for line, text in docstrings(path)]
-        short = list(remarks(path))
-    else:
-        texts = [(1, path.read_text(encoding="utf-8"))]
-    name = path.relative_to(ROOT)
-    for line, text in texts + short:
+        texts = [(line, _entries(text), False) for line, text in docstrings(path)]
+        texts += [(line, text, True) for line, text in remarks(path)]
+    for line, text, short in texts:
         for sentence in prose(text):
-            for avoided, instead in AVOIDED.items():
-                if found := re.search(rf"\b(?:{avoided})\b", sentence, re.I):
-                    yield f"{name}:{line}: {found[0]!r} (write: {instead}) in: {sentence[:90]}"
-    for line, text in texts:
-        for sentence in prose(text):
-            if (count := len(sentence.split())) > LONGEST:
-                yield f"{name}:{line}: a sentence of {count} words: {sentence[:90]} ..."
+            for breach in breaches(sentence, short):
+                yield f"{path.relative_to(ROOT)}:{line}: {breach} In: {sentence[:90]}"
 
 
 def files() -> list[Path]:
@@ -129,7 +131,7 @@ def files() -> list[Path]:
     pages = [path for pattern in _PAGES for path in sorted(ROOT.glob(pattern))]
     modules = [path for folder in _MODULES for path in sorted((ROOT / folder).rglob("*.py"))]
     modules = [path for path in modules if path not in {ROOT / name for name in _EXAMPLES}]
-    return [*pages, *modules, ROOT / "train.py"]
+    return [*pages, *modules, *sorted(ROOT.glob("*.py"))]
 
 
 def main() -> int:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from examples.once_a_stride import SpeedControl, midstance_speed, speed_of
+from examples.stride_controllers import SpeedControl, midstance_speed, speed_of
 from gym_passive_walker import WALKERS, Outcome
 from gym_passive_walker.control.ticks import Walkers, ticked_strides
 from validation.rows import Row, claim, listed, number

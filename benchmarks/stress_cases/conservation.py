@@ -129,7 +129,7 @@ def in_flight(rng: np.random.Generator, mine: Flock) -> tuple[NDArray, int]:
 
 @case(
     TOPIC,
-    "A motion between events, filmed and played backwards, leads back to its start",
+    "A motion between events, reversed in time, leads back to its start",
     quick=3_000, long=300_000, bound=1e-12, unit="angles and rates",
 )  # fmt: skip
 def time_reversal(count: int, rng: np.random.Generator) -> Finding:

@@ -115,7 +115,7 @@ def huge_torque(count: int, rng: np.random.Generator) -> Finding:
 
 @case(
     TOPIC,
-    "A swing leg thrown over the top is followed to the upright, with its energy",
+    "A swing leg thrown past the upright is followed to it, with its energy",
     quick=2_000, long=200_000, bound=1e-12, unit="rad, energy that moved",
 )  # fmt: skip
 def swing_overrotation(count: int, rng: np.random.Generator) -> Finding:

@@ -15,11 +15,11 @@ from typing import NoReturn
 
 import gym_passive_walker
 from gym_passive_walker import console
+from gym_passive_walker.cli.disturbances import gauntlet, robustness
 from gym_passive_walker.cli.gaits import basin, bifurcation, check, family, gait, walkers
 from gym_passive_walker.cli.pictures import figures, play, strobe, video
 from gym_passive_walker.cli.report import plain
 from gym_passive_walker.cli.sweeps import sweep
-from gym_passive_walker.cli.tries import gauntlet, robustness
 from gym_passive_walker.cli.walks import evaluate, export, scene, simulate
 from gym_passive_walker.cli.warmup import warmup
 from gym_passive_walker.gaits.gait import GaitNotFound

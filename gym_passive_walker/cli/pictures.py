@@ -59,10 +59,10 @@ def video(command: ArgumentParser) -> Callable[[Namespace], Report]:
     def run(arguments: Namespace) -> Report:
         need("pygame", "render")
         need("moviepy", "render")
-        from gym_passive_walker.render.film import film, film_path
+        from gym_passive_walker.render.video import video, video_path
 
-        film_path(arguments.out)
-        film(
+        video_path(arguments.out)
+        video(
             map_of(arguments, arguments.slope), arguments.slope, start_of(arguments),
             arguments.out, strides=arguments.strides, terrain=arguments.terrain,
             terrain_seed=arguments.terrain_seed, slower=arguments.slower,
@@ -77,7 +77,7 @@ def play(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     passive-walker play
     passive-walker play C 0.03
-    passive-walker play --policy level-ppo --film walk.mp4 --seconds 10
+    passive-walker play --policy level-ppo --video walk.mp4 --seconds 10
     """
     policies = f"controller: {', '.join(shipped_policies())}, or an exported policy's folder"
     add = command.add_argument
@@ -90,13 +90,13 @@ def play(command: ArgumentParser) -> Callable[[Namespace], Report]:
         metavar="TIME",
         help="time in seconds after which the window closes",
     )
-    add("--film", metavar="FILE", help="record a video to this file, .mp4 or .gif")
+    add("--video", metavar="FILE", help="record a video to this file, .mp4 or .gif")
     add("--picture", metavar="FILE", help="write the last frame to this file, such as a .png")
 
     def run(arguments: Namespace) -> Report:
-        asked = ("walker", "slope", "policy", "seconds", "film", "picture")
+        asked = ("walker", "slope", "policy", "seconds", "video", "picture")
         shown(**{name: getattr(arguments, name) for name in asked})
-        return _saved([Path(x) for x in (arguments.film, arguments.picture) if x is not None])
+        return _saved([Path(x) for x in (arguments.video, arguments.picture) if x is not None])
 
     return run
 

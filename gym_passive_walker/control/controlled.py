@@ -25,7 +25,7 @@ from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.gaits.actuation import for_each
 from gym_passive_walker.gaits.flow import Walkers, go_on, new_records, report_of, states_in
-from gym_passive_walker.gaits.passage import imbalance, product
+from gym_passive_walker.gaits.map_result import imbalance, product
 from gym_passive_walker.gaits.stride import Stride, account
 from gym_passive_walker.gaits.stride_map import Samples, Seeds, StrideMap
 from gym_passive_walker.physics.hybrid import Outcome, State

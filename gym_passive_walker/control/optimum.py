@@ -18,12 +18,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.control.ticks import TickedStride, before_kneestrike, ticked_stride
+from gym_passive_walker.control.ticks import (
+    PiecewiseConstantStride,
+    before_kneestrike,
+    ticked_stride,
+)
 from gym_passive_walker.envs.scene import CHANNELS, Scene
 from gym_passive_walker.gaits.design_nlp import slsqp
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
-from gym_passive_walker.gaits.passage import NoStride
+from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.walkers import check_parametric
 
 _ITERATIONS = 600
@@ -158,7 +162,7 @@ class Problem:
         """The push-off, if there may be any."""
         return self.largest_push * float(z[-1]) if self.pushes else None
 
-    def walk(self, z: NDArray, *, end_on_toe_stub: bool = False) -> TickedStride:
+    def walk(self, z: NDArray, *, end_on_toe_stub: bool = False) -> PiecewiseConstantStride:
         """The stride."""
         return ticked_stride(
             self.scene.walker, self.slope, z[: self.m], self.torques(z), tick=self.tick,
@@ -192,7 +196,7 @@ class Problem:
                 self._last = key, (*nowhere, -np.ones(sides), np.zeros((sides, size)))
         return self._last[1]
 
-    def charges(self, z: NDArray, walked: TickedStride) -> tuple[NDArray, float]:
+    def charges(self, z: NDArray, walked: PiecewiseConstantStride) -> tuple[NDArray, float]:
         """Return the charges for each torque, and the charge for the push-off."""
         held, torques = self.largest * sum(self.parts(z)), self.torques(z).ravel()
         of_torques = self.absolute * held * walked.turn.ravel()
@@ -205,7 +209,7 @@ class Problem:
         by_torque, by_push = self.largest * by[:, m : m + n], self.largest_push * by[:, m + n :]
         return np.hstack([by[:, :m], by_torque, -by_torque, by_push])
 
-    def _room(self, z: NDArray, walked: TickedStride) -> tuple[NDArray, NDArray]:
+    def _room(self, z: NDArray, walked: PiecewiseConstantStride) -> tuple[NDArray, NDArray]:
         """Compute the result of `room`."""
         if not self.clears:
             return np.empty(0), np.empty((0, len(z)))
@@ -345,7 +349,7 @@ class Problem:
         return np.clip(z, *self.box.T), said
 
     def _leaving(self, z: NDArray) -> NDArray[np.bool_]:
-        """Which unknowns are between their bounds, or better were; those without effect are not."""
+        """Return the unknowns to vary as booleans: not held by a bound, and with an effect."""
         _, gradient, _, by_gap = self.at(z)
         low, high = self.box.T
         rest = self._lagrangian(z)

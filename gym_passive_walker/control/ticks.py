@@ -26,7 +26,7 @@ from gym_passive_walker.gaits.flow import (
     report_of,
     rows_of,
 )
-from gym_passive_walker.gaits.passage import NoStride
+from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.gaits.stride_map import LONGEST
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.walkers import Mechanism, Walker
@@ -271,7 +271,7 @@ def hold(records: NDArray, motors: Sequence[int], given: NDArray) -> None:
             records["push_off"][:, 0] = held
 
 
-class TickedStride(NamedTuple):
+class PiecewiseConstantStride(NamedTuple):
     """Strides of n walkers under N torques, with their derivatives; NaN where a walker fell.
 
     Of a single stride (see `ticked_stride`) nothing but `steps` has the axis of walkers. Where
@@ -328,7 +328,7 @@ def ticked_stride(
     push_off: float | None = None,
     end_on_toe_stub: bool = False,
     tolerance: float = 1e-12,
-) -> TickedStride:
+) -> PiecewiseConstantStride:
     """Follow one walker through a stride, each torque held for a control step.
 
     Args:
@@ -351,7 +351,7 @@ def ticked_stride(
     points, held = (np.asarray(x, dtype=float)[None] for x in (point, torques))
     pushed = None if push_off is None else np.array([push_off])
     *parts, steps = ticked_strides(walkers, slope, points, held, tick=tick, push_offs=pushed)
-    walked = TickedStride._make([*(part[0] for part in parts), steps])
+    walked = PiecewiseConstantStride._make([*(part[0] for part in parts), steps])
     outcome = Outcome(int(walked.outcomes))
     if outcome != Outcome.HEELSTRIKE:
         raise NoStride(f"this stride does not end with a heelstrike but with {outcome.name}")
@@ -367,7 +367,7 @@ def ticked_strides(
     tick: float,
     push_offs: NDArray | None = None,
     by: Sequence[str] = (),
-) -> TickedStride:
+) -> PiecewiseConstantStride:
     """Follow walkers through a stride each, every torque held for a control step.
 
     Args:
@@ -418,7 +418,7 @@ def ticked_strides(
     outcomes[steps.walkers[over]] = steps.outcomes[over]
     found[outcomes != _STRUCK] = np.nan
     values, shape = found[:, :, 0], torques.shape
-    return TickedStride(
+    return PiecewiseConstantStride(
         end=values[:, :m],
         duration=values[:, m],
         length=values[:, m + 1],
@@ -433,7 +433,7 @@ def ticked_strides(
 
 
 def before_kneestrike(
-    walkers: Walkers, walked: TickedStride
+    walkers: Walkers, walked: PiecewiseConstantStride
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The state of one walker on the verge of kneestrike, with its derivatives.
 

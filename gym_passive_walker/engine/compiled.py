@@ -278,7 +278,7 @@ def _measure(
 
 
 def _place(system: System, record: Memory, body: Memory) -> None:
-    """Where the hip is, to measure the distance from step to step."""
+    """Write the position of the hip, from which the distance of a step is measured."""
     record["place"] = system.place(constants_of(system, body), state_of(system, record))
 
 

@@ -34,7 +34,7 @@ class Equations:
 
     @property
     def rates(self) -> slice:
-        """Where the rates stand in a state."""
+        """Indices of the angular velocities in a state."""
         return slice(self.system.coordinates, None)
 
     def bends(self, tile: Memory, stage: int) -> list[Expression]:
@@ -128,7 +128,7 @@ class Equations:
 
 
 def places_of(system: System, record: Memory) -> list[int]:
-    """Where each number of a state stands in the field "state" of a record."""
+    """Return the index of each number of a state in the field "state" of a record."""
     count, room = system.coordinates, record.layout["start"].shape[0]
     return [*range(count), *range(room, room + count)]
 

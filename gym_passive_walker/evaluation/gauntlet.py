@@ -158,7 +158,7 @@ def gauntlet(
     Example:
         >>> import gym_passive_walker as gpw
         >>> gpw.gauntlet("level-ppo", walkers=4).walks["own scene"].endings[0]
-        'walked on'
+        'reached the time limit'
     """
     count = whole(walkers, "walkers", 1, 100_000)
     _, own = acting(controller, scene)

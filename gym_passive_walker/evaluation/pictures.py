@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 
 @picture.register(Robustness)
 def _robustness(found: Robustness, ax: Axes | None = None) -> Axes | NDArray:
-    """Survival on rough ground, answers to a step, pushes by phase, and what else was measured."""
+    """Survival on rough ground, response to a step, pushes by phase, and what else was measured."""
     if given(ax):
         _pushes(ax, found)
         return ax
     figure, axes = panels(2, 2, (9.2, 8.2), ax)
-    survival, answers, pushes, results = axes
+    survival, response, pushes, results = axes
     strides = np.arange(1, len(found.survivors) + 1)
     lasting = found.first_passage.mean
     survival.semilogy(strides, np.maximum(found.survivors, 1e-12), color=BLUE, label="walkers")
@@ -45,9 +45,9 @@ def _robustness(found: Robustness, ax: Axes | None = None) -> Axes | NDArray:
     )  # fmt: skip
     legend(survival, columns=2)
     shown = found.period_response[:15]
-    answers.bar(np.arange(1, len(shown) + 1), shown, color=BLUE)
-    answers.axhline(0.0, color=BLACK, linewidth=0.6)
-    answers.set(
+    response.bar(np.arange(1, len(shown) + 1), shown, color=BLUE)
+    response.axhline(0.0, color=BLACK, linewidth=0.6)
+    response.set(
         xlabel="stride after a step in the ground", ylabel="change of the period (√(l/g) per l)"
     )
     _pushes(pushes, found)

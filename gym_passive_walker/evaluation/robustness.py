@@ -138,7 +138,7 @@ class Robustness(Table):
             "push forward": f"{self.forward.min():.4g} to {self.forward.max():.4g} m √(g l)",
             "push backward": f"{self.backward.min():.4g} to {self.backward.max():.4g} m √(g l)",
             "starts": f"{self.recovered:.3f} ± {self.recovered_error:.3f} of those "
-            f"up to {self.initial_error:.0%} off walk on",
+            f"up to {self.initial_error:.0%} off keep walking",
             "recovery": f"{self.recovery:g} strides to a tenth",
         }
 

@@ -19,7 +19,7 @@ from gym_passive_walker.progress import progress
 HUNDRED = 100
 """Strides after which a walk counts as long."""
 
-WALKED_ON = "walked on"
+TIME_LIMIT = "reached the time limit"
 """The ending of a walk that the time limit ended."""
 
 _MEDIANS = ("distance", "strides", "speed", "cost_of_transport")
@@ -46,7 +46,7 @@ class Walks:
         motor_work: Charged work of all actuators in them, over weight and leg length.
         net_work: Net work of the actuators in them, over weight and leg length.
         gravity_work: Work of gravity in them, over weight and leg length.
-        endings: Ending of each: "walked on" to the time limit, or an outcome's name.
+        endings: Ending of each: "reached the time limit", or an outcome's name.
     """
 
     seeds: NDArray
@@ -82,7 +82,7 @@ class Walks:
     @property
     def reached_limit(self) -> NDArray[np.bool_]:
         """Whether the time limit ended the walk, rather than a fall, shape (n,)."""
-        return np.array([ending == WALKED_ON for ending in self.endings])
+        return np.array([ending == TIME_LIMIT for ending in self.endings])
 
     @property
     def motor_cost(self) -> NDArray:
@@ -113,7 +113,7 @@ class Walks:
         return {
             "reward": float(np.mean(self.reward)),
             **medians,
-            "walked_on": self.endings.count(WALKED_ON) / len(self),
+            "reached_time_limit": self.endings.count(TIME_LIMIT) / len(self),
             "hundred_strides": float(np.mean(self.strides >= HUNDRED)),
         }
 
@@ -161,7 +161,7 @@ def evaluate(policy: Policy, arena: VectorEnv, *, seed: int) -> Walks:
             for i in np.flatnonzero(over & under_way):
                 distance[i], strides[i] = infos["episode_distance"][i], infos["strides"][i]
                 fell = step.terminated[i]
-                endings[i] = infos["outcome"][i].replace("_", " ") if fell else WALKED_ON
+                endings[i] = infos["outcome"][i].replace("_", " ") if fell else TIME_LIMIT
             under_way &= ~over
             if not under_way.any():
                 break

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.forces import forces, landing, pushed_off, struck
 from gym_passive_walker.gaits.given import walk_of
-from gym_passive_walker.gaits.passage import NoStride
+from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.gaits.stride import Stride
 from gym_passive_walker.gaits.stride_map import MapLike, Samples, StrideMap
 from gym_passive_walker.physics.hybrid import Ground, State
@@ -85,7 +85,7 @@ def foot_clearance(walker: Walker, states: NDArray) -> tuple[NDArray, NDArray]:
     return np.real(clearance), np.imag(clearance) / _INFINITESIMAL
 
 
-class Extreme(NamedTuple):
+class TimedExtremum(NamedTuple):
     """An extreme value and its time."""
 
     value: float
@@ -137,17 +137,17 @@ def _zeros(function: Callable[[NDArray], NDArray], series: Chebyshev) -> list[fl
     ]
 
 
-def turns(pieces: Iterable[Chebyshev]) -> list[Extreme]:
+def turns(pieces: Iterable[Chebyshev]) -> list[TimedExtremum]:
     """Return local extrema and ends of phases, in order of time; monotone in between."""
     found = []
     for piece in pieces:
         start, end = piece.domain
         times = [start, *_zeros(piece.deriv(), piece), end]
-        found += [Extreme(float(piece(t)), float(t)) for t in times]
+        found += [TimedExtremum(float(piece(t)), float(t)) for t in times]
     return found
 
 
-def ratio_turns(pieces: Iterable[tuple[Chebyshev, Chebyshev]]) -> list[Extreme]:
+def ratio_turns(pieces: Iterable[tuple[Chebyshev, Chebyshev]]) -> list[TimedExtremum]:
     """Return the `turns` of quotients of series; infinite where a denominator is not positive."""
     found = []
     for above, below in pieces:
@@ -159,18 +159,18 @@ def ratio_turns(pieces: Iterable[tuple[Chebyshev, Chebyshev]]) -> list[Extreme]:
         finer = max(above, below, key=lambda series: len(series.coef))
         for t in [*(turn.time for turn in turns([below])), *_zeros(slope, finer)]:
             quotient = above(t) / below(t) if below(t) > 0.0 else np.inf
-            found.append(Extreme(float(quotient), float(t)))
+            found.append(TimedExtremum(float(quotient), float(t)))
     return sorted(found, key=lambda turn: turn.time)
 
 
-def least(candidates: Iterable[Extreme]) -> Extreme:
+def least(candidates: Iterable[TimedExtremum]) -> TimedExtremum:
     """Return the smallest value at its first time; NaN if there is none."""
-    return min(candidates, key=lambda extreme: extreme.value, default=Extreme(np.nan, np.nan))
+    return min(candidates, key=lambda extreme: extreme.value, default=TimedExtremum(np.nan, np.nan))
 
 
-def greatest(candidates: Iterable[Extreme]) -> Extreme:
+def greatest(candidates: Iterable[TimedExtremum]) -> TimedExtremum:
     """Return the largest value at its first time; NaN if there is none."""
-    return max(candidates, key=lambda extreme: extreme.value, default=Extreme(np.nan, np.nan))
+    return max(candidates, key=lambda extreme: extreme.value, default=TimedExtremum(np.nan, np.nan))
 
 
 class Impulse(NamedTuple):
@@ -187,12 +187,12 @@ class Impulse(NamedTuple):
     time: float
 
     @property
-    def friction(self) -> Extreme:
+    def friction(self) -> TimedExtremum:
         """Coefficient of friction needed; infinite if the ground would have to pull."""
         if np.isnan(self.normal):
-            return Extreme(np.nan, self.time)
+            return TimedExtremum(np.nan, self.time)
         ratio = abs(self.tangential) / self.normal if self.normal > 0.0 else np.inf
-        return Extreme(ratio, self.time)
+        return TimedExtremum(ratio, self.time)
 
 
 class Phase(NamedTuple):
@@ -280,7 +280,7 @@ def phases_of(
     return phases
 
 
-def kneestrike(walker: Walker, last: Phase, after: NDArray) -> tuple[Impulse, Extreme]:
+def kneestrike(walker: Walker, last: Phase, after: NDArray) -> tuple[Impulse, TimedExtremum]:
     """Impulses of the kneestrike that ends a phase.
 
     Args:
@@ -297,7 +297,7 @@ def kneestrike(walker: Walker, last: Phase, after: NDArray) -> tuple[Impulse, Ex
 
 def heelstrike(
     walker: Walker, last: Phase, after: NDArray, push_off: float
-) -> tuple[tuple[Impulse, Extreme], tuple[Impulse, Extreme]]:
+) -> tuple[tuple[Impulse, TimedExtremum], tuple[Impulse, TimedExtremum]]:
     """Impulses of the heelstrike that ends a phase, and of the push-off before it.
 
     Args:
@@ -320,9 +320,11 @@ def heelstrike(
     return given, _given(walker, left, last.end)
 
 
-def _given(walker: Walker, carried: tuple[float, ...], time: float) -> tuple[Impulse, Extreme]:
+def _given(
+    walker: Walker, carried: tuple[float, ...], time: float
+) -> tuple[Impulse, TimedExtremum]:
     """Impulses (back, up, on the stance knee's stop, …), in the walker's own units."""
     units, (back, up, knee, _) = units_of(walker), map(float, carried)
     scale = units.force * units.time
     ground = Impulse(up * scale, -back * scale, time)
-    return ground, Extreme(knee * units.energy * units.time if walker.knees else np.nan, time)
+    return ground, TimedExtremum(knee * units.energy * units.time if walker.knees else np.nan, time)

@@ -234,7 +234,7 @@ def tune_to_walk(walker: WalkerLike, slope: float, *, radius: float = 0.8) -> Ga
     `tune` moves offsets alone, and what it makes of a walker that walks may have no gait. Here the
     centres of mass and the gyrations of thigh and shank change as well, as little as need be: by
     the root of the sum of squares of all changes from `tune(walker)`. Lengths, masses and feet
-    stay. If `tune(walker)` walks so itself, it is the answer.
+    stay. If `tune(walker)` walks so itself, it is the result.
 
     Args:
         walker: The walker, in a form that `as_walker` takes.

@@ -11,6 +11,7 @@ import scipy
 from numpy.typing import NDArray
 
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
+from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.gaits.objectives import (
     QUANTITIES,
     SPECTRAL_RADIUS,
@@ -19,7 +20,6 @@ from gym_passive_walker.gaits.objectives import (
     inside,
     spectral_radius,
 )
-from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.gaits.section import Points
 from gym_passive_walker.gaits.sensitivity import (
     SLOPE,

@@ -141,7 +141,7 @@ def state_on(stride_map: StrideMap, slope: float, state: ArrayLike | None) -> Ar
 def _advice(
     walker: Walker, slope: float, kind: GaitKind
 ) -> tuple[str, float | None, Walker | None]:
-    """Return remedies after a search for a gait of one stride has found none.
+    """Return suggestions after a search for a gait of one stride has found none.
 
     Returns:
         A sentence; the nearest slope in rad at which this walker has such a gait; and the nearest

@@ -44,7 +44,7 @@ MEASURES = (
     "time", "knee_time", "knee_loss", "heel_loss", "friction_loss", "step_length", "gravity_work",
     "spring_work", "push_work",
 )  # fmt: skip
-"""What is reported of a walker besides its state and its controls.
+"""Quantities that are reported of a walker besides its state and its controls.
 
 Since the stride began: the time, when the knee locked, what it cost, and what friction has taken.
 Of a stride that has ended, 0 before: what the heelstrike cost, the step length, and the work of
@@ -181,7 +181,7 @@ class Walkers:
     end_on_toe_stub: bool = False
 
     def system(self, moving: Collection[str] = ()) -> System:
-        """Which equations the walkers obey, as what is named changes too."""
+        """Return the system of the walkers, in which the named quantities can change too."""
         if not (self.parameters or self.using or moving):
             return system_of(self.walker)
         using = {*self.parameters, *self.using, *moving}
@@ -301,7 +301,7 @@ class Flow:
 
     @cached_property
     def distance(self) -> NDArray[np.float64]:
-        """How far hips have come along the ground they stood on, with tangents, (n, 1 + k).
+        """Distance of hips along the ground that they stood on, with tangents, (n, 1 + k).
 
         Of a user's system it is the centre of mass.
         """
@@ -550,7 +550,7 @@ def accelerations(
 
 
 def _places(system: System, bodies: NDArray, states: NDArray) -> NDArray:
-    """Where hips are, by constants (1 or n, 1 or 1 + k, ...) and states; both (n, 1 + k)."""
+    """Positions of hips (n, 1 + k), from constants (1 or n, 1 or 1 + k, ...) and states."""
 
     def at(bodies: NDArray, states: NDArray) -> NDArray:
         body, state = (np.moveaxis(values, -1, 0) for values in (bodies, states))

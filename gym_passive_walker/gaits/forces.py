@@ -123,7 +123,7 @@ def linked(body):
 
 
 def borne(body, state, turns, control, ground):
-    """What is borne while a walker moves: `reactions` to its accelerations.
+    """Forces and torques while a walker moves: `reactions` to its accelerations.
 
     Args:
         body: The walker.
@@ -140,7 +140,7 @@ def borne(body, state, turns, control, ground):
 
 
 def struck(body, angles, jumps, foot_jump):
-    """Impulses that are borne in a collision: `reactions` to jumps of velocities.
+    """Impulses of a collision: `reactions` to jumps of velocities.
 
     Args:
         body: The walker.
@@ -193,7 +193,7 @@ def pushed_off(body, state, push_off, ground):
 
 
 class Reactions(NamedTuple):
-    """Accelerations, and what carries the walker, in its own units; each of shape (n,) or so.
+    """Accelerations, forces and torques in the walker's own units, (n,) unless stated.
 
     Attributes:
         accelerations: Angular, of stance leg, thigh and shank, (n, 3).

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.gaits.passage import Change, Passage
+from gym_passive_walker.gaits.map_result import Change, Passage
 from gym_passive_walker.gaits.section import Points
 from gym_passive_walker.gaits.stride import Stride, together
 from gym_passive_walker.gaits.stride_map import StrideMap
@@ -27,7 +27,7 @@ _EXACT = 1e-13  # tolerance of the integration when gaits are measured
 
 
 class GaitNotFound(Exception):
-    """There is no such gait; the message names walker, slope, the search and remedies.
+    """There is no such gait; the message names walker, slope, the search and suggestions.
 
     Attributes:
         slope: A nearby slope in rad at which there is a gait; None if none is known.

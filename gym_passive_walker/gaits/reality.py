@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope, whole
 from gym_passive_walker.gaits.actuation import one_actuation
 from gym_passive_walker.gaits.dense_stride import (
-    Extreme,
     Impulse,
     Phase,
+    TimedExtremum,
     foot_clearance,
     greatest,
     heelstrike,
@@ -31,7 +31,7 @@ from gym_passive_walker.gaits.dense_stride import (
 )
 from gym_passive_walker.gaits.fixed_point import state_on
 from gym_passive_walker.gaits.given import GaitLike, walk_of
-from gym_passive_walker.gaits.passage import NoStride
+from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.shown import Table
@@ -55,7 +55,7 @@ class Reading(NamedTuple):
 
     item: str
     quantity: str
-    extreme: Extreme
+    extreme: TimedExtremum
     unit: float
     unit_name: str
 
@@ -104,21 +104,21 @@ class RealityCheck(Table):
     strides: int
     duration: float
     friction: float
-    clearance: Extreme
-    stance_knee_torque: Extreme
-    stance_knee_at_kneestrike: Extreme
-    stance_knee_at_heelstrike: Extreme
-    swing_knee_torque: Extreme
-    least_normal_force: Extreme
-    greatest_normal_force: Extreme
-    stance_friction: Extreme
+    clearance: TimedExtremum
+    stance_knee_torque: TimedExtremum
+    stance_knee_at_kneestrike: TimedExtremum
+    stance_knee_at_heelstrike: TimedExtremum
+    swing_knee_torque: TimedExtremum
+    least_normal_force: TimedExtremum
+    greatest_normal_force: TimedExtremum
+    stance_friction: TimedExtremum
     kneestrike_impulse: Impulse
     heelstrike_impulse: Impulse
-    stance_knee_at_push_off: Extreme
+    stance_knee_at_push_off: TimedExtremum
     push_off_impulse: Impulse
-    knee_flexion: Extreme
-    release_velocity: Extreme
-    release_depth: Extreme
+    knee_flexion: TimedExtremum
+    release_velocity: TimedExtremum
+    release_depth: TimedExtremum
 
     @property
     def passed(self) -> dict[str, bool]:
@@ -141,13 +141,16 @@ class RealityCheck(Table):
         length, time, torque, _ = units = units_of(self.walker)
         weight = units.force
         knee, heel = self.kneestrike_impulse, self.heelstrike_impulse
-        knee_normal, heel_normal = Extreme(knee.normal, knee.time), Extreme(heel.normal, heel.time)
+        knee_normal, heel_normal = (
+            TimedExtremum(knee.normal, knee.time),
+            TimedExtremum(heel.normal, heel.time),
+        )
 
-        def pushed(what: str, extreme: Extreme, unit: float, name: str) -> list[Any]:
+        def pushed(what: str, extreme: TimedExtremum, unit: float, name: str) -> list[Any]:
             there = not np.isnan([self.push_off_impulse.normal, extreme.value]).all()
             return [(what, extreme, unit * time, name)] if there else []
 
-        table: dict[str, list[tuple[str, Extreme, float, str]]] = {
+        table: dict[str, list[tuple[str, TimedExtremum, float, str]]] = {
             "scuffing": [("swing foot's least clearance", self.clearance, length, "l")],
             "knee lock": [
                 ("stance knee's least torque", self.stance_knee_torque, torque, "m g l"),
@@ -218,7 +221,9 @@ class RealityCheck(Table):
         }
 
 
-def _release_and_passing(heights: list[Extreme], rising: bool) -> tuple[Extreme, Extreme]:
+def _release_and_passing(
+    heights: list[TimedExtremum], rising: bool
+) -> tuple[TimedExtremum, TimedExtremum]:
     """Return the swing foot's lowest clearance after its release, and its lowest in mid-swing.
 
     Args:
@@ -304,14 +309,14 @@ def reality_check(
         depth, clearance = _release_and_passing(
             turns(phase.clearance for phase in parts), rising=velocity >= 0.0
         )
-        velocities.append(Extreme(velocity, time))
+        velocities.append(TimedExtremum(velocity, time))
         depths.append(depth)
         clearances.append(clearance)
         if walker.knees:
             bends = here[4] >= here[5]
             free = [phase for phase in parts if not phase.locked]
             bent = turns(phase.flexion for phase in free)
-            flexions.append(Extreme(0.0, time) if bends else least(bent))
+            flexions.append(TimedExtremum(0.0, time) if bends else least(bent))
             knees.append(kneestrike(walker, free[-1], parts[len(free)].state_at(free[-1].end)))
         look = walks.look(first, np.array([slope]), np.array([[float(end.duration) / own.time]]))
         heel, push = heelstrike(walker, parts[-1], end.state, float(look.controls[0, 0, 2]))
@@ -320,7 +325,7 @@ def reality_check(
         phases += parts
         time, here = time + float(end.duration), end.state
 
-    def worst(collisions: list[tuple[Impulse, Extreme]]) -> Impulse:
+    def worst(collisions: list[tuple[Impulse, TimedExtremum]]) -> Impulse:
         none = Impulse(np.nan, np.nan, np.nan)
         return max((x for x, _ in collisions), key=lambda x: x.friction.value, default=none)
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.gaits.gait import gait_equations
+from gym_passive_walker.gaits.map_result import Change, Passage
 from gym_passive_walker.gaits.newton import newton
-from gym_passive_walker.gaits.passage import Change, Passage
 from gym_passive_walker.gaits.section import Points
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.units import unit_of

@@ -13,7 +13,7 @@ from gym_passive_walker.gaits.actuation import Actuation, actuation_units, one_a
 from gym_passive_walker.gaits.fixed_point import state_on
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE
 from gym_passive_walker.gaits.given import GaitLike, walk_of
-from gym_passive_walker.gaits.passage import NoStride
+from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.units import growth

@@ -24,7 +24,7 @@ from gym_passive_walker.gaits.actuation import (
     to_own,
 )
 from gym_passive_walker.gaits.flow import Flow, Walkers, accelerations, flow, states_in
-from gym_passive_walker.gaits.passage import Change, Passage, imbalance, product
+from gym_passive_walker.gaits.map_result import Change, Passage, imbalance, product
 from gym_passive_walker.gaits.section import Points, Section
 from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain

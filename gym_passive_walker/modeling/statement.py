@@ -119,7 +119,7 @@ def stop_of(mass_matrix: Matrix, gap: Callable[[Any, Any], Any]) -> Derived:
 
 
 def _moved_by(potential_gain: Any, body: Any, state: Any, links: int) -> list[list[Any]]:
-    """How each coordinate moves the centre of mass, times the mass, along the ground and up.
+    """Mass times the derivative of its centre, along the ground and up, by each coordinate.
 
     Gravity acts at the centre of mass: its potential says how a coordinate moves it.
     """

@@ -102,7 +102,7 @@ class Stage(IntEnum):
 
 
 class Watch(IntEnum):
-    """How a guard is checked within an integration step."""
+    """Kinds of checks of a guard within an integration step."""
 
     STRIKE = 0
     """An impact: may be zero at the start of its phase; two crossings in one step are found too."""

@@ -1,4 +1,4 @@
-"""What frames are drawn with: shapes and lettering at places along a slope and off it."""
+"""Drawing of frames: shapes and lettering at places along a slope and off it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.render import look
+from gym_passive_walker.render import colours
 from gym_passive_walker.render.pose import level
 
 
@@ -53,16 +53,16 @@ class Brush:
         away = level(np.asarray(points) - self.camera, self._slope)
         return self._origin + self.scale / self.length * away * [1.0, -1.0]
 
-    def disc(self, centre: NDArray, radius: float, colour: look.Colour) -> None:
+    def disc(self, centre: NDArray, radius: float, colour: colours.Colour) -> None:
         """A disc."""
         self.pygame.draw.circle(self.canvas, colour, tuple(centre), radius * self.scale)
 
-    def polygon(self, corners: list[NDArray] | NDArray, colour: look.Colour) -> None:
+    def polygon(self, corners: list[NDArray] | NDArray, colour: colours.Colour) -> None:
         """A filled polygon."""
         self.pygame.draw.polygon(self.canvas, colour, [tuple(corner) for corner in corners])
 
     def limb(
-        self, start: NDArray, end: NDArray, wide: float, narrow: float, colour: look.Colour
+        self, start: NDArray, end: NDArray, wide: float, narrow: float, colour: colours.Colour
     ) -> None:
         """A limb with round ends and these half-widths."""
         along = end - start
@@ -74,12 +74,12 @@ class Brush:
         self.disc(start, wide, colour)
         self.disc(end, narrow, colour)
 
-    def line(self, places: NDArray, width: float, colour: look.Colour) -> None:
+    def line(self, places: NDArray, width: float, colour: colours.Colour) -> None:
         """A line through pixels, of this half-width."""
         for start, end in pairwise(places):
             self.limb(start, end, width, width, colour)
 
-    def turn(self, centre: NDArray, radius: float, angle: float, colour: look.Colour) -> None:
+    def turn(self, centre: NDArray, radius: float, angle: float, colour: colours.Colour) -> None:
         """An arrow along an arc below a centre, by an angle in rad, positive anticlockwise."""
         if abs(angle) < 1e-3:
             return
@@ -95,7 +95,7 @@ class Brush:
         )
 
     def arrow(
-        self, start: NDArray, along: NDArray, colour: look.Colour, width: float = 0.012
+        self, start: NDArray, along: NDArray, colour: colours.Colour, width: float = 0.012
     ) -> None:
         """A straight arrow from a pixel on, by so many pixels."""
         length = math.hypot(*along)
@@ -113,7 +113,7 @@ class Brush:
         text: str,
         place: ArrayLike,
         anchor: str = "midtop",
-        colour: look.Colour = look.GROUND_LINE,
+        colour: colours.Colour = colours.GROUND_LINE,
         *,
         size: int | None = None,
         width: int = 0,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.render import look
+from gym_passive_walker.render import colours
 from gym_passive_walker.render.brush import Brush
 
 _SPANS = (0.2, 0.4, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 20.0, 50.0)  # of an axis
@@ -42,13 +42,13 @@ def draw_portrait(
     """
     draw, canvas = brush.pygame.draw, brush.canvas
     title = "phase portrait" + " (thin: free shank)" * any(free)
-    brush.write(title, (box.left + 10, box.top + 9), "topleft", look.HIP)
+    brush.write(title, (box.left + 10, box.top + 9), "topleft", colours.HIP)
     plot = brush.pygame.Rect(box.left + 44, box.top + 34, box.width - 60, box.height - 64)
     size = np.shape(states)[-1] // 2
     links = np.reshape(states, (-1, 2, size)).swapaxes(1, 2)  # angle and velocity, (n, size, 2)
     angle, rate = map(_rounded_up, np.abs(links).max(axis=(0, 1)).tolist())
     _draw_axes(brush, plot)
-    draw.rect(canvas, look.GROUND, plot, 1)
+    draw.rect(canvas, colours.GROUND, plot, 1)
     for text, place, anchor in (
         (f"−{angle:g}", (plot.left, plot.bottom + 6), "midtop"),
         ("angle (rad)", (plot.centerx, plot.bottom + 6), "midtop"),
@@ -73,17 +73,17 @@ def draw_portrait(
         draw.aacircle(canvas, colour, pixels[-1, link], 5, 2 * (link == 2))
 
 
-def _links(size: int, legs: bool, strides: int, free: bool) -> Iterator[tuple[int, look.Colour]]:
+def _links(size: int, legs: bool, strides: int, free: bool) -> Iterator[tuple[int, colours.Colour]]:
     """The coordinates that move independently, and their colours.
 
     Legs keep theirs at heelstrike; coordinates of a `System` have theirs by number.
     """
     if not legs:
-        yield from ((i, look.LEGS[i % 2] if i < 2 else look.HIP) for i in range(size))
+        yield from ((i, colours.LEGS[i % 2] if i < 2 else colours.HIP) for i in range(size))
         return
-    stance, swing = look.LEGS[strides % 2], look.LEGS[1 - strides % 2]
+    stance, swing = colours.LEGS[strides % 2], colours.LEGS[1 - strides % 2]
     if free:
-        yield 2, look.shaded(swing, look.SKY, _FADED)
+        yield 2, colours.shaded(swing, colours.SKY, _FADED)
     yield 1, swing
     yield 0, stance
 
@@ -95,8 +95,8 @@ def _rounded_up(value: float) -> float:
 
 def _draw_axes(brush: Brush, box: Any) -> None:
     """Draw axes through the centre of a box."""
-    brush.pygame.draw.line(brush.canvas, look.GROUND, box.midtop, box.midbottom)
-    brush.pygame.draw.line(brush.canvas, look.GROUND, box.midleft, box.midright)
+    brush.pygame.draw.line(brush.canvas, colours.GROUND, box.midtop, box.midbottom)
+    brush.pygame.draw.line(brush.canvas, colours.GROUND, box.midleft, box.midright)
 
 
 def draw_multipliers(brush: Brush, box: Any, values: NDArray, *, pale: bool = False) -> None:
@@ -111,10 +111,10 @@ def draw_multipliers(brush: Brush, box: Any, values: NDArray, *, pale: bool = Fa
     draw, canvas = brush.pygame.draw, brush.canvas
     scale = 0.5 * box.width / (1.15 * float(np.abs(values).max(initial=1.0)))
     _draw_axes(brush, box)
-    draw.aacircle(canvas, look.GROUND_LINE, box.center, scale, 1)
+    draw.aacircle(canvas, colours.GROUND_LINE, box.center, scale, 1)
     for value in values:
         outside = abs(value) >= 1.0
-        colour = look.GROUND if pale else look.WARNING if outside else look.LEGS[0]
+        colour = colours.GROUND if pale else colours.WARNING if outside else colours.LEGS[0]
         place = box.centerx + scale * value.real, box.centery - scale * value.imag
         draw.aacircle(canvas, colour, place, 6, 2 * outside)
     brush.write("unit circle", (box.centerx, box.bottom + 6))

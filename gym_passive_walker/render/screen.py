@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.extras import extra
-from gym_passive_walker.render import look
+from gym_passive_walker.render import colours
 from gym_passive_walker.render.brush import Brush
 from gym_passive_walker.render.ground import between, height
 from gym_passive_walker.render.pose import Leg, Pose, legs_by_identity, pose
@@ -175,15 +175,15 @@ class Screen:
             return self._finished(notes, warning)
         brush, posture = self._brush, pose(self.walker, state, contact_x, contact_y, tilt)
         self._look_at(posture, slope, ground)
-        self._canvas.fill(look.SKY)
+        self._canvas.fill(colours.SKY)
         self._follow(posture, strides)
         hip = brush.at(posture.hip)
         near, far = legs_by_identity(posture, strides)
-        self._leg(hip, far, look.LEGS[1])
-        self._leg(hip, near, look.LEGS[0])
-        brush.disc(hip, 0.050, look.HIP)
-        brush.disc(hip, 0.018, look.SKY)
-        brush.turn(hip, 0.17, 1.9 * torque, look.TORQUE)
+        self._leg(hip, far, colours.LEGS[1])
+        self._leg(hip, near, colours.LEGS[0])
+        brush.disc(hip, 0.050, colours.HIP)
+        brush.disc(hip, 0.018, colours.SKY)
+        brush.turn(hip, 0.17, 1.9 * torque, colours.TORQUE)
         if push:
             along = push * np.array([math.cos(tilt), -math.sin(tilt)])
             self._push, self._since = along * _PUSH * self.walker.leg_length, 0
@@ -195,12 +195,12 @@ class Screen:
     def _draw_lines(self, lines: list[NDArray], contact_x: float) -> None:
         """Draw a system by its lines of points, from its stance foot, on smooth ground."""
         brush = self._brush
-        self._canvas.fill(look.SKY)
+        self._canvas.fill(colours.SKY)
         for number, line in enumerate(lines):
             places = brush.at(line + np.array([contact_x, 0.0]))
-            brush.line(places, 0.026, look.LEGS[number % len(look.LEGS)])
+            brush.line(places, 0.026, colours.LEGS[number % len(colours.LEGS)])
             for place in places:
-                brush.disc(place, 0.034, look.HIP)
+                brush.disc(place, 0.034, colours.HIP)
         self._ground(_LEVEL)
 
     def _look_below(self, x: float, slope: float) -> None:
@@ -285,9 +285,9 @@ class Screen:
             if posture.hip[0] - ghost.hip[0] < 0.5 * _GHOST_APART * length:
                 continue  # the walker would cover it
             near, far = legs_by_identity(ghost, struck)
-            for leg, colour in ((far, look.LEGS[1]), (near, look.LEGS[0])):
+            for leg, colour in ((far, colours.LEGS[1]), (near, colours.LEGS[0])):
                 places = self._brush.at(np.array([ghost.hip, leg.knee, leg.tip]))
-                self._brush.line(places, 0.010, look.shaded(colour, look.SKY, paleness))
+                self._brush.line(places, 0.010, colours.shaded(colour, colours.SKY, paleness))
         if not self._trail or ahead > _GHOST_APART:
             self._trail.append((posture, strides))
 
@@ -295,16 +295,16 @@ class Screen:
         """Draw the last push, until it has faded."""
         if self._since < _FRAMES:
             start = self._brush.at(hip)
-            colour = look.shaded(look.PUSH, look.SKY, self._since / _FRAMES)
+            colour = colours.shaded(colours.PUSH, colours.SKY, self._since / _FRAMES)
             self._brush.arrow(start, self._brush.at(hip + self._push) - start, colour)
             self._since += 1
 
-    def _leg(self, hip: NDArray, leg: Leg, colour: look.Colour) -> None:
+    def _leg(self, hip: NDArray, leg: Leg, colour: colours.Colour) -> None:
         """Draw thigh, shank and foot."""
         brush = self._brush
         instep = leg.foot + 0.45 * (leg.tip - leg.foot)
         knee, instep, tip = (brush.at(place) for place in (leg.knee, instep, leg.tip))
-        dark = look.shaded(colour, look.HIP, 0.45)
+        dark = colours.shaded(colour, colours.HIP, 0.45)
         brush.limb(hip, knee, 0.034, 0.026, colour)
         brush.limb(knee, instep + 0.5 * (tip - instep), 0.026, 0.017, colour)
         if self.walker.foot_radius > 0.0:
@@ -327,29 +327,29 @@ class Screen:
         ends = middle + seen * np.array([-1.0, 1.0])
         surface = brush.at(between(profile, *ends))
         deep = brush.at(np.column_stack([ends[::-1], [floor - seen] * 2]))
-        brush.polygon([*surface, *deep], look.GROUND)
+        brush.polygon([*surface, *deep], colours.GROUND)
         pitch = length / _MARKS
         for index in range(math.ceil(ends[0] / pitch), math.ceil(ends[1] / pitch)):
             numbered = index % _MARKS == 0
             top = np.array([index * pitch, height(profile, index * pitch)])
             mark = brush.at([top, top - [0.0, (0.07 if numbered else 0.035) * length]])
-            brush.line(mark, 0.003, look.GROUND_LINE)
+            brush.line(mark, 0.003, colours.GROUND_LINE)
             if numbered:
                 brush.write(
                     f"{index // _MARKS} l", mark[1] + [0.0, 0.012 * self._canvas.get_height()]
                 )
-        brush.line(surface, 0.005, look.GROUND_LINE)
+        brush.line(surface, 0.005, colours.GROUND_LINE)
 
     def _scuff(self, leg: Leg, profile: NDArray) -> None:
         """Mark the part of the swing foot below the ground, which the model permits."""
         depth = height(profile, leg.sole[:, 0]) - leg.sole[:, 1]
         if depth.max() > _SCUFF * self.walker.leg_length:
             below = self._brush.at(leg.sole[depth > 0.0])
-            self._brush.line(np.atleast_2d(below), 0.008, look.WARNING)
-            self._brush.disc(self._brush.at(leg.sole[np.argmax(depth)]), 0.012, look.WARNING)
+            self._brush.line(np.atleast_2d(below), 0.008, colours.WARNING)
+            self._brush.disc(self._brush.at(leg.sole[np.argmax(depth)]), 0.012, colours.WARNING)
             right, down = below.mean(axis=0)
             place = right, down + 0.15 * self._brush.scale  # below the marks
-            self._brush.write("foot scuffs", place, "midtop", look.WARNING)
+            self._brush.write("foot scuffs", place, "midtop", colours.WARNING)
 
     def _write(self, notes: tuple[Sequence[str], Sequence[str]], warning: str) -> None:
         """Write the text in the upper corners."""
@@ -360,6 +360,6 @@ class Screen:
         ):
             down = edge
             for line in lines:
-                down += 1.15 * self._brush.write(line, (across, down), anchor, look.HIP)
+                down += 1.15 * self._brush.write(line, (across, down), anchor, colours.HIP)
             if anchor == "topleft" and warning:
-                self._brush.write(warning, (across, down), anchor, look.WARNING)
+                self._brush.write(warning, (across, down), anchor, colours.WARNING)

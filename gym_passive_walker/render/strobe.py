@@ -17,7 +17,7 @@ from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.gaits.stride_map import MapLike
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.gaits.trajectory import Trajectory, ground_of, simulate
-from gym_passive_walker.render import look
+from gym_passive_walker.render import colours
 from gym_passive_walker.render.axes import (
     GREY,
     OWN,
@@ -37,10 +37,12 @@ if TYPE_CHECKING:
 
     Path = str | PathLike[str]
 
-LEGS = tuple(look.unit(colour) for colour in look.LEGS)
+LEGS = tuple(colours.unit(colour) for colour in colours.LEGS)
 """Colours of the stance leg of the first stride, and of the other leg."""
 
-GROUND, LINE, HIP = (look.unit(colour) for colour in (look.GROUND, look.GROUND_LINE, look.HIP))
+GROUND, LINE, HIP = (
+    colours.unit(colour) for colour in (colours.GROUND, colours.GROUND_LINE, colours.HIP)
+)
 _FAINT = 0.3  # opacity of a stance leg between heelstrikes, so that the swing leg stands out
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.render import look
+from gym_passive_walker.render import colours
 
 _WIDTH = 1600  # of a picture with many tiles
 _LARGEST, _SMALLEST = 800, 160  # widths in pixels of tiles, which have the aspect ratio 16:9
@@ -45,7 +45,7 @@ def tiled(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
     height, width, _ = shapes.pop()
     columns = columns_of(len(frames))
     rows = math.ceil(len(frames) / columns)
-    picture = np.full((rows * height, columns * width, 3), look.SKY, np.uint8)
+    picture = np.full((rows * height, columns * width, 3), colours.SKY, np.uint8)
     for index, frame in enumerate(frames):
         top, left = index // columns * height, index % columns * width
         picture[top : top + height, left : left + width] = frame

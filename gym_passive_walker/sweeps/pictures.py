@@ -11,7 +11,7 @@ from gym_passive_walker.arguments import unknown
 from gym_passive_walker.render.axes import BLUE, GREY, VERMILION, axes_for, figure_of, legend
 from gym_passive_walker.shown import picture
 from gym_passive_walker.sweeps.quantities import label, sizes
-from gym_passive_walker.sweeps.run import Swept
+from gym_passive_walker.sweeps.run import SweepResult
 from gym_passive_walker.sweeps.store import DONE
 from gym_passive_walker.sweeps.tasks import check_trust
 
@@ -22,8 +22,8 @@ _MANY = 2000  # number of points from which on they are drawn smaller
 _MARKER = 16.0  # size of points in the legend, in square points
 
 
-@picture.register(Swept)
-def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> Axes:
+@picture.register(SweepResult)
+def _swept(swept: SweepResult, ax: Axes | None = None, *, x: str, y: str, by: str) -> Axes:
     """Draw a point for each task over two columns, marked or coloured by a third.
 
     A Boolean third column gives two kinds of markers, a numeric one gives colours. Failed tasks are

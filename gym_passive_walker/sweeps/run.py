@@ -31,7 +31,7 @@ from gym_passive_walker.sweeps.workers import Task, Workers
 
 
 @dataclass(frozen=True, repr=False)
-class Swept(Table):
+class SweepResult(Table):
     """A finished sweep: a table with a row for each task.
 
     Attributes:
@@ -73,7 +73,7 @@ def sweep(
     retry: bool = False,
     trust: bool = False,
     **described: Any,
-) -> Swept:
+) -> SweepResult:
     """Run an analysis for many sets of arguments in parallel, and store the results in a folder.
 
     A sweep that was interrupted at any moment continues when it is called again. A task that fails,
@@ -134,7 +134,7 @@ def sweep(
     finally:
         store.close()
     failures = sum(status != DONE for status in store.done.values())
-    return Swept(folder, len(description.tasks), failures, trust)
+    return SweepResult(folder, len(description.tasks), failures, trust)
 
 
 def _is_function(analysis: Any) -> bool:

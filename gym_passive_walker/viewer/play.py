@@ -14,8 +14,8 @@ from gym_passive_walker.files import prepare, replacing
 from gym_passive_walker.gaits.actuation import PASSIVE
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.policies import TrainedPolicy, load_policy
-from gym_passive_walker.render.film import film_path
 from gym_passive_walker.render.screen import load_pygame, open_window
+from gym_passive_walker.render.video import video_path
 from gym_passive_walker.units import units_of
 from gym_passive_walker.viewer.walk import LiveWalk, Setup, gentle_slope
 from gym_passive_walker.walkers import as_any
@@ -75,7 +75,7 @@ def play(
     policy: TrainedPolicy | str | Path | None = None,
     start: ArrayLike | None = None,
     seconds: float | None = None,
-    film: str | Path | None = None,
+    video: str | Path | None = None,
     picture: str | Path | None = None,
 ) -> PlayerWidget | None:
     """Show a walker with pushes and changes of its parameters, in a window or in a notebook.
@@ -97,7 +97,7 @@ def play(
             (2 m,) of a `System`; None is a periodic gait.
         seconds: Seconds after which the window closes; None leaves that to the user. This argument
             and the next two open the window also in a notebook.
-        film: File to record all frames in, MP4 or GIF.
+        video: File to record all frames in, MP4 or GIF.
         picture: File to write the last frame to, PNG, JPEG, BMP or TGA.
 
     Returns:
@@ -110,7 +110,7 @@ def play(
         ImportError: if pygame is not installed, moviepy for a video, or anywidget in a notebook.
         OSError: if the machine has no display, or the video or picture cannot be written.
     """
-    if seconds is None and film is None and picture is None and _in_notebook():
+    if seconds is None and video is None and picture is None and _in_notebook():
         from gym_passive_walker.web.widget import PlayerWidget
 
         setup, start = _asked(walker, slope, policy, start)
@@ -120,27 +120,27 @@ def play(
     from gym_passive_walker.viewer.view import View
 
     setup, start = _asked(walker, slope, policy, start)
-    film = None if film is None else film_path(film)
+    video = None if video is None else video_path(video)
     if picture is not None and Path(picture).suffix.lower() not in _PICTURES:
         raise ValueError(f"a picture's name must end in one of {', '.join(_PICTURES)}: {picture}")
     picture = None if picture is None else prepare(picture)
     walk = LiveWalk(setup, start)
     window, player, view = open_window(pygame, SIZE), Player(walk), View()
-    player.record(film)
+    player.record(video)
     try:
         clock, shown = pygame.time.Clock(), 0.0
         while player.running and (seconds is None or shown < seconds):
             elapsed = min(clock.tick(FPS) / 1000.0, _LONGEST_FRAME)
-            if player.film is not None:
+            if player.video is not None:
                 elapsed = 1.0 / FPS  # frames of a video are evenly spaced, however slow drawing is
             for event in pygame.event.get():
                 player.handle(event)
             player.frame(elapsed)
             shown += elapsed
             surface = view.draw(player)
-            if player.film is not None:
+            if player.video is not None:
                 pixels = pygame.image.tobytes(surface, "RGB")
-                player.film.write(np.frombuffer(pixels, np.uint8))
+                player.video.write(np.frombuffer(pixels, np.uint8))
             window.blit(surface, (0, 0))
             pygame.display.flip()
         if picture is not None:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import TrainedPolicy, policy_folder, shipped_policies
-from gym_passive_walker.render.film import Film
 from gym_passive_walker.render.pose import level
+from gym_passive_walker.render.video import Video
 from gym_passive_walker.viewer.sliders import sliders_of
 from gym_passive_walker.viewer.walk import LiveWalk, Setup, gentle_slope
 from gym_passive_walker.walkers import WALKERS
@@ -73,7 +73,7 @@ class Player:
         paused: Whether time stands still.
         pace: The walk's time over that of the window.
         drag: Drag of the scene by the mouse, right and up in pixels, (2,); None without one.
-        film: The video that is being recorded, if there is one.
+        video: The video that is being recorded, if there is one.
         message: A line for the user.
         running: Whether the window stays open.
     """
@@ -83,7 +83,7 @@ class Player:
         self.sliders, self.selected = sliders_of(walk.setup), 0
         self.paused, self.pace, self.running, self.message = False, 1.0, True, ""
         self.drag: NDArray[np.float64] | None = None
-        self.film: Film | None = None
+        self.video: Video | None = None
         self._held: int | None = None  # the slider that the mouse holds
         self._pointer = (-1, -1)  # where the mouse was last seen
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="gaits")
@@ -180,7 +180,7 @@ class Player:
             case pygame.K_f:
                 paths = (Path(f"walk-{number}.mp4") for number in count(1))
                 unused = next(path for path in paths if not path.exists())
-                self.record(unused if self.film is None else None)
+                self.record(unused if self.video is None else None)
             case pygame.K_q | pygame.K_ESCAPE:
                 self.running = False
 
@@ -225,13 +225,13 @@ class Player:
 
     def record(self, path: Path | None) -> None:
         """Finish the video, if there is one, and record the following frames; not if None."""
-        if self.film is not None:
-            film, self.film = self.film, None
-            film.close()
-            self.message = f"recorded {film.path}"
+        if self.video is not None:
+            video, self.video = self.video, None
+            video.close()
+            self.message = f"recorded {video.path}"
         if path is not None:
             try:
-                self.film = Film(path, SIZE, FPS, shrink=2)
+                self.video = Video(path, SIZE, FPS, shrink=2)
             except (ImportError, OSError) as error:
                 self.message = str(error)
 

@@ -9,7 +9,7 @@ import pygame
 from pygame import Rect, Surface
 
 from gym_passive_walker.gaits.gait import Gait
-from gym_passive_walker.render import look
+from gym_passive_walker.render import colours
 from gym_passive_walker.render.brush import Brush
 from gym_passive_walker.render.panels import draw_multipliers, draw_portrait
 from gym_passive_walker.render.screen import Screen
@@ -36,7 +36,7 @@ class View:
     def draw(self, player: Player) -> Surface:
         """Draw what the player shows now, and return the picture."""
         brush, walk = self._brush, player.walk
-        brush.canvas.fill(look.SKY)
+        brush.canvas.fill(colours.SKY)
         self._draw_scene(player)
         strides, free, states = zip(*walk.trail, strict=True)
         legs = not isinstance(walk.setup.walker, Mechanism)
@@ -46,10 +46,10 @@ class View:
         for index, (key, does) in enumerate(KEYS):
             column, line = divmod(index, 6)
             x, y = LEGEND.left + 12 + 240 * column, LEGEND.top + 12 + _LINE * line
-            brush.write(key, (x, y), "topleft", look.HIP)
+            brush.write(key, (x, y), "topleft", colours.HIP)
             brush.write(does, (x + 96, y), "topleft")
         for box in (PORTRAIT, GAIT, PANEL, LEGEND):
-            pygame.draw.rect(brush.canvas, look.GROUND, box, 1)
+            pygame.draw.rect(brush.canvas, colours.GROUND, box, 1)
         return brush.canvas
 
     def _draw_scene(self, player: Player) -> None:
@@ -60,8 +60,8 @@ class View:
         notes = ["paused"] * player.paused
         if player.pace != 1.0:
             notes.append(f"pace {Fraction(player.pace)}")
-        if player.film is not None:
-            notes.append(f"recording {player.film.path.name}")
+        if player.video is not None:
+            notes.append(f"recording {player.video.path.name}")
         if player.drag is not None:
             downhill, up = player.impulse
             notes.append(f"push {downhill:+.3f} downhill, {up:+.3f} up, in m √(g l)")
@@ -72,7 +72,7 @@ class View:
         brush.canvas.blit(pygame.image.frombuffer(frame, SCENE.size, "RGB"), SCENE)  # type: ignore[arg-type]
         if player.drag is not None:
             hip = np.array(self._screen.hip_on_frame(walk.state, setup.slope))
-            brush.arrow(hip, player.drag * [1.0, -1.0], look.HIP, 2.5)
+            brush.arrow(hip, player.drag * [1.0, -1.0], colours.HIP, 2.5)
 
 
 def _draw_sliders(brush: Brush, player: Player) -> None:
@@ -83,19 +83,19 @@ def _draw_sliders(brush: Brush, player: Player) -> None:
         title = f"system {walker.title}"
     if player.walk.map.controlled:
         title += f", controller {player.walk.map.controller_name}"
-    brush.write(title, (PANEL.left + 12, 8), "topleft", look.HIP, size=22)
+    brush.write(title, (PANEL.left + 12, 8), "topleft", colours.HIP, size=22)
     for slider in player.sliders:
         row, selected = slider.row, slider is player.sliders[player.selected]
         if selected:
-            pygame.draw.rect(brush.canvas, look.GROUND, row.inflate(-8, -2), border_radius=4)
-        colour = look.SKY if selected else look.GROUND
+            pygame.draw.rect(brush.canvas, colours.GROUND, row.inflate(-8, -2), border_radius=4)
+        colour = colours.SKY if selected else colours.GROUND
         pygame.draw.rect(brush.canvas, colour, slider.track, border_radius=2)
-        brush.disc(np.array(slider.knob(player.walk)), KNOB, look.LEGS[0])
-        brush.write(slider.label, (row.left + 12, row.centery), "midleft", look.HIP)
+        brush.disc(np.array(slider.knob(player.walk)), KNOB, colours.LEGS[0])
+        brush.write(slider.label, (row.left + 12, row.centery), "midleft", colours.HIP)
         value = f"{slider.read(player.walk):.5g}".replace("-", "−")
-        brush.write(value, (row.right - 14, row.centery), "midright", look.HIP)
+        brush.write(value, (row.right - 14, row.centery), "midright", colours.HIP)
     place, width = (PANEL.left + 12, PANEL.bottom - 10), PANEL.width - 24
-    brush.write(player.message, place, "bottomleft", look.HIP, width=width)
+    brush.write(player.message, place, "bottomleft", colours.HIP, width=width)
 
 
 def _draw_gait(brush: Brush, walk: LiveWalk, gait: Gait | None, known: bool) -> None:
@@ -108,23 +108,23 @@ def _draw_gait(brush: Brush, walk: LiveWalk, gait: Gait | None, known: bool) -> 
     if strides.controlled:
         owner = f"the gait under {strides.controller_name}"
     title, corner = f"Floquet multipliers of {owner}", (GAIT.left + 10, GAIT.top + 9)
-    brush.write(title, corner, "topleft", look.HIP)
+    brush.write(title, corner, "topleft", colours.HIP)
     values = np.empty(0, complex) if gait is None else np.asarray(gait.multipliers)
     draw_multipliers(brush, square, values, pale=not known)
     if not known:
-        verdict, colour = "searching", look.GROUND_LINE
+        verdict, colour = "searching", colours.GROUND_LINE
     elif gait is None:
-        verdict, colour = "no gait found", look.WARNING
+        verdict, colour = "no gait found", colours.WARNING
     elif gait.stable:
-        verdict, colour = "stable", look.LEGS[0]
+        verdict, colour = "stable", colours.LEGS[0]
     else:
-        verdict, colour = "unstable (ring)", look.WARNING
+        verdict, colour = "unstable (ring)", colours.WARNING
     x = square.right + 16
     brush.write(verdict, (x, square.top), "topleft", colour)
     pairs = [value for value in values if value.imag >= 0.0] if known else []
     for line, value in enumerate(pairs, 1):
         text = f"{value.real:z.3f}".replace("-", "−") + f" ± {value.imag:.3f} i" * bool(value.imag)
-        brush.write(text, (x, square.top + _LINE * line), "topleft", look.HIP)
+        brush.write(text, (x, square.top + _LINE * line), "topleft", colours.HIP)
     measures = ["was disturbed" if walk.strides else "none yet"]
     if walk.last is not None:
         length, period, cost = walk.last
@@ -136,4 +136,4 @@ def _draw_gait(brush: Brush, walk: LiveWalk, gait: Gait | None, known: bool) -> 
         ]
     for line, text in enumerate(["last stride", *measures]):
         place = x, square.bottom + _LINE * (line - len(measures))
-        brush.write(text, place, "topleft", look.GROUND_LINE if line else look.HIP)
+        brush.write(text, place, "topleft", colours.GROUND_LINE if line else colours.HIP)

@@ -1,4 +1,4 @@
-"""What a walker is: McGeer's parameters, the walkers of Garcia (1999), and their tuning.
+"""Walkers: McGeer's parameters, the walkers of Garcia (1999), and their tuning.
 
 Lengths, masses and gravity are in any consistent set of units. A leg is a thigh and a shank with
 a circular foot; both legs are alike. Fig. 4.1 of Garcia (1999) names the parameters; here they

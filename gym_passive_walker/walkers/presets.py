@@ -83,15 +83,15 @@ ABOUT: dict[str, str] = {
     "lab": "the laboratory's machine as it was built: knees, round feet, not tuned",
     "lab-straight": "the laboratory's machine with its knees locked",
 }
-"""What each of `WALKERS` is, in words. Tuned walkers may walk at vanishing slope (`tune`)."""
+"""Descriptions of the `WALKERS` by name. Tuned walkers may walk at vanishing slope (`tune`)."""
 
 
 WalkerLike: TypeAlias = Walker | Mechanism | str | Mapping[str, Any] | PathLike[str]
-"""What a walker may be given as, wherever one is asked for; see `as_walker`."""
+"""The forms in which functions accept a walker; see `as_walker`."""
 
 
 def is_walker(value: Any) -> TypeGuard[WalkerLike]:
-    """Whether a value is one that `as_any` looks at: no other name, and no folder."""
+    """Whether a value is a walker, the name of a preset, or a file that is not a policy."""
     if isinstance(value, Walker | Mechanism | Mapping):
         return True
     return (isinstance(value, str) and value in WALKERS) or (

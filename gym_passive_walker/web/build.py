@@ -19,7 +19,7 @@ from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.policies import TENSORS, policy_folder, shipped_policies
 from gym_passive_walker.progress import compiling
 from gym_passive_walker.walkers import Mechanism
-from gym_passive_walker.web import notes
+from gym_passive_walker.web import page_data
 
 _ROOT = Path(__file__).parent
 PACKAGE = _ROOT / "package"
@@ -28,7 +28,7 @@ PACKAGE = _ROOT / "package"
 KINDS = ("kneed", "straight", "simplest")
 DATA = "data.json"
 
-# Numba then writes code for a processor without vector units, which becomes the smallest module.
+# Numba then writes code for a CPU without vector units, which becomes the smallest module.
 _PLAIN = {
     "NUMBA_CPU_NAME": "generic",
     "NUMBA_CPU_FEATURES": "",
@@ -74,7 +74,7 @@ def data() -> bytes:
     name = f"web-{_name()}-{DATA}"
     found = cache.found(name)
     if found is None:
-        found = json.dumps(notes.of_all(), separators=(",", ":"), allow_nan=False).encode()
+        found = json.dumps(page_data.of_all(), separators=(",", ":"), allow_nan=False).encode()
         cache.keep(name, found)
     return found
 
@@ -102,8 +102,8 @@ def system_module(system: Mechanism, gait: Gait | None = None) -> bytes:
             _compile(Path(folder), name)
             made = (Path(folder) / f"{name}.o").read_bytes()
         cache.keep(f"web-{_name()}-{digest}.o", made)
-    section = notes.of_system(system, container.data_end(made), code.variants(system), gait)
-    return container.module(made, code.EXPORTED_OF_SYSTEM, {notes.SECTION: section})
+    section = page_data.of_system(system, container.data_end(made), code.variants(system), gait)
+    return container.module(made, code.EXPORTED_OF_SYSTEM, {page_data.SECTION: section})
 
 
 def _compile(folder: Path, *names: str) -> None:

@@ -1,6 +1,6 @@
 """LLVM text of a module: equations, bookkeeping and elementary functions for wasm32.
 
-This module expects numba to write code for a plain processor without vector units, so it runs in a
+This module expects numba to write code for a plain CPU without vector units, so it runs in a
 process of its own; see `build`.
 """
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gym_passive_walker.engine.layout import NARROW, WIDE, Layout
-from gym_passive_walker.web import code, container, notes
+from gym_passive_walker.web import code, container, page_data
 from gym_passive_walker.web.build import KINDS
 
 _GIVEN = ("__linear_memory", "__stack_pointer", "__indirect_function_table")
@@ -40,8 +40,8 @@ def main(folder: Path, *names: str) -> None:
         return
     for kind in KINDS:
         made = _object(kind, code.of_kind(kind), code.EXPORTED)
-        content = notes.of_module(code.KINDS[kind], code.VARIANTS, container.data_end(made))
-        module = container.module(made, code.EXPORTED, {notes.SECTION: content})
+        content = page_data.of_module(code.KINDS[kind], code.VARIANTS, container.data_end(made))
+        module = container.module(made, code.EXPORTED, {page_data.SECTION: content})
         (folder / f"{kind}.wasm").write_bytes(module)
 
 

@@ -15,7 +15,7 @@ from gym_passive_walker.extras import extra
 from gym_passive_walker.physics.systems import kind_of
 from gym_passive_walker.policies import TENSORS, TrainedPolicy
 from gym_passive_walker.walkers import PARAMETERS, WALKERS, Mechanism, Walker
-from gym_passive_walker.web import notes
+from gym_passive_walker.web import page_data
 from gym_passive_walker.web.build import DATA, PACKAGE, files, system_module
 
 with extra("notebook"):
@@ -123,7 +123,7 @@ class PlayerWidget(anywidget.AnyWidget):
             given["policy"] = name = policy.folder.name
             if f"policies/{name}.safetensors" not in content:
                 data = json.loads(content[DATA])
-                data["policies"][name] = notes.of_policy(policy.folder)
+                data["policies"][name] = page_data.of_policy(policy.folder)
                 content[DATA] = json.dumps(data).encode()
             content[f"policies/{name}.safetensors"] = (policy.folder / TENSORS).read_bytes()
         parameters = {name: getattr(walker, name) for name in (*PARAMETERS, "knees")}

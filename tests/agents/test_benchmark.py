@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import train
-from agents import benchmark, standings
+from agents import benchmark, results
 from agents.benchmark import Unit
 from agents.commands import run_benchmark
 from agents.config import ConfigError, configure
@@ -22,7 +22,8 @@ from tests.control.in_environment import walked
 
 def score(agent="ppo", seed=0, scene="level", **changes):
     """An invented score."""
-    values = {name: 0.1 for name in benchmark.SCORES} | {"endings": {"walked on": 9, "stalled": 1}}
+    values = {name: 0.1 for name in benchmark.SCORES}
+    values |= {"endings": {"reached the time limit": 9, "stalled": 1}}
     return {"scene": scene, "agent": agent, "seed": seed} | values | changes
 
 
@@ -94,7 +95,7 @@ def optimal_score():
 
 
 def test_the_policy_of_the_optimal_gait_costs_about_as_much(optimal_score):
-    assert optimal_score["walked_on"] == 1.0
+    assert optimal_score["reached_time_limit"] == 1.0
     assert 0.0 < optimal_score["above_optimum"] < 0.1
 
 
@@ -115,19 +116,19 @@ def test_velocity_perturbations_are_reported_forward_and_backward(optimal_score)
 def test_a_passive_walker_costs_at_a_speed_what_its_slope_pays_whichever_gait_was_found_first():
     slopes, speeds = np.array([0.02, 0.01, 0.03]), np.array([0.2, 0.15, 0.25])
     family = SimpleNamespace(slope=slopes, froude_speed=speeds)
-    assert standings._cost_at(family, 0.175) == pytest.approx(math.sin(0.015))
-    assert standings._cost_at(family, 0.25) == pytest.approx(math.sin(0.03))
-    assert math.isnan(standings._cost_at(family, 0.1))
+    assert results._cost_at(family, 0.175) == pytest.approx(math.sin(0.015))
+    assert results._cost_at(family, 0.25) == pytest.approx(math.sin(0.03))
+    assert math.isnan(results._cost_at(family, 0.1))
 
 
 def test_a_walk_on_level_ground_is_compared_with_the_passive_walker_at_its_speed():
     gait = find_gait("C", 0.01)
     walks = {"speed": gait.froude_speed, "cost_of_transport": 0.02}
     scores = [
-        score("passive", walked_on=0.0), score("lqr", **walks), score("lqr", scene="lab"),
+        score("passive", reached_time_limit=0.0), score("lqr", **walks), score("lqr", scene="lab"),
     ]  # fmt: skip
-    assert list(standings.walking_on_level_ground(scores)) == ["lqr"]
-    *_, line = standings.equal_speeds(scores).splitlines()
+    assert list(results.walking_on_level_ground(scores)) == ["lqr"]
+    *_, line = results.equal_speeds(scores).splitlines()
     least = optimal.least_cost(optimal.load("level"), gait.froude_speed)
     cells = [cell.strip() for cell in line.strip("|").split("|")]
     assert cells == [
@@ -137,34 +138,34 @@ def test_a_walk_on_level_ground_is_compared_with_the_passive_walker_at_its_speed
 
 def test_the_middle_of_some_seeds_forgets_the_odd_ones():
     values = np.array([-100.0, 1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 100.0])
-    assert standings.middle(values) == pytest.approx(1.25)
-    low, high = standings.interval(values)
+    assert results.middle(values) == pytest.approx(1.25)
+    low, high = results.interval(values)
     assert low < 1.25 < high
-    assert standings.interval(np.ones(5)) == (1.0, 1.0)
-    assert all(map(math.isnan, standings.interval(np.ones(2))))
+    assert results.interval(np.ones(5)) == (1.0, 1.0)
+    assert all(map(math.isnan, results.interval(np.ones(2))))
 
 
 def test_cells_show_what_is_known():
-    assert standings.cell([0.5], ".0%") == "50%"
-    assert standings.cell([math.nan, None], ".1f") == "–"
-    assert standings.cell([1.0, 1.0, 1.0], ".1f") == "1.0 [1.0, 1.0]"
+    assert results.cell([0.5], ".0%") == "50%"
+    assert results.cell([math.nan, None], ".1f") == "–"
+    assert results.cell([1.0, 1.0, 1.0], ".1f") == "1.0 [1.0, 1.0]"
 
 
 def test_the_tables_name_agents_seeds_and_falls():
     scores = [score("passive"), score("ppo", 0), score("ppo", 1)]
-    text = standings.tables(scores)
+    text = results.tables(scores)
     assert "| `level` | passive | ppo (2 seeds) |" in text
     assert "| falls | stalled 10% | stalled 10% |" in text
 
 
 def test_a_document_keeps_what_stands_around_the_tables(tmp_path):
     path = tmp_path / "agents.md"
-    path.write_text(f"before\n{standings.BEGIN}\nold\n{standings.END}\nafter\n")
-    standings.write_document(path, "new")
-    assert path.read_text() == f"before\n{standings.BEGIN}\nnew\n{standings.END}\nafter\n"
+    path.write_text(f"before\n{results.BEGIN}\nold\n{results.END}\nafter\n")
+    results.write_document(path, "new")
+    assert path.read_text() == f"before\n{results.BEGIN}\nnew\n{results.END}\nafter\n"
     path.write_text("no marks")
     with pytest.raises(ValueError, match="no lines"):
-        standings.write_document(path, "new")
+        results.write_document(path, "new")
 
 
 def test_the_command_compares_and_prints(tmp_path, capsys):

@@ -13,7 +13,7 @@ from agents.evaluation import in_words, write_rows
 from agents.learner import LearnedPolicy, build, moments
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.evaluation.walks import WALKED_ON, Walks, evaluate, table
+from gym_passive_walker.evaluation.walks import TIME_LIMIT, Walks, evaluate, table
 
 
 def made_up(**changes):
@@ -29,7 +29,7 @@ def made_up(**changes):
         "motor_work": np.array([0.1, 0.1, 0.0]),
         "net_work": np.array([0.05, 0.1, 0.0]),
         "gravity_work": np.array([0.1, 0.2, 0.0]),
-        "endings": [WALKED_ON, "fell forward", "fell forward"],
+        "endings": [TIME_LIMIT, "fell forward", "fell forward"],
     }
     return Walks(**(values | changes))
 
@@ -48,7 +48,7 @@ def test_a_summary_has_medians_and_shares():
     assert summary["reward"] == 2.0 and summary["distance"] == 10.0
     assert made_up(reward=np.array([0.0, 1.0, 5.0])).summary()["reward"] == 2.0  # the mean
     assert summary["hundred_strides"] == pytest.approx(2 / 3)
-    assert summary["walked_on"] == pytest.approx(1 / 3)
+    assert summary["reached_time_limit"] == pytest.approx(1 / 3)
 
 
 def test_agents_that_never_step_can_be_summed_up():
@@ -72,7 +72,7 @@ def test_a_cost_is_that_of_walks_to_the_time_limit():
 
 def test_an_evaluation_is_summed_up_in_words():
     config = configure("ppo-fast", "level")
-    lasting, way = {"endings": [WALKED_ON] * 3}, np.full(3, 10.0)
+    lasting, way = {"endings": [TIME_LIMIT] * 3}, np.full(3, 10.0)
     least = optimal.least_cost("level", 0.1)
     paid = {"gravity_work": np.zeros(3), "motor_work": 1.25 * least * way}
     walks = made_up(**lasting, **paid, length=way, duration=10.0 * way)
@@ -81,7 +81,7 @@ def test_an_evaluation_is_summed_up_in_words():
     assert "0.100 √(g l)" in cost and "25.0% above" in cost and f"{least:.4f}" in cost
     assert "1 of 3 walks reach the time limit (fell forward: 2)" in without
     some = dict(paid)
-    some |= {"endings": [WALKED_ON] * 2 + ["fell forward"], "length": way, "duration": 10.0 * way}
+    some |= {"endings": [TIME_LIMIT] * 2 + ["fell forward"], "length": way, "duration": 10.0 * way}
     some["motor_work"] = np.array([1.25, 1.35, 9.0]) * least * way
     assert "30.0% above" in in_words(config, made_up(**some), walks)[1]  # without the fall
     cheap = made_up(
@@ -142,7 +142,7 @@ def test_an_evaluation_tells_what_each_episode_would_be_alone():
         assert (walks.slopes[i], walks.seeds[i]) == (slope, 40 + i)
         assert walks.distance[i] == info["episode_distance"]
         assert walks.strides[i] == info["strides"]
-        assert walks.endings[i] == (info["outcome"].replace("_", " ") if terminated else WALKED_ON)
+        assert walks.endings[i] == (info["outcome"].replace("_", " ") if terminated else TIME_LIMIT)
         lasted.append(steps)
     assert min(lasted) < 75 < max(lasted) == 150
 
@@ -164,7 +164,7 @@ def test_evaluation_changes_nothing_in_an_agent(algo):
 def test_a_passive_walk_costs_the_sine_of_its_slope():
     config = configure(scene="lab", env={"reset_noise_scale": 0.02})
     walks = evaluate(Passive(), envs.arena(config, 2), seed=0)
-    assert walks.endings == [WALKED_ON] * 2
+    assert walks.endings == [TIME_LIMIT] * 2
     assert walks.cost_of_transport == pytest.approx(np.sin(0.036), rel=1e-3)
     assert walks.motor_work.tolist() == [0.0, 0.0]
     # Distance counts the stride under way, the strides only what they completed.

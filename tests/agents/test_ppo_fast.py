@@ -14,7 +14,7 @@ from agents.learner import build
 from agents.ppo_fast import advantages, carried, chances
 from agents.training import Run
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
-from gym_passive_walker.evaluation.walks import WALKED_ON
+from gym_passive_walker.evaluation.walks import TIME_LIMIT
 from gym_passive_walker.policies.network import ACTIVATIONS
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 
@@ -145,4 +145,4 @@ def test_it_learns_to_walk_on_the_level(tmp_path):
     assert run.notes["best"] > 35.0
     _, rows = evaluation.evaluate_policy(tmp_path)
     walks = [row for row in rows if row["agent"] == "PPO-FAST"]
-    assert sum(row["ending"] == WALKED_ON for row in walks) > 15
+    assert sum(row["ending"] == TIME_LIMIT for row in walks) > 15

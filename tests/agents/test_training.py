@@ -468,15 +468,27 @@ def test_evaluations_during_a_training_run_the_same_policy_on_numpy(algo, tmp_pa
 def test_a_training_says_when_it_first_walked(tmp_path):
     run = Run(small(), tmp_path)
     run.notes["curve"] = [
-        {"steps": 64, "seconds": 0.5, "walked_on": 0.4, "hundred_strides": 0.4, "distance": 2.0},
+        {
+            "steps": 64,
+            "seconds": 0.5,
+            "reached_time_limit": 0.4,
+            "hundred_strides": 0.4,
+            "distance": 2.0,
+        },
         {
             "steps": 1024,
             "seconds": 1.5,
-            "walked_on": 0.5,
+            "reached_time_limit": 0.5,
             "hundred_strides": 0.5,
             "distance": 12.34,
         },
-        {"steps": 2048, "seconds": 2.5, "walked_on": 0.9, "hundred_strides": 0.9, "distance": 60.0},
+        {
+            "steps": 2048,
+            "seconds": 2.5,
+            "reached_time_limit": 0.9,
+            "hundred_strides": 0.9,
+            "distance": 60.0,
+        },
     ]
     assert "1.5 s of training (1,024 steps)" in run.first_walks()
     assert "12.3 leg lengths" in run.first_walks()

@@ -20,7 +20,7 @@ from gym_passive_walker.cli import COMMANDS, main, parser
 from gym_passive_walker.cli.arguments import A_WALKER
 from gym_passive_walker.cli.report import plain
 from gym_passive_walker.cli.sweeps import sweep
-from gym_passive_walker.evaluation.walks import WALKED_ON
+from gym_passive_walker.evaluation.walks import TIME_LIMIT
 from gym_passive_walker.policies import policy_folder
 from gym_passive_walker.sweeps.description import Description
 from gym_passive_walker.walkers import ABOUT
@@ -181,7 +181,7 @@ def test_where_files_go_is_checked_before_anything_is_computed(line, tmp_path, m
         pytest.fail("something was computed")
 
     monkeypatch.setattr("gym_passive_walker.cli.arguments.find_gait", never)
-    monkeypatch.setattr("gym_passive_walker.cli.tries.tried", never)
+    monkeypatch.setattr("gym_passive_walker.cli.disturbances.tried", never)
     monkeypatch.setattr("gym_passive_walker.render.figures.draw", never)
     assert main(line.split()) == 2
     assert "error: " in capsys.readouterr().err
@@ -193,7 +193,7 @@ def test_a_table_is_printed_whatever_happens_to_its_picture(monkeypatch, tmp_pat
     def full(*_, **__):
         raise OSError(28, "No space left on device", "r.png")
 
-    monkeypatch.setattr("gym_passive_walker.cli.tries.save", full)
+    monkeypatch.setattr("gym_passive_walker.cli.disturbances.save", full)
     words = f"D --slope 0.009 --walkers 2 --strides 2 --out {tmp_path / 'deep' / 'r.png'}"
     assert main(["robustness", *words.split()]) == 2
     said = capsys.readouterr()
@@ -480,7 +480,7 @@ def test_a_shipped_policy_walks_on_where_its_walker_would_not(reported):
     rows = reported("evaluate", "level-ppo", "--episodes", 3)
     endings = {agent: [row["ending"] for row in rows if row["agent"] == agent] for agent in
                ("level-ppo", "without a motor")}  # fmt: skip
-    assert endings == {"level-ppo": [WALKED_ON] * 3, "without a motor": ["stubbed toe"] * 3}
+    assert endings == {"level-ppo": [TIME_LIMIT] * 3, "without a motor": ["stubbed toe"] * 3}
 
 
 def test_a_policy_may_drive_another_walker_on_another_slope(mine, reported):
@@ -508,11 +508,11 @@ def test_a_film_lasts_as_long_as_its_walk(tmp_path):
     words = ["video", "D", "0.009", "--strides", "2", "--slower", "0.5", "--out", str(path)]
     assert main(words) == 0
     lasts = 2.0 * gpw.find_gait("D", 0.009).step_period
-    with Image.open(path) as film:
-        assert film.n_frames == pytest.approx(0.5 * lasts * 30, abs=1.5)
-        first = np.asarray(film.convert("L"))
-        film.seek(film.n_frames - 1)
-        assert np.any(first != np.asarray(film.convert("L")))
+    with Image.open(path) as video:
+        assert video.n_frames == pytest.approx(0.5 * lasts * 30, abs=1.5)
+        first = np.asarray(video.convert("L"))
+        video.seek(video.n_frames - 1)
+        assert np.any(first != np.asarray(video.convert("L")))
 
 
 WALKS = """

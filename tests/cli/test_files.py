@@ -74,7 +74,7 @@ MADE = {
     "video {walk} --slower 0.1 --out missing/w.gif": "moviepy",
     "robustness D --slope 0.009 --walkers 2 --strides 2 --out missing/r.pdf": "matplotlib",
     "play D --seconds 0.05 --picture missing/p.png": "pygame",
-    "play D --seconds 0.05 --film missing/f.gif": "moviepy",
+    "play D --seconds 0.05 --video missing/f.gif": "moviepy",
 }
 
 

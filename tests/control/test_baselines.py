@@ -27,7 +27,7 @@ from gym_passive_walker.envs.registration import (
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.evaluation.steps import steps
-from gym_passive_walker.evaluation.walks import WALKED_ON, evaluate
+from gym_passive_walker.evaluation.walks import TIME_LIMIT, evaluate
 from gym_passive_walker.units import units_of
 
 
@@ -104,7 +104,7 @@ def test_no_torque_gets_nowhere_on_level_ground():
 
 def test_a_torque_of_a_quarter_percent_walks_on_level_ground_by_itself():
     constant = walks(ConstantTorque(0.0025, "level"), "level", reset_noise_scale=0.02)
-    assert constant.endings == [WALKED_ON] * 4
+    assert constant.endings == [TIME_LIMIT] * 4
     assert constant.speed == pytest.approx(0.1, abs=0.01)
 
 
@@ -121,14 +121,14 @@ def test_feedback_holds_the_walker_that_steep_slopes_fell(method):
     near = {"reset_noise_scale": 0.01}
     assert np.max(walks(Passive(), "steep", **near).strides) < 50
     held = walks(LinearFeedback("steep", method), "steep", **near)
-    assert held.endings == [WALKED_ON] * 4
+    assert held.endings == [TIME_LIMIT] * 4
     assert held.cost_of_transport == pytest.approx(np.sin(0.11), rel=1e-3)
 
 
 def test_feedback_holds_its_torque_through_the_ticks_of_a_stride():
     policy = LinearFeedback("level")
     held = walks(policy, "level", reset_noise_scale=0.02)
-    assert held.endings == [WALKED_ON] * 4
+    assert held.endings == [TIME_LIMIT] * 4
     world = gymnasium.make("PassiveWalker-v0", reset_noise_scale=0.02)
     observation, _ = world.reset(seed=1)
     state, torques, strides = None, [], []
@@ -302,4 +302,4 @@ def test_feedback_walks_as_far_in_the_environment_as_by_its_stride_map():
     there = make_scene("steep", **rough)
     arena = PassiveWalkerVectorEnv(200, there, max_episode_steps=33)
     done = evaluate(LinearFeedback("steep"), arena, seed=0)
-    assert 0.4 < done.endings.count(WALKED_ON) / 200 < 0.75
+    assert 0.4 < done.endings.count(TIME_LIMIT) / 200 < 0.75

@@ -69,7 +69,7 @@ def in_torch(found):
 
 
 def watched(found):
-    """A frame of a film."""
+    """A frame of a video."""
     from gym_passive_walker.render.strobe import strobe
 
     return strobe(found, strides=1)

@@ -14,7 +14,7 @@ from gym_passive_walker.control.optimum import Problem
 from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.evaluation.walks import WALKED_ON, evaluate
+from gym_passive_walker.evaluation.walks import TIME_LIMIT, evaluate
 from gym_passive_walker.gaits.actuation import Actuation, to_own
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.units import units_of
@@ -243,7 +243,7 @@ def test_the_optimal_policy_plays_its_gait_and_returns_to_it():
     assert closed.stable
     arena = gym.make_vec("PassiveWalker-v0", num_envs=8)
     walks, others = (evaluate(p, arena, seed=3) for p in (policy, LinearFeedback("level")))
-    assert walks.endings == [WALKED_ON] * 8
+    assert walks.endings == [TIME_LIMIT] * 8
     assert np.mean(walks.reward) > np.mean(others.reward)
 
 

@@ -13,7 +13,7 @@ from gym_passive_walker.control.ticks import ticked_stride, ticked_strides
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.flow import Walkers, go_on, new_records
-from gym_passive_walker.gaits.passage import NoStride
+from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics import legs

@@ -1,7 +1,10 @@
 """Links of the documentation resolve, and each page is near the first one."""
 
 import re
+import sys
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -72,3 +75,25 @@ def test_no_page_is_longer_than_a_reader_wants():
         text = page.read_text(encoding="utf-8")
         text = re.sub(r"<!-- (.+?) -->\n.*?<!-- end of \1 -->", "", text, flags=re.S)
         assert len(text.split()) <= LONGEST, page.name
+
+
+def test_the_readme_is_one_page():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 700
+
+
+def test_a_package_index_shows_the_readme_without_links_that_it_cannot_resolve(monkeypatch):
+    interface = SimpleNamespace(MetadataHookInterface=object)  # of the build's own environment
+    monkeypatch.setitem(sys.modules, "hatchling.metadata.plugin.interface", interface)
+    spec = spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    hook, metadata = module.Description(), {}
+    hook.root = str(ROOT)
+    hook.update(metadata)
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    shown = metadata["readme"]["text"]
+    links = re.findall(r"\]\(([^)]+)\)", shown)
+    assert links and all(link.startswith("https:") for link in links)
+    assert "walk.gif" in text and "walk.gif" not in shown
+    outside = re.sub(r"\]\([^)]+\)", "", text)
+    assert len(shown.split()) > 0.95 * len(outside.split())  # all else stays

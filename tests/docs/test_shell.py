@@ -44,7 +44,7 @@ INLINE = sorted(
 """Commands within sentences and tables."""
 
 PARSE_NOTHING = (
-    "benchmarks.gpu", "examples.once_a_stride", "examples.potential_shaping",
+    "benchmarks.gpu", "examples.stride_controllers", "examples.potential_shaping",
     "tests.control.test_matrix", "tests.web.measure", "tests.words",
 )  # fmt: skip
 """Modules that run without a parser, or only where there is a GPU."""
@@ -63,7 +63,7 @@ USERS_OWN = ("own.yaml",)
 """Files that a page leaves to the user."""
 
 ONLY_PARSED = {
-    r"passive-walker video": "films take a minute",
+    r"passive-walker video": "videos take a minute",
     r"passive-walker sweep": "ten thousand tasks",
     r"passive-walker warmup": "compiles everything, which takes minutes",
     r"SDL_VIDEODRIVER=dummy passive-walker play": "redraws a picture of the documentation",

@@ -25,6 +25,9 @@ MADE = {
 }
 """Texts between markers, by PAGE/NAME."""
 
+BY_HAND = ("anywhere", "learners", "performance", "scaling", "training", "web")
+"""Pages with tables of results that no command writes."""
+
 CODE = {
     key: sorted(set(re.findall(r"`([^`\n]+)`", text)))
     for key, text in MADE.items()
@@ -74,6 +77,17 @@ def test_each_table_with_a_run_time_names_its_machine(key):
     timed = re.search(r"(?<!['’])\b(?:[µnm]?s|seconds|minutes)\b", text.partition("\n*`")[0])
     if timed and "not yet measured" not in text:
         assert re.search(r"(EPYC|Xeon|Core|Ryzen|Apple|ARM|x86_64|aarch64)", text), timed[0]
+
+
+@pytest.mark.parametrize("page", BY_HAND)
+def test_each_table_of_results_that_is_written_by_hand_names_a_commit(page):
+    text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+    text = re.sub(r"<!-- (.+?) -->\n.*?<!-- end of \1 -->", "", text, flags=re.S)
+    for table, rest in re.findall(r"((?:^\|.*\n)+)\n?(.*)", text, re.M):
+        rows = table.splitlines()[2:]
+        numbers = len(re.findall(r"\d\.\d|\d{2,}", "".join(rows)))
+        if numbers >= max(6, len(rows)):
+            assert re.fullmatch(r"\*.*commits? `[0-9a-f]{7,}`.*\*", rest), rows[0]
 
 
 @pytest.mark.parametrize("key", sorted(CODE))

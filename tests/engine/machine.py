@@ -22,13 +22,13 @@ llvm.initialize_native_asmprinter()
 
 _SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 4, *[ctypes.c_double] * 2)
 
-PROCESSORS = {"this": (llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())}
-"""Processors and their features, for which this machine has all instructions."""
+CPUS = {"this": (llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())}
+"""CPUs and their features, for which this machine has all instructions."""
 
 if platform.machine() in ("x86_64", "AMD64"):
-    PROCESSORS["without fused instructions"] = ("x86-64", "")
+    CPUS["without fused instructions"] = ("x86-64", "")
     if llvm.get_host_cpu_features().get("fma") and llvm.get_host_cpu_features().get("avx2"):
-        PROCESSORS["with vectors of 256 bits"] = ("haswell", "")
+        CPUS["with vectors of 256 bits"] = ("haswell", "")
 
 
 def call(
@@ -47,7 +47,7 @@ class Native:
         layouts: What stands there; for one over lanes, the first alone, a tile.
         lanes: Whether it is made for vectors.
         lane: Whether it is made for one lane of a tile.
-        processor: One of `PROCESSORS`.
+        cpu: One of `CPUS`.
         **options: Further arguments of `Function`.
     """
 
@@ -57,7 +57,7 @@ class Native:
         *layouts: np.dtype,
         lanes: bool = False,
         lane: bool = False,
-        processor: str = "this",
+        cpu: str = "this",
         **options: Any,
     ) -> None:
         module = Module()
@@ -67,9 +67,9 @@ class Native:
         else:
             function.once(code, lane=lane)
         function.end()
-        cpu, features = PROCESSORS[processor]
+        model, features = CPUS[cpu]
         machine = llvm.Target.from_default_triple().create_target_machine(
-            cpu=cpu, features=features, opt=2, jit=True
+            cpu=model, features=features, opt=2, jit=True
         )
         parsed = llvm.parse_assembly(str(module), context())
         parsed.triple, parsed.data_layout = machine.triple, str(machine.target_data)
@@ -89,9 +89,7 @@ def rows(**fields: int) -> np.dtype:
     return np.dtype([(name, "f8", (count, WIDTH)) for name, count in fields.items()])
 
 
-def in_lanes(
-    function: Callable[..., Any], *inputs: np.ndarray, processor: str = "this"
-) -> np.ndarray:
+def in_lanes(function: Callable[..., Any], *inputs: np.ndarray, cpu: str = "this") -> np.ndarray:
     """A function's results, (results, n), computed over lanes from inputs of shape (n,)."""
 
     def code(tile) -> None:
@@ -100,7 +98,7 @@ def in_lanes(
             tile["found", i] = result
 
     count, layout = len(inputs[0]), rows(given=len(inputs), found=8)
-    native, found = Native(code, layout, lanes=True, processor=processor), []
+    native, found = Native(code, layout, lanes=True, cpu=cpu), []
     for first in range(0, count, GROUP):
         tile = aligned(layout, 1)
         part = np.array([x[first : first + GROUP] for x in inputs])

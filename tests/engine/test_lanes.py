@@ -26,7 +26,7 @@ from gym_passive_walker.engine.run import (
 )
 from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.units import units_of
-from tests.engine.machine import PROCESSORS
+from tests.engine.machine import CPUS
 from tests.physics import statements
 from tests.physics.examples import LONG_GAITS, random_walker
 
@@ -239,7 +239,7 @@ def walk(name: str, derivatives: bool) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("processor", "name", "derivatives"),
+    ("cpu", "name", "derivatives"),
     [
         *(("haswell", name, derivatives) for name in "DA" for derivatives in (False, True)),
         ("haswell", "lab", False),
@@ -248,12 +248,12 @@ def walk(name: str, derivatives: bool) -> bytes:
         *(pytest.param("generic", name, False, marks=pytest.mark.slow) for name in ("D", "A")),
     ],
 )
-@pytest.mark.skipif(len(PROCESSORS) < 3, reason="this processor does not understand their code")
-def test_a_walk_is_the_same_to_the_last_bit_on_another_processor(processor, name, derivatives):
+@pytest.mark.skipif(len(CPUS) < 3, reason="this CPU does not understand their code")
+def test_a_walk_is_the_same_to_the_last_bit_on_another_cpu(cpu, name, derivatives):
     """With vectors of half the width, and without fused instructions."""
     done = subprocess.run(
         [sys.executable, "-c", DIGEST.format(name=name, derivatives=derivatives)],
-        env={**os.environ, "NUMBA_CPU_NAME": processor},
+        env={**os.environ, "NUMBA_CPU_NAME": cpu},
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert done.stdout.strip() == sha256(walk(name, derivatives)).hexdigest()

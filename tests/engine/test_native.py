@@ -18,7 +18,7 @@ from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import SMOOTH, Control, Ground, State, System
 from gym_passive_walker.physics.numbers import sine_cosine
 from gym_passive_walker.physics.systems import SYSTEMS, body_of
-from tests.engine.machine import PROCESSORS, Native, call, evaluate, in_lanes, rows
+from tests.engine.machine import CPUS, Native, call, evaluate, in_lanes, rows
 from tests.physics.test_statements import PHASES, some_state, some_walker
 
 NUMBERS = np.random.default_rng(1).normal(size=(3, 200)) * 10.0 ** np.random.default_rng(
@@ -62,14 +62,14 @@ PLAIN_OPERATIONS = {
     ),
 }
 
-everywhere = pytest.mark.parametrize("processor", PROCESSORS)
+everywhere = pytest.mark.parametrize("cpu", CPUS)
 
 
 @everywhere
 @pytest.mark.parametrize("name", PLAIN_OPERATIONS)
-def test_an_operation_does_what_python_does(name, processor):
+def test_an_operation_does_what_python_does(name, cpu):
     native, plain = PLAIN_OPERATIONS[name]
-    (found,) = in_lanes(lambda *xyz: [native(*xyz)], *NUMBERS, processor=processor)[:1]
+    (found,) = in_lanes(lambda *xyz: [native(*xyz)], *NUMBERS, cpu=cpu)[:1]
     np.testing.assert_array_equal(found, [plain(*xyz) for xyz in NUMBERS.T])
 
 
@@ -93,16 +93,16 @@ FUSED = {
 
 @everywhere
 @pytest.mark.parametrize("name", FUSED)
-def test_a_product_that_only_a_sum_needs_is_rounded_with_it(name, processor):
-    (found,) = in_lanes(lambda *xyz: [FUSED[name](*xyz)], *NUMBERS, processor=processor)[:1]
+def test_a_product_that_only_a_sum_needs_is_rounded_with_it(name, cpu):
+    (found,) = in_lanes(lambda *xyz: [FUSED[name](*xyz)], *NUMBERS, cpu=cpu)[:1]
     exact = [float(FUSED[name](*map(Fraction, xyz))) for xyz in NUMBERS.T]
     np.testing.assert_array_equal(found, exact)
     assert np.any(found != FUSED[name](*NUMBERS))
 
 
 @everywhere
-def test_a_product_that_others_need_too_is_rounded_once_for_all(processor):
-    found = in_lanes(lambda x, y, z: [x * y + z, x * y - z, x * y], *NUMBERS, processor=processor)
+def test_a_product_that_others_need_too_is_rounded_once_for_all(cpu):
+    found = in_lanes(lambda x, y, z: [x * y + z, x * y - z, x * y], *NUMBERS, cpu=cpu)
     x, y, z = NUMBERS
     np.testing.assert_array_equal(found[:3], [x * y + z, x * y - z, x * y])
 
@@ -114,16 +114,16 @@ def formula(x, y, z):
     return [sine * x - cosine / root, abs(cosine - y) * root, x * y + sine * (y - 3.0 * z)]
 
 
-def test_processors_agree_to_the_last_bit():
+def test_cpus_agree_to_the_last_bit():
     some = np.random.default_rng(3).normal(size=(3, 1000)) * 5.0
     here = in_lanes(formula, *some)[:3]
-    for processor in PROCESSORS:
-        np.testing.assert_array_equal(in_lanes(formula, *some, processor=processor)[:3], here)
+    for cpu in CPUS:
+        np.testing.assert_array_equal(in_lanes(formula, *some, cpu=cpu)[:3], here)
     np.testing.assert_allclose(here, formula(*some), rtol=1e-12, atol=1e-14)
 
 
 @everywhere
-def test_lanes_agree_with_a_number_by_itself(processor):
+def test_lanes_agree_with_a_number_by_itself(cpu):
     """In any lane, and in code for one lane of a tile."""
     layout = rows(given=3, found=3)
 
@@ -132,9 +132,9 @@ def test_lanes_agree_with_a_number_by_itself(processor):
             tile["found", i] = result
 
     numbers = np.dtype([("given", "f8", (3,)), ("found", "f8", (3,))])
-    together = Native(code, layout, lanes=True, processor=processor)
-    one_lane = Native(code, layout, lane=True, processor=processor)
-    single = Native(code, numbers, processor=processor)
+    together = Native(code, layout, lanes=True, cpu=cpu)
+    one_lane = Native(code, layout, lane=True, cpu=cpu)
+    single = Native(code, numbers, cpu=cpu)
     tile = aligned(layout, 1)
     tile["given"] = np.random.default_rng(4).normal(size=tile["given"].shape)
     for group in range(WIDTH // GROUP):

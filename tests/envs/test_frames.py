@@ -95,7 +95,7 @@ def test_gymnasium_s_wrappers_film_one_walker_and_many(tmp_path):
     from gymnasium.wrappers import RecordVideo, vector
 
     if not hasattr(vector, "RecordVideo"):
-        pytest.skip("this Gymnasium films no vector environments")
+        pytest.skip("this Gymnasium records no vector environments")
 
     one = gym.make("PassiveWalker-v0", scene="lab", render_mode="rgb_array")
     one = RecordVideo(one, str(tmp_path / "one"), episode_trigger=lambda _: True)
@@ -107,8 +107,8 @@ def test_gymnasium_s_wrappers_film_one_walker_and_many(tmp_path):
             envs.step(envs.action_space.sample() * 0.0)
         envs.close()
     for folder in ("one", "many"):
-        (film,) = (tmp_path / folder).glob("*.mp4")
-        assert film.stat().st_size > 1000
+        (video,) = (tmp_path / folder).glob("*.mp4")
+        assert video.stat().st_size > 1000
 
 
 def test_pictures_change_no_walk():

@@ -34,7 +34,7 @@ def test_the_result_depends_on_the_controller_alone():
 
 def test_the_score_is_the_mean_survival_within_its_interval():
     found = gpw.gauntlet("steep-sac", walkers=8)
-    ended = [walks.endings.count("walked on") / 8 for walks in found.walks.values()]
+    ended = [walks.endings.count("reached the time limit") / 8 for walks in found.walks.values()]
     np.testing.assert_array_equal(found.survival, ended)
     low, high = found.score_interval
     assert 0.0 < low < found.score < high < 1.0

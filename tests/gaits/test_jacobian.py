@@ -17,7 +17,7 @@ from gym_passive_walker import (
     stride_jacobian,
     stride_map,
 )
-from gym_passive_walker.gaits.passage import NoStride
+from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.physics.systems import FITTINGS
 from gym_passive_walker.units import units_of
 from tests.physics.examples import LONG_GAITS

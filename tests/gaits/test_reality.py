@@ -17,9 +17,9 @@ from gym_passive_walker import (
     stride_map,
     tune,
 )
-from gym_passive_walker.gaits.dense_stride import Extreme, Impulse, foot_clearance, states_at
+from gym_passive_walker.gaits.dense_stride import Impulse, TimedExtremum, foot_clearance, states_at
 from gym_passive_walker.gaits.forces import forces
-from gym_passive_walker.gaits.passage import NoStride
+from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.units import units_of
 
 SLOPE = 0.036
@@ -268,14 +268,14 @@ ITEMS = {
 def feasible():
     """A check in which every item holds."""
     check = checked("lab", SLOPE)
-    return replace(check, stance_knee_at_kneestrike=Extreme(0.001, 0.4))
+    return replace(check, stance_knee_at_kneestrike=TimedExtremum(0.001, 0.4))
 
 
 @pytest.mark.parametrize(("quantity", "item"), ITEMS.items())
 def test_a_negative_quantity_fails_its_own_item_and_no_other(quantity, item, feasible):
     assert feasible.holds and all(feasible.passed.values())
-    assert replace(feasible, **{quantity: Extreme(0.0, 0.1)}).holds
-    check = replace(feasible, **{quantity: Extreme(-1e-9, 0.1)})
+    assert replace(feasible, **{quantity: TimedExtremum(0.0, 0.1)}).holds
+    check = replace(feasible, **{quantity: TimedExtremum(-1e-9, 0.1)})
     assert [name for name, holds in check.passed.items() if not holds] == [item]
     assert not check.holds and check.facts()[item] == "fails"
 
@@ -290,7 +290,7 @@ def test_an_impulse_fails_by_the_friction_that_it_needs_or_by_a_pull(impulse, fe
     pulls = replace(feasible, **{impulse: Impulse(-1.0, 0.0, 0.1)})
     assert not pulls.passed["friction"]
     assert pulls.passed["contact"] == (impulse == "push_off_impulse")  # along the leg, upwards
-    slides = replace(feasible, stance_friction=Extreme(0.81, 0.1))
+    slides = replace(feasible, stance_friction=TimedExtremum(0.81, 0.1))
     assert [name for name, holds in slides.passed.items() if not holds] == ["friction"]
 
 

@@ -1,4 +1,4 @@
-"""Kernels without a device: as PTX for one, and their functions as code for this processor.
+"""Kernels without a device: as PTX for one, and their functions as code for this CPU.
 
 Tests run this in processes of their own, since no device is simulated here. Numba's compiler for
 devices gets the kind of device as an argument.
@@ -59,8 +59,8 @@ def _room(shape, of):
     return _put(np.zeros(shape, of))
 
 
-def on_processor(name: str) -> float:
-    """By how much strides by the device's functions, compiled for this processor, are off."""
+def on_cpu(name: str) -> float:
+    """By how much strides by the device's functions, compiled for this CPU, are off."""
     import numba
     import numba.cuda.extending
     import numba.extending
@@ -88,7 +88,7 @@ def on_processor(name: str) -> float:
 
 
 def on_device(name: str) -> tuple[bool, float]:
-    """Whether outcomes on a device are the processor's, and how far states after strides differ."""
+    """Whether outcomes on a GPU are the CPU's, and how far states after strides differ."""
     from gym_passive_walker.engine.run import advance
     from gym_passive_walker.gpu import strides
     from gym_passive_walker.physics.systems import SYSTEMS
@@ -120,8 +120,8 @@ def in_silence() -> None:
 
 if __name__ == "__main__":
     what, *reported = sys.argv[1:]
-    if what == "processor":
-        print(on_processor(reported[0]))
+    if what == "cpu":
+        print(on_cpu(reported[0]))
     elif what == "device":
         print(*on_device(reported[0]))
     elif what == "silence":

@@ -34,7 +34,7 @@ needs_device = pytest.mark.skipif(
 
 @needs_device
 @pytest.mark.parametrize("name", ["kneed", "straight", "simplest"])
-def test_a_stride_on_a_real_device_is_the_processors_to_rounding(name):
+def test_a_stride_on_a_real_device_is_the_cpus_to_rounding(name):
     alike, off, *_ = run("-m", "tests.gpu.compiled", "device", name).split()
     assert alike == "True"
     assert float(off) < 1e-12
@@ -62,8 +62,8 @@ def test_without_the_extra_one_sentence_names_it():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["simplest", "straight-fitted", "kneed"])
-def test_the_devices_functions_are_the_processors_to_the_last_bit(name):
-    assert float(run("-m", "tests.gpu.compiled", "processor", name).split()[0]) == 0.0
+def test_the_devices_functions_are_the_cpus_to_the_last_bit(name):
+    assert float(run("-m", "tests.gpu.compiled", "cpu", name).split()[0]) == 0.0
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""A walker on a device walks as on a processor: to the last bit, where one computes as the other.
+"""A walker on a device walks as on a CPU: to the last bit, where one computes as the other.
 
 Numba's simulator of a device does; a device may fuse more products with sums, and rounds
 differently then.
@@ -42,7 +42,7 @@ def test_a_stride_on_a_device_is_the_processors(name):
     )
 
 
-def test_every_outcome_comes_about_on_a_device_as_on_a_processor():
+def test_every_outcome_comes_about_on_a_device_as_on_a_cpu():
     system = SYSTEMS["kneed"]
     own, records = thrown("kneed", 40, seed=1)
     slope, beyond = LONG_GAITS["C"].slope, records[:1].copy()

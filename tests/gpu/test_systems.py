@@ -13,7 +13,7 @@ SYSTEMS = [(TORSO, 0.03), (FIVE_LINKS, 0.05), (PROGRESSIVE, 0.03)]
 
 
 @pytest.mark.parametrize(("system", "slope"), SYSTEMS, ids=[each.name for each, _ in SYSTEMS])
-def test_strides_of_a_system_on_a_device_are_the_processors(system, slope):
+def test_strides_of_a_system_on_a_device_are_the_cpus(system, slope):
     rng, start = np.random.default_rng(0), np.array(system.start)
     states = start * (1.0 + 0.05 * rng.normal(size=(6, len(start))))
     there, usual = gpu.stride(system, slope, states), gpw.stride(system, slope, states)

@@ -8,7 +8,7 @@ import gym_passive_walker as gpw
 from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
 from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.gaits.passage import Change
+from gym_passive_walker.gaits.map_result import Change
 from tests.modeling.statements import DRIVEN
 
 SLOPE = 0.03

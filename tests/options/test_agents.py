@@ -18,7 +18,7 @@ import torch
 from stable_baselines3.common.logger import Logger
 
 import train
-from agents import benchmark, commands, envs, evaluation, standings
+from agents import benchmark, commands, envs, evaluation, results
 from agents.config import ALGORITHMS, Config, ConfigError, configure, presets
 from agents.exploration import Ladder, Schedule, explorers
 from agents.first_order import SHAC
@@ -29,7 +29,7 @@ from agents.training import Run
 from gym_passive_walker.control import optimal
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.envs.scene import SCENES
-from tests.options.heard import Call, To, cases, check, missing, plain
+from tests.options.effects import Call, To, cases, check, missing, plain
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -583,11 +583,11 @@ def test_every_option_of_a_benchmark_is_heard(capsys, tmp_path, monkeypatch):
         lambda folder, todo, *, budget, progress: found.append((folder, todo, budget, progress)),
     )
     monkeypatch.setattr(benchmark, "load_scores", lambda folder: [folder])
-    monkeypatch.setattr(standings, "tables", str)
-    monkeypatch.setattr(standings, "write_csv", lambda path, scores: written.append(path))
-    monkeypatch.setattr(standings, "write_document", lambda path, text: written.append(path))
+    monkeypatch.setattr(results, "tables", str)
+    monkeypatch.setattr(results, "write_csv", lambda path, scores: written.append(path))
+    monkeypatch.setattr(results, "write_document", lambda path, text: written.append(path))
     for name in ("draw", "draw_learning"):
-        monkeypatch.setattr(standings, name, lambda path, *_: written.append(path))
+        monkeypatch.setattr(results, name, lambda path, *_: written.append(path))
     here = f"--out {tmp_path}"
     printed(
         f"benchmark --scenes lab --agents passive ppo --seeds 2 --budget 0.5 --quiet {here}", capsys
@@ -604,7 +604,7 @@ def test_every_option_of_a_benchmark_is_heard(capsys, tmp_path, monkeypatch):
     written.clear()
     page = tmp_path / "docs" / "page.md"
     page.parent.mkdir()
-    page.write_text(f"{standings.BEGIN}\n{standings.END}\n")
+    page.write_text(f"{results.BEGIN}\n{results.END}\n")
     printed(f"benchmark --tables {here} --document {page}", capsys)
     assert page in written and len(written) == 5
     with pytest.raises(SystemExit):
@@ -613,7 +613,7 @@ def test_every_option_of_a_benchmark_is_heard(capsys, tmp_path, monkeypatch):
 
 
 def test_what_a_sweep_trains_with_is_heard(tmp_path, monkeypatch):
-    from agents import swept
+    from agents import sweep
 
     found = []
 
@@ -624,11 +624,11 @@ def test_what_a_sweep_trains_with_is_heard(tmp_path, monkeypatch):
             found.append((config, folder))
             raise Enough
 
-    monkeypatch.setattr(swept, "Run", Noted)
+    monkeypatch.setattr(sweep, "Run", Noted)
 
     def trained(**options):
         with pytest.raises(Enough):
-            swept.train(**options)
+            sweep.train(**options)
         config, folder = found.pop()
         return config, folder.parent == tmp_path, folder.name if folder.parent == tmp_path else ""
 
@@ -643,7 +643,7 @@ def test_what_a_sweep_trains_with_is_heard(tmp_path, monkeypatch):
             seed=5,
             folder=To(None, expect=lambda a, b: a[1] and not b[1]),
         ),
-        of=swept.train,
+        of=sweep.train,
     )
     assert not missing({"train": call}, {"train"})
     for option in call.other:

@@ -213,14 +213,14 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
         {"policy": "steep-sac policy.onnx", "out": "steep-ppo other.onnx"},
     ),
     "play": (
-        "lab 0.036 --seconds 0.1 --film f.gif",
+        "lab 0.036 --seconds 0.1 --video f.gif",
         {
-            "walker": "C 0.036 --seconds 0.1 --film f.gif",
-            "slope": "lab 0.02 --seconds 0.1 --film f.gif",
-            "policy": "lab 0.036 --seconds 0.1 --film f.gif --policy lab-ppo",
-            "seconds": "lab 0.036 --seconds 0.2 --film f.gif",
-            "film": "lab 0.036 --seconds 0.1 --film g.gif",
-            "picture": "lab 0.036 --seconds 0.1 --film f.gif --picture q.png",
+            "walker": "C 0.036 --seconds 0.1 --video f.gif",
+            "slope": "lab 0.02 --seconds 0.1 --video f.gif",
+            "policy": "lab 0.036 --seconds 0.1 --video f.gif --policy lab-ppo",
+            "seconds": "lab 0.036 --seconds 0.2 --video f.gif",
+            "video": "lab 0.036 --seconds 0.1 --video g.gif",
+            "picture": "lab 0.036 --seconds 0.1 --video f.gif --picture q.png",
         },
     ),
     "warmup": ("", {}),
@@ -296,7 +296,7 @@ def test_an_option_of_a_command_is_heard(name, option, tmp_path, monkeypatch):
         answer(name, words, tmp_path / place, monkeypatch)
         for place, words in (("before", base), ("after", changed))
     )
-    if option in ("out", "film", "picture"):  # which is the same elsewhere, or is there besides
+    if option in ("out", "video", "picture"):  # which is the same elsewhere, or is there besides
         assert set(before[2]) != set(after[2])
     elif name in ("strobe", "video", "play", "figures"):
         assert list(before[2].values()) != list(after[2].values())

@@ -18,7 +18,7 @@ from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
 from tests.modeling.statements import DRIVEN
-from tests.options.heard import Call, To, cases, check, missing, plain
+from tests.options.effects import Call, To, cases, check, missing, plain
 
 START = (0.3, -0.3, -0.4, -0.4, -0.3, -0.3)
 ROUGH = {"rough": {"height_std": 0.01, "slope_std": 0.02}}

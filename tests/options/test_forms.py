@@ -17,7 +17,7 @@ from gym_passive_walker.gaits.terrain import terrain_from
 from gym_passive_walker.sweeps.description import Description
 from gym_passive_walker.sweeps.tasks import task
 from gym_passive_walker.walkers import as_walker, describe, name_of
-from tests.options.heard import plain
+from tests.options.effects import plain
 from tests.options.test_functions import OF_D, OPTIONS, STEEP, Later
 
 WALKERS = ("walker", "a", "b")

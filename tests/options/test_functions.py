@@ -18,7 +18,7 @@ import gym_passive_walker as gpw
 from gym_passive_walker.control.baselines import LinearFeedback
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.units import units_of
-from tests.options.heard import Call, Later, To, cases, check, missing
+from tests.options.effects import Call, Later, To, cases, check, missing
 from tests.physics.examples import LONG_GAITS
 
 LAB, C, D, F = (gpw.WALKERS[name] for name in ("lab", "C", "D", "F"))
@@ -47,10 +47,10 @@ def explained(env):
     return said.getvalue()
 
 
-def shown_by_play(film=None, picture=None, **options):
+def shown_by_play(video=None, picture=None, **options):
     """The last frame in a window, and the names of the files that were asked for."""
     with TemporaryDirectory() as folder:
-        named = {"film": film, "picture": picture}
+        named = {"video": video, "picture": picture}
         paths = {name: Path(folder, file) for name, file in named.items() if file}
         last = paths.get("picture", Path(folder, "last.png"))
         gpw.play(**options, **paths | {"picture": last})
@@ -80,7 +80,7 @@ OPTIONS = {
             policy="level-ppo",
             start=0.99 * LONG_GAITS["lab"].state,
             seconds=0.7,
-            film=To("walk.gif", expect=lambda _, b: b[1] == ["walk.gif"]),
+            video=To("walk.gif", expect=lambda _, b: b[1] == ["walk.gif"]),
             picture=To("other.png", expect=lambda a, b: a[1] == [] and b[1] == ["other.png"]),
         ),
         of=gpw.play,

@@ -29,12 +29,12 @@ from gym_passive_walker.sweeps.tasks import ANALYSES
 from gym_passive_walker.walkers import name_of
 from tests.modeling import statements
 from tests.modeling.statements import COMPASS, DRIVEN
-from tests.options.heard import Call, Later, To, cases, check, missing
+from tests.options.effects import Call, Later, To, cases, check, missing
 
 RESULTS = set(
-    "Basin BifurcationDiagram Cascade Design Extreme FootVelocity Gait GaitFamily Gauntlet "
+    "Basin BifurcationDiagram Cascade Design TimedExtremum FootVelocity Gait GaitFamily Gauntlet "
     "GaitNotFound Impulse Measures OptimalGait Outcome PolicyError RealityCheck Robustness "
-    "StatementError Stride Swept TrainedPolicy Trajectory Transition TuningErrors "
+    "StatementError Stride SweepResult TrainedPolicy Trajectory Transition TuningErrors "
     "VelocityPerturbations WalkerError".split()
 )
 """Classes of results, which users do not construct; the tests of functions cover their content."""
@@ -452,7 +452,7 @@ def test_what_a_picture_is_asked_for_is_drawn(name):
 
 def test_every_picture_is_tested():
     known = {of.__name__ for of in pictures.registry if of is not object}
-    assert known == {*SHOWN, "Swept"}  # of `tests/sweeps`
+    assert known == {*SHOWN, "SweepResult"}  # of `tests/sweeps`
     for name, (_, options) in SHOWN.items():
         asked = inspect.signature(pictures.dispatch(getattr(gpw, name))).parameters
         plain = {x for x, p in asked.items() if p.kind is not p.VAR_KEYWORD}

@@ -220,7 +220,7 @@ BACKWARDS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
     ("name", "stage"),
     [(name, phase.stage) for name, walker in WALKERS.items() for phase in system_of(walker).phases],
 )
-def test_a_walker_filmed_and_played_backwards_obeys_the_same_laws(name, stage):
+def test_a_walker_reversed_in_time_obeys_the_same_laws(name, stage):
     walker = WALKERS[name]
     phase = [phase.stage for phase in system_of(walker).phases].index(stage)
     state = np.array([0.5, -0.2, -0.2 if stage != Stage.FREE else -0.5, -0.6, 0.8, 0.8])

@@ -14,7 +14,7 @@ pygame = pytest.importorskip("pygame")
 from gym_passive_walker import find_gait, footholds, simulate, stairs  # noqa: E402
 from gym_passive_walker.render import look, pose  # noqa: E402
 from gym_passive_walker.render.brush import Brush  # noqa: E402
-from gym_passive_walker.render.film import Film, film, film_path  # noqa: E402
+from gym_passive_walker.render.video import Video, video, video_path  # noqa: E402
 from gym_passive_walker.render.ground import between, height, profile  # noqa: E402
 from gym_passive_walker.render.panels import draw_portrait  # noqa: E402
 from gym_passive_walker.render.screen import Screen  # noqa: E402
@@ -183,7 +183,7 @@ def test_the_axes_of_a_portrait_end_at_round_numbers_with_their_units(legs, free
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 9, 10, 64, 100, 101, 400])
-def test_tiles_are_as_large_as_fit_and_even_and_wide_as_a_film(count):
+def test_tiles_are_as_large_as_fit_and_even_and_wide_as_a_video(count):
     columns = math.ceil(math.sqrt(count))
     assert columns_of(count) == columns
     width, tall = tile_size(count)
@@ -231,10 +231,10 @@ def read(path):
 def test_a_video_has_its_size_rate_and_colours(name, fps, shrink, size, rate, tmp_path):
     pytest.importorskip("moviepy")
     colours = [(200, 40, 40), (40, 40, 200)]
-    with Film(tmp_path / "deep" / name, (64, 48), fps, shrink=shrink) as video:
+    with Video(tmp_path / "deep" / name, (64, 48), fps, shrink=shrink) as file:
         for colour in colours:
             for _ in range(fps):
-                video.write(np.full((48, 64, 3), colour, np.uint8))
+                file.write(np.full((48, 64, 3), colour, np.uint8))
     assert [path.name for path in (tmp_path / "deep").iterdir()] == [name]
     facts, frames = read(tmp_path / "deep" / name)
     assert facts["size"] == size
@@ -249,11 +249,11 @@ def test_a_video_has_its_size_rate_and_colours(name, fps, shrink, size, rate, tm
 @pytest.mark.parametrize("name", ["walk.avi", "walk", "mp4", "walk.mp4.txt"])
 def test_a_video_of_another_ending_is_refused_by_its_name(name, tmp_path):
     with pytest.raises(ValueError, match=rf"\.mp4 or \.gif, not .*{name}$"):
-        film_path(tmp_path / name)
+        video_path(tmp_path / name)
 
 
 class Recorder:
-    """A film that records its arguments and counts its frames."""
+    """A video that records its arguments and counts its frames."""
 
     def __init__(self, path, size, fps, **more):
         type(self).made = self
@@ -279,16 +279,16 @@ def test_frames_of_a_walk_are_evenly_spaced_in_the_walker_s_time(slower, tmp_pat
         shown.append((state, slope, contact_x, strides, more["contact_y"], more["tilt"]))
         return np.zeros((1, 1, 3), np.uint8)
 
-    monkeypatch.setattr(sys.modules[film_path.__module__], "Film", Recorder)
+    monkeypatch.setattr(sys.modules[video_path.__module__], "Video", Recorder)
     monkeypatch.setattr(Screen, "draw", draw)
     gait = find_gait("C", 0.05)
     ground = {"terrain": footholds([0.0, 0.0, -0.005], [0.0, 0.01, -0.01])}
-    count = film("C", 0.05, gait.state, tmp_path / "w.gif", strides=3, slower=slower, shrink=4,
+    count = video("C", 0.05, gait.state, tmp_path / "w.gif", strides=3, slower=slower, shrink=4,
                    **ground)  # fmt: skip
-    video = Recorder.made
-    assert (video.fps, video.size, video.more) == (30, (800, 450), {"shrink": 4})
+    made = Recorder.made
+    assert (made.fps, made.size, made.more) == (30, (800, 450), {"shrink": 4})
     walk = simulate("C", 0.05, gait.state, 3, samples=2001, **ground)
-    assert count == len(shown) == len(video.frames) == math.ceil(walk.times[-1] * 30 * slower)
+    assert count == len(shown) == len(made.frames) == math.ceil(walk.times[-1] * 30 * slower)
     for index, (state, slope, x, strides, y, tilt) in enumerate(shown):
         at = np.argmin(np.abs(walk.times - index / (30 * slower)))
         near = max(at - 12, 0), at + 24  # a frame shows the next of 200 samples of a stride

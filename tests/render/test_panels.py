@@ -7,7 +7,7 @@ import pytest
 
 pygame = pytest.importorskip("pygame")
 
-from gym_passive_walker.render import look  # noqa: E402
+from gym_passive_walker.render import colours  # noqa: E402
 from gym_passive_walker.render.brush import Brush  # noqa: E402
 from gym_passive_walker.render.panels import draw_multipliers, draw_portrait  # noqa: E402
 
@@ -19,11 +19,11 @@ SQUARE = pygame.Rect(20, 20, 200, 200)
 def brush():
     brush = Brush(pygame, pygame.Surface((450, 350)), lettering=18)
     brush.open_fonts()
-    brush.canvas.fill(look.SKY)
+    brush.canvas.fill(colours.SKY)
     return brush
 
 
-def places(brush: Brush, colour: look.Colour) -> np.ndarray:
+def places(brush: Brush, colour: colours.Colour) -> np.ndarray:
     """Pixels (right, down) that nearly have a colour, (n, 2)."""
     pixels = pygame.surfarray.array3d(brush.canvas).astype(int)
     return np.argwhere(np.abs(pixels - colour).max(axis=-1) < 60)
@@ -31,7 +31,7 @@ def places(brush: Brush, colour: look.Colour) -> np.ndarray:
 
 def test_a_multiplier_inside_the_unit_circle_is_a_dot_at_its_place(brush):
     draw_multipliers(brush, SQUARE, np.array([0.5 - 0.5j]))
-    dot = places(brush, look.LEGS[0])
+    dot = places(brush, colours.LEGS[0])
     scale = 100.0 / 1.15
     expected = np.add(SQUARE.center, [0.5 * scale, 0.5 * scale])
     np.testing.assert_allclose(dot.mean(axis=0), expected, atol=1.0)
@@ -40,7 +40,7 @@ def test_a_multiplier_inside_the_unit_circle_is_a_dot_at_its_place(brush):
 
 def test_a_multiplier_outside_is_a_ring_and_the_circle_shrinks_to_show_it(brush):
     draw_multipliers(brush, SQUARE, np.array([-2.0 + 0.0j]))
-    ring = places(brush, look.WARNING)
+    ring = places(brush, colours.WARNING)
     expected = np.add(SQUARE.center, [-100.0 / 1.15, 0.0])
     np.testing.assert_allclose(ring.mean(axis=0), expected, atol=1.0)
     assert np.hypot(*(ring - expected).T).min() > 2.0
@@ -48,7 +48,7 @@ def test_a_multiplier_outside_is_a_ring_and_the_circle_shrinks_to_show_it(brush)
 
 def test_multipliers_of_another_gait_are_pale(brush):
     draw_multipliers(brush, SQUARE, np.array([0.5, 2.0 + 0.0j]), pale=True)
-    assert len(places(brush, look.LEGS[0])) == len(places(brush, look.WARNING)) == 0
+    assert len(places(brush, colours.LEGS[0])) == len(places(brush, colours.WARNING)) == 0
 
 
 @pytest.mark.parametrize("strides", [0, 1])
@@ -58,7 +58,7 @@ def test_a_dot_is_where_each_leg_is_and_legs_keep_their_colours(brush, strides):
     draw_portrait(brush, BOX, [state, state], [strides] * 2, [True] * 2)
     half, centre = np.array([170.0, 118.0]), np.array([64 + 170.0, 54 + 118.0])
     for leg, link in ((strides, 0), (1 - strides, 1)):
-        dot = places(brush, look.LEGS[leg])
+        dot = places(brush, colours.LEGS[leg])
         expected = centre + half * [state[link], -state[3 + link]] / np.array([0.4, 0.4])
         np.testing.assert_allclose(np.median(dot, axis=0), expected, atol=2.0)
 
@@ -70,10 +70,10 @@ def test_an_impact_leaves_a_gap_in_the_phase_portrait(brush):
     states[20:, 3] = 0.3
     drawn = []
     for struck in (False, True):
-        brush.canvas.fill(look.SKY)
+        brush.canvas.fill(colours.SKY)
         strides = [0] * 20 + [2 * struck] * 21  # two on: the same leg stands
         draw_portrait(brush, BOX, states, strides, [False] * 41)
-        drawn.append(len(places(brush, look.LEGS[0])))
+        drawn.append(len(places(brush, colours.LEGS[0])))
     assert drawn[1] < drawn[0] - 50
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from gym_passive_walker import rough
 from gym_passive_walker.gaits.trajectory import simulate
-from gym_passive_walker.render import level, look, pose, tiled
-from gym_passive_walker.render.film import _SAMPLES, FPS, film
+from gym_passive_walker.render import colours, level, pose, tiled
 from gym_passive_walker.render.screen import Screen
+from gym_passive_walker.render.video import _SAMPLES, FPS, video
 
 pygame = pytest.importorskip("pygame")
 
@@ -35,7 +35,7 @@ def test_a_frame_shows_both_legs_the_hip_and_the_ground(name, no_display):
     frame = Screen(name).draw(GAIT, SLOPE)
     assert frame.shape == (450, 800, 3) and frame.dtype == np.uint8
     assert frame.flags.c_contiguous and frame.flags.writeable
-    for colour in (*look.LEGS, look.HIP, look.SKY, look.GROUND):
+    for colour in (*colours.LEGS, colours.HIP, colours.SKY, colours.GROUND):
         assert mask(frame, colour).sum() > 50
 
 
@@ -48,7 +48,7 @@ def test_the_hip_stays_in_the_middle_while_the_ground_passes(no_display):
     screen = Screen("lab")
     frames = [screen.draw(GAIT, 0.0, x) for x in (0.0, 0.05)]
     for frame in frames:
-        columns = np.flatnonzero(mask(frame, look.HIP)[:200].any(axis=0))
+        columns = np.flatnonzero(mask(frame, colours.HIP)[:200].any(axis=0))
         assert 0.5 * (columns[0] + columns[-1]) == pytest.approx(399.5, abs=1.5)
     assert (frames[0] != frames[1])[380:].any()
     np.testing.assert_array_equal(frames[0][:360], frames[1][:360])
@@ -56,13 +56,13 @@ def test_the_hip_stays_in_the_middle_while_the_ground_passes(no_display):
 
 def test_the_slope_is_as_steep_as_it_is(no_display):
     frame = Screen("lab").draw(GAIT, 0.2)
-    left, right = (int(np.argmax(mask(frame, look.GROUND_LINE)[:, x])) for x in (100, 700))
+    left, right = (int(np.argmax(mask(frame, colours.GROUND_LINE)[:, x])) for x in (100, 700))
     assert (right - left) / 600 == pytest.approx(np.tan(0.2), abs=0.005)
 
 
 def test_the_first_leg_stands_in_front_just_after_a_heelstrike(no_display):
     frame = Screen("lab").draw(GAIT, SLOPE)
-    first, other = (np.nonzero(mask(frame, colour))[1].mean() for colour in look.LEGS)
+    first, other = (np.nonzero(mask(frame, colour))[1].mean() for colour in colours.LEGS)
     assert first > other + 50.0
 
 
@@ -94,7 +94,7 @@ def test_the_hip_is_drawn_where_the_geometry_has_it(no_display):
         screen = Screen(name)
         walk = simulate(name, SLOPE, GAIT, samples=9)
         for state in walk.states[:5]:
-            rows, columns = np.nonzero(mask(screen.draw(state, SLOPE)[: 450 * 4 // 5], look.HIP))
+            rows, columns = np.nonzero(mask(screen.draw(state, SLOPE)[: 450 * 4 // 5], colours.HIP))
             drawn = columns.mean(), rows.mean()
             assert drawn == pytest.approx(screen.hip_on_frame(state, SLOPE), abs=1.5)
             # A leg length is 0.62 of a frame, and the ground 0.17 from below.
@@ -105,8 +105,8 @@ def test_the_hip_is_drawn_where_the_geometry_has_it(no_display):
 
 @pytest.mark.parametrize("torque", [-0.8, 0.8])
 def test_the_torque_is_an_arrow_that_turns_as_the_swing_leg_is_driven(torque, no_display):
-    assert not mask(Screen("lab").draw(GAIT, SLOPE), look.TORQUE).any()
-    arrow = mask(Screen("lab").draw(GAIT, SLOPE, torque=torque), look.TORQUE)
+    assert not mask(Screen("lab").draw(GAIT, SLOPE), colours.TORQUE).any()
+    arrow = mask(Screen("lab").draw(GAIT, SLOPE, torque=torque), colours.TORQUE)
     # The head is the broad end: on the side to which the free leg is swung.
     columns = np.flatnonzero(arrow.any(axis=0))
     middle = 0.5 * (columns[0] + columns[-1])
@@ -115,20 +115,22 @@ def test_the_torque_is_an_arrow_that_turns_as_the_swing_leg_is_driven(torque, no
 
 
 def test_a_longer_arrow_is_a_larger_torque(no_display):
-    drawn = [mask(Screen("lab").draw(GAIT, 0.0, torque=t), look.TORQUE).sum() for t in (0.2, 0.9)]
+    drawn = [
+        mask(Screen("lab").draw(GAIT, 0.0, torque=t), colours.TORQUE).sum() for t in (0.2, 0.9)
+    ]
     assert drawn[1] > 1.3 * drawn[0] > 0
 
 
 @pytest.mark.parametrize("push", [-0.8, 0.8])
 def test_a_push_is_an_arrow_from_the_hip_that_fades(push, no_display):
     screen, calm = Screen("lab"), Screen("lab").draw(GAIT, SLOPE)
-    shown = mask(screen.draw(GAIT, SLOPE, push=push), look.PUSH)
+    shown = mask(screen.draw(GAIT, SLOPE, push=push), colours.PUSH)
     hip, _ = screen.hip_on_frame(GAIT, SLOPE)
     columns = np.flatnonzero(shown.any(axis=0))
     assert np.sign(0.5 * (columns[0] + columns[-1]) - hip) == np.sign(push)
     assert columns[-1] - columns[0] > 0.6 * 0.8 * 0.45 * 0.62 * 450
     frames = [screen.draw(GAIT, SLOPE) for _ in range(10)]
-    assert (frames[0] != calm).any() and not mask(frames[3], look.PUSH).any()
+    assert (frames[0] != calm).any() and not mask(frames[3], colours.PUSH).any()
     np.testing.assert_array_equal(frames[-1], calm)
 
 
@@ -137,8 +139,8 @@ def test_a_foot_below_the_ground_is_marked_and_one_above_is_not(no_display):
     assert (
         pose("lab", above).swing.sole[:, 1].min() > 0.0 > pose("lab", below).swing.sole[:, 1].min()
     )
-    assert not mask(Screen("lab").draw(above, SLOPE), look.WARNING).any()
-    assert mask(Screen("lab").draw(below, SLOPE), look.WARNING).sum() > 20
+    assert not mask(Screen("lab").draw(above, SLOPE), colours.WARNING).any()
+    assert mask(Screen("lab").draw(below, SLOPE), colours.WARNING).sum() > 20
 
 
 def test_ghosts_stand_where_the_walker_was_and_vanish_at_the_next_episode(no_display):
@@ -150,7 +152,7 @@ def test_ghosts_stand_where_the_walker_was_and_vanish_at_the_next_episode(no_dis
     ghost = np.abs(followed.astype(int) - Screen("lab").draw(GAIT, 0.0, 0.5 * length)).sum(axis=-1)
     columns = np.flatnonzero(ghost.any(axis=0))
     # The same posture, half a leg length to the left: 0.62 of a frame's height is a leg length.
-    legs = np.flatnonzero((mask(alone, look.LEGS[0]) | mask(alone, look.LEGS[1])).any(axis=0))
+    legs = np.flatnonzero((mask(alone, colours.LEGS[0]) | mask(alone, colours.LEGS[1])).any(axis=0))
     assert columns[0] == pytest.approx(legs[0] - 0.5 * 0.62 * 450, abs=35)
     np.testing.assert_array_equal(again, alone)
     ahead = screen.draw(GAIT, 0.0, 0.5 * length, 2)
@@ -164,7 +166,7 @@ def test_rough_ground_is_drawn_where_its_profile_is(no_display):
     length = screen.walker.leg_length
     step = np.array([[-9.0, 0.0], [0.5, 0.0], [0.501, -0.1], [9.0, -0.1]]) * length
     frame = screen.draw(GAIT, 0.0, profile=step)
-    line = mask(frame, look.GROUND_LINE)
+    line = mask(frame, colours.GROUND_LINE)
     left, right = (int(np.argmax(line[:, x])) for x in (60, 740))
     assert right - left == pytest.approx(0.1 * 0.62 * 450, abs=2)
 
@@ -182,14 +184,14 @@ def test_notes_stand_in_the_corners_and_a_warning_in_its_colour(no_display):
     reported = Screen("lab").draw(GAIT, SLOPE, notes=(["a"], ["b"]), warning="fell forward")
     changed = (plain != reported).any(axis=-1)
     assert changed[:100, :200].any() and changed[:100, 600:].any()
-    assert not changed[200:].any() and mask(reported, look.WARNING)[:100, :200].sum() > 20
+    assert not changed[200:].any() and mask(reported, colours.WARNING)[:100, :200].sum() > 20
 
 
 def test_tiles_are_frames_side_by_side():
     frames = [np.full((2, 4, 3), i, np.uint8) for i in range(5)]
     picture = tiled(frames)
     assert picture.shape == (4, 12, 3)
-    np.testing.assert_array_equal(picture[::2, ::4, 0], [[0, 1, 2], [3, 4, look.SKY[0]]])
+    np.testing.assert_array_equal(picture[::2, ::4, 0], [[0, 1, 2], [3, 4, colours.SKY[0]]])
 
 
 def test_nothing_and_frames_of_two_shapes_are_no_picture():
@@ -273,7 +275,7 @@ def test_a_video_shows_the_walk_that_is_asked_for(changes, tmp_path, monkeypatch
         return draw(self, state, *rest, **more)
 
     monkeypatch.setattr(Screen, "draw", drawn)
-    frames = film("lab", SLOPE, GAIT, tmp_path / "walk.gif", strides=2, **changes)
+    frames = video("lab", SLOPE, GAIT, tmp_path / "walk.gif", strides=2, **changes)
     walk, plain = (
         simulate("lab", SLOPE, GAIT, 2, samples=_SAMPLES, **options) for options in (changes, {})
     )

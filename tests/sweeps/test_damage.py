@@ -11,7 +11,7 @@ import gym_passive_walker as gpw
 from gym_passive_walker.cli import main
 from gym_passive_walker.sweeps import store
 from gym_passive_walker.sweeps.description import Description
-from gym_passive_walker.sweeps.run import Swept
+from gym_passive_walker.sweeps.run import SweepResult
 from gym_passive_walker.sweeps.version import version
 from tests.sweeps.conftest import ODD
 
@@ -141,14 +141,14 @@ def test_a_damaged_manifest_is_named_and_its_rows_can_still_be_read(name, finish
     damage, said = MANIFESTS[name]
     damage(finished / "out" / "sweep.json")
     refused(finished, said)
-    assert Swept(finished / "out", 9, 0).columns()["square"].tolist() == SQUARES
+    assert SweepResult(finished / "out", 9, 0).columns()["square"].tolist() == SQUARES
 
 
 @pytest.mark.parametrize("content", [{"over": 3}, {"analysis": "gait", "over": {}}])
 def test_a_description_that_is_none_is_refused_where_it_is_asked_for(content, finished):
     changed(description=content)(finished / "out" / "sweep.json")
     with pytest.raises(ValueError, match=r"sweep.json cannot be read .*over"):
-        Swept(finished / "out", 9, 0).description()
+        SweepResult(finished / "out", 9, 0).description()
 
 
 def line(change):
@@ -203,18 +203,21 @@ def test_a_torn_end_of_a_journal_costs_its_last_row_at_most(stopped, tear):
     last = json.loads(journal.read_text().splitlines()[-1])["task"]
     journal.write_bytes(tear(journal.read_bytes()))
     whole(stopped)
-    after = Swept(stopped / "out", 9, 0).columns()["seconds"].tolist()
+    after = SweepResult(stopped / "out", 9, 0).columns()["seconds"].tolist()
     assert [x for x in range(9) if after[x] != before[x]] in ([], [last])
 
 
 def test_a_part_that_is_damaged_or_of_another_sweep_is_named_and_left(finished):
     folder = finished / "out" / "rows"
     (part,) = folder.iterdir()
-    kept, before = part.read_bytes(), Swept(finished / "out", 9, 0).columns()["seconds"].tolist()
+    kept, before = (
+        part.read_bytes(),
+        SweepResult(finished / "out", 9, 0).columns()["seconds"].tolist(),
+    )
     part.write_bytes(kept[: len(kept) // 2])
     refused(finished, f"{part} cannot be read .*move it elsewhere")
     with pytest.raises(ValueError, match=f"{part} cannot be read"):
-        Swept(finished / "out", 9, 0).columns()
+        SweepResult(finished / "out", 9, 0).columns()
     part.write_bytes(kept)
     table, strange = parquet.read_table(part), folder / "strange.parquet"
     for change, said in (
@@ -282,7 +285,7 @@ def test_a_trusted_function_is_called_by_its_name_by_the_command_or_as_it_is(odd
     (odd / "file.json").write_text(json.dumps(content))
     assert main(["sweep", str(odd / "file.json"), "--trust", "--workers", "1"]) == 0
     found = [
-        Swept(odd / "file", 1, 0),
+        SweepResult(odd / "file", 1, 0),
         gpw.sweep(content, odd / "named", trust=True, workers=1),
         gpw.sweep(odd_tasks.square, odd / "itself", over={"x": [3]}, workers=1),
     ]
@@ -297,7 +300,7 @@ def test_a_folder_that_names_a_function_runs_nothing_when_it_is_drawn(odd, monke
     assert found.plot(x="x", y="square", by="square")
     monkeypatch.setattr("importlib.import_module", lambda _: pytest.fail("imported"))
     with pytest.raises(ValueError, match=r"odd_tasks:square.* not the package's"):
-        Swept(odd / "out", 2, 0).plot(x="x", y="square", by="square")
+        SweepResult(odd / "out", 2, 0).plot(x="x", y="square", by="square")
 
 
 def test_results_that_no_column_can_hold_are_an_error_in_their_row(odd):

@@ -8,7 +8,7 @@ import time
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.sweeps.run import Swept
+from gym_passive_walker.sweeps.run import SweepResult
 from tests.sweeps.same import same
 
 pytest.importorskip("ray")
@@ -84,7 +84,7 @@ def test_a_machine_that_joins_takes_its_share(odd, cluster):
     cluster.add_node(num_cpus=1)
     assert process.wait(timeout=300) == 0
     workers = {each.split()[1] for each in (odd / "noted").read_text().splitlines()}
-    assert len(workers) == 2 and len(Swept(odd / "out", 2500, 0).columns()["x"]) == 2500
+    assert len(workers) == 2 and len(SweepResult(odd / "out", 2500, 0).columns()["x"]) == 2500
 
 
 def test_a_machine_of_another_version_is_refused(odd, cluster, monkeypatch):
@@ -123,7 +123,7 @@ def test_a_sweep_that_loses_its_head_goes_on_with_the_next(odd):
         second.shutdown()
     again = (odd / "noted").read_text().count("\n") - done
     assert 30 <= kept < 400 and again == 400 - kept  # nothing that was kept is done again
-    same(Swept(odd / "out", 400, 0), gpw.sweep(
+    same(SweepResult(odd / "out", 400, 0), gpw.sweep(
         "odd_tasks:noted", odd / "whole", trust=True, over={"x": list(range(400))},
         given={"folder": str(odd)}, workers=1,
     ))  # fmt: skip

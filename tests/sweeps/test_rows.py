@@ -34,7 +34,7 @@ def written(folder, description, rows, order=None):
         kept.add({**row, "seconds": 0.25 * task}, results or {})
     kept.flush(last=True)
     kept.close()
-    return run.Swept(folder, len(rows), sum(row is None for row in rows))
+    return run.SweepResult(folder, len(rows), sum(row is None for row in rows))
 
 
 FOUR = Description(analysis="gait", over={"slope": [0.01, 0.02, 0.03, 0.04]},
@@ -131,7 +131,7 @@ def test_rows_of_several_files_and_of_the_journal_are_one_table(tmp_path, monkey
     assert again.done == dict.fromkeys(range(7), DONE)
     again.close()
     assert len([*rows.iterdir()]) == 3 and not journal.read_text()
-    columns = run.Swept(tmp_path / "out", 7, 0).columns()
+    columns = run.SweepResult(tmp_path / "out", 7, 0).columns()
     assert columns["y"].tolist() == [10 * x for x in range(7)]
 
 
@@ -182,7 +182,7 @@ def test_text_of_any_kind_returns_as_it_was(text, tmp_path):
     description = Description(analysis="a:b", over={"x": [text, text + "2"]})
     columns = written(tmp_path / "out", description, [{"y": text}, None]).columns()
     assert columns["x"].tolist() == [text, text + "2"] and columns["y"].tolist() == [text, None]
-    assert description == run.Swept(tmp_path / "out", 2, 1).description()
+    assert description == run.SweepResult(tmp_path / "out", 2, 1).description()
 
 
 # Pictures.
@@ -469,7 +469,7 @@ def test_progress_counts_tasks_failures_and_the_time_that_is_left(tmp_path, monk
     assert shown == [("tasks", 4)] and alone.closed == 1
     assert notes == [f"0.5/s, {failed} failed, {left} s left"
                      for failed, left in ((0, 6), (1, 4), (1, 2), (1, 0))]  # fmt: skip
-    columns = run.Swept(tmp_path / "out", 4, 1).columns()
+    columns = run.SweepResult(tmp_path / "out", 4, 1).columns()
     assert columns["x"].tolist() == [5, 6, 7, 8] and set(columns["seconds"]) == {0.5}
     np.testing.assert_array_equal(columns["y"], [5, np.nan, 7, 8])
 

@@ -158,7 +158,7 @@ def test_a_sweep_that_was_stopped_does_the_rest_alone_and_ends_as_if_it_had_not(
     assert set(done) == set(range(120))
     assert len(kept) >= 9 or sent == signal.SIGINT  # which has put them into rows
     assert all(done.count(task) == 1 for task in kept)
-    stopped = run.Swept(odd / "kept", 120, 0)
+    stopped = run.SweepResult(odd / "kept", 120, 0)
     whole = gpw.sweep(json.loads(text), odd / "whole", trust=True, workers=1)
     same(stopped, whole)
 
@@ -312,7 +312,7 @@ def test_on_a_disk_that_fills_up_nothing_finished_is_lost(odd):
         and "repeat the call to continue" in reported.stderr
     )
     assert reported.returncode == 0 and "first 0" not in reported.stdout
-    columns = run.Swept(odd / "kept", 5000, 0).columns()
+    columns = run.SweepResult(odd / "kept", 5000, 0).columns()
     assert columns["square"].tolist() == [x * x for x in range(5000)]
     whole = [line for line in (odd / "before").read_text().splitlines() if line.endswith("}")]
     before = [json.loads(line) for line in whole]

@@ -11,7 +11,7 @@ torch = pytest.importorskip("torch")
 
 from torch import Tensor, nn  # noqa: E402
 
-from gym_passive_walker.evaluation.walks import WALKED_ON, Walks, evaluate  # noqa: E402
+from gym_passive_walker.evaluation.walks import TIME_LIMIT, Walks, evaluate  # noqa: E402
 
 pytestmark = pytest.mark.learning
 
@@ -64,10 +64,10 @@ def learns_to_walk(
     for parameter in last.parameters():
         nn.init.zeros_(parameter)
     before = walks(act)
-    assert WALKED_ON not in before.endings
+    assert TIME_LIMIT not in before.endings
     train()
     after = walks(act)
-    assert after.endings.count(WALKED_ON) > 15
+    assert after.endings.count(TIME_LIMIT) > 15
     assert after.reward.mean() > 38.0 > 5.0 * before.reward.mean()
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from gym_passive_walker import WALKERS, Outcome, closed_loop_gait, find_gait, load_policy
 from gym_passive_walker.cli import main
-from gym_passive_walker.render import look
+from gym_passive_walker.render import colours
 from gym_passive_walker.viewer import play
 from gym_passive_walker.viewer.walk import LiveWalk, Setup
 
@@ -235,9 +235,9 @@ def test_the_picture_shows_both_legs_everywhere_they_belong(session):
     session.gait()
     frame = session.frames(FPS)
     assert frame.shape == (SIZE[1], SIZE[0], 3)
-    for colour in look.LEGS:
+    for colour in colours.LEGS:
         assert shows(frame, SCENE, colour) and shows(frame, PORTRAIT, colour)
-    assert shows(frame, GAIT, look.LEGS[0])
+    assert shows(frame, GAIT, colours.LEGS[0])
 
 
 def test_a_push_is_drawn_from_the_hip(session):
@@ -315,7 +315,7 @@ def test_the_window_does_what_was_asked_and_writes_its_last_picture(tmp_path):
         pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key, mod=0))
     play("lab", SLOPE, seconds=0.2, picture=tmp_path / "seen.png")
     seen = pygame.surfarray.array3d(pygame.image.load(tmp_path / "seen.png")).swapaxes(0, 1)
-    assert shows(seen.astype(int), SCENE, look.LEGS[0])
+    assert shows(seen.astype(int), SCENE, colours.LEGS[0])
     assert not pygame.display.get_init()
 
 
@@ -323,23 +323,23 @@ def test_the_window_does_what_was_asked_and_writes_its_last_picture(tmp_path):
 def test_a_film_has_a_frame_for_each_instant(tmp_path, ending):
     moviepy = pytest.importorskip("moviepy")
     path = tmp_path / f"walk{ending}"
-    play("lab", SLOPE, seconds=0.5, film=path)
+    play("lab", SLOPE, seconds=0.5, video=path)
     with moviepy.VideoFileClip(str(path)) as clip:
         assert clip.duration == pytest.approx(0.5, abs=0.06)
         frame = clip.get_frame(0.4).astype(int)
     shrunk = SIZE[0] // frame.shape[1]
     assert frame.shape == (SIZE[1] // shrunk, SIZE[0] // shrunk, 3)
-    assert int((np.abs(frame - look.LEGS[1]) < 40).all(axis=-1).sum()) > 100
+    assert int((np.abs(frame - colours.LEGS[1]) < 40).all(axis=-1).sum()) > 100
 
 
-def test_f_films_until_the_end_and_never_over_another_film(tmp_path, monkeypatch):
+def test_f_records_until_the_end_and_never_over_another_video(tmp_path, monkeypatch):
     pytest.importorskip("moviepy")
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "walk-1.mp4").write_text("another film")
+    (tmp_path / "walk-1.mp4").write_text("another video")
     pygame.display.init()
     pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_f, mod=0))
     play("lab", SLOPE, seconds=0.1)
-    assert (tmp_path / "walk-1.mp4").read_text() == "another film"
+    assert (tmp_path / "walk-1.mp4").read_text() == "another video"
     assert (tmp_path / "walk-2.mp4").stat().st_size > 1000
 
 
@@ -354,7 +354,7 @@ def test_a_gentle_slope_lets_its_walker_walk():
         ({"walker": "Z"}, "no walker"),
         ({"slope": 2.0}, "slope"),
         ({"policy": "none"}, "no policy"),
-        ({"film": "walk.txt"}, ".mp4"),
+        ({"video": "walk.txt"}, ".mp4"),
     ],
 )
 def test_bad_arguments_are_refused_in_a_sentence(arguments, reported):
@@ -406,15 +406,15 @@ def test_the_viewer_is_refused_in_a_sentence_without_pygame(monkeypatch):
         play("lab", SLOPE)
 
 
-@pytest.mark.parametrize("kept", [{"film": "walk.avi"}, {"picture": "seen.webp"}])
+@pytest.mark.parametrize("kept", [{"video": "walk.avi"}, {"picture": "seen.webp"}])
 def test_a_file_that_cannot_be_written_is_refused_before_a_window_opens(kept, tmp_path):
     [(option, name)] = kept.items()
-    what = {"film": "video"}.get(option, option)
+    what = {"video": "video"}.get(option, option)
     with pytest.raises(ValueError, match=f"{what}'s name must end in"):
         play("lab", SLOPE, **{option: tmp_path / name})
     (tmp_path / "folder.mp4").mkdir()
     (tmp_path / "folder.png").mkdir()
-    ending = {"film": ".mp4", "picture": ".png"}[option]
+    ending = {"video": ".mp4", "picture": ".png"}[option]
     with pytest.raises(IsADirectoryError, match="folder"):
         play("lab", SLOPE, **{option: tmp_path / f"folder{ending}"})
     assert not pygame.display.get_init()

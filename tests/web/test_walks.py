@@ -18,7 +18,7 @@ from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.render.pose import pose
 from gym_passive_walker.units import units_of
 from gym_passive_walker.web.kernels import START
-from gym_passive_walker.web.notes import TOLERANCES
+from gym_passive_walker.web.page_data import TOLERANCES
 
 SIX = ("lab", "C", "A", "B", "D", "lab-straight")
 SPRUNG = {

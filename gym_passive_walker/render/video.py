@@ -28,7 +28,7 @@ _KINDS = (".mp4", ".gif")
 _GIF_FPS = 30  # few browsers show more frames per second
 
 
-def film_path(path: str | Path) -> Path:
+def video_path(path: str | Path) -> Path:
     """Check a path that a video is to be written to, and create its folder if needed.
 
     Raises:
@@ -41,7 +41,7 @@ def film_path(path: str | Path) -> Path:
     return prepare(path)
 
 
-class Film:
+class Video:
     """A video that is written frame by frame; a context manager, or closed by `close`.
 
     Args:
@@ -59,7 +59,7 @@ class Film:
     def __init__(
         self, path: str | Path, size: tuple[int, int], fps: int, *, shrink: int = 1
     ) -> None:
-        self.path = film_path(path)
+        self.path = video_path(path)
         with extra("render"):
             from moviepy.video.io.ffmpeg_writer import FFMPEG_VideoWriter
         gif = self.path.suffix.lower() == ".gif"
@@ -111,7 +111,7 @@ class Film:
             raise error or kind
 
 
-def film(
+def video(
     walker: GaitLike,
     slope: float,
     state: ArrayLike,
@@ -147,7 +147,7 @@ def film(
         ValueError: if a number is out of its range, or the suffix is neither .mp4 nor .gif.
         ImportError: if pygame or moviepy is not installed.
     """
-    path, slower = film_path(path), number(slower, "slower", above=0.0)
+    path, slower = video_path(path), number(slower, "slower", above=0.0)
     need("pygame", "render")
     need("moviepy", "render")
     walk = simulate(
@@ -158,7 +158,7 @@ def film(
     screen = Screen(walk.walker)
     ground = ground_under(walk, screen.seen + walk.walker.leg_length)
     with (
-        Film(path, screen.size, FPS, shrink=shrink) as written,
+        Video(path, screen.size, FPS, shrink=shrink) as written,
         progress("frames", len(instants)) as drawn,
     ):
         for i in np.searchsorted(walk.times, instants):

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from examples import once_a_stride
-from examples.once_a_stride import (
+from examples import stride_controllers
+from examples.stride_controllers import (
     ActuationFeedback,
     SpeedControl,
     kuo_gait,
@@ -21,7 +21,7 @@ from examples.once_a_stride import (
 )
 from gym_passive_walker import WALKERS, Actuation, Outcome, find_gait, stride, stride_map
 from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.evaluation.walks import WALKED_ON, evaluate
+from gym_passive_walker.evaluation.walks import TIME_LIMIT, evaluate
 from gym_passive_walker.gaits.dense_stride import states_at
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.units import units_of
@@ -231,7 +231,7 @@ def test_a_controller_of_once_a_stride_walks_in_the_environment(action):
         arena = gymnasium.make_vec(
             "PassiveWalker-v0", num_envs=8, scene=where, max_episode_steps=50
         )
-        assert evaluate(policy, arena, seed=1).endings == [WALKED_ON] * 8
+        assert evaluate(policy, arena, seed=1).endings == [TIME_LIMIT] * 8
         section = Section(walker=walker)
         if isinstance(policy, SpeedControl):
             speeds = midstance_speed(
@@ -292,7 +292,7 @@ def test_controllers_that_cannot_act_are_refused():
 
 
 def test_the_example_prints_its_table(capsys):
-    once_a_stride.main()
+    stride_controllers.main()
     rows = [line.rsplit(maxsplit=2) for line in capsys.readouterr().out.splitlines()[3:]]
     multipliers = {name: float(multiplier) for name, multiplier, _ in rows}
     assert len(multipliers) == 7

@@ -1,6 +1,6 @@
 """Feedback once a stride: a hip torque, an ankle torque or a push-off for each stride.
 
-    python -m examples.once_a_stride
+    python -m examples.stride_controllers
 
 The example shows how to write a custom controller. It begins with the stride map and its
 derivatives, and ends with the Floquet multipliers and the basin of the closed loop.

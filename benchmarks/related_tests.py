@@ -39,7 +39,7 @@ _CONCERNING = {
     "agents/exploration": "exploration training",
     "agents/files": "files training",
     "agents/learner": "config evaluation training policies/network",
-    "agents/standings": "benchmark",
+    "agents/results": "benchmark",
     "agents/training": "training",
     "agents/envs": "config training",
     "control/baselines": "baselines closed_loop optimal",
@@ -68,7 +68,7 @@ _CONCERNING = {
     "evaluation/steps": "steps baselines benchmark",
     "evaluation/linearization": "linearization",
     "evaluation/walks": "agents/evaluation",
-    "examples/once_a_stride": "once_a_stride",
+    "examples/stride_controllers": "stride_controllers",
     "examples/potential_shaping": "potential_shaping",
     "gaits/basin": "basin bifurcation",
     "gaits/bifurcation": "bifurcation basin",
@@ -128,17 +128,17 @@ def tests_of(file: str) -> list[str]:
     """
     if file in CHANGED:
         return CHANGED[file]
-    room = file.split("/")[0]
+    package = file.split("/")[0]
     named = f"{_CONCERNING.get(file, '')} {_BESIDES.get(file, '')}".split()
-    named += _EVERYWHERE.split() * (room == "envs")
-    names = (name if "/" in name else f"{room}/{name}" for name in dict.fromkeys(named))
+    named += _EVERYWHERE.split() * (package == "envs")
+    names = (name if "/" in name else f"{package}/{name}" for name in dict.fromkeys(named))
     tests = [f"tests/{Path(name).parent}/test_{Path(name).name}.py" for name in names]
-    options = [_OPTIONS[room]] if room in _OPTIONS else _PUBLIC * (room not in _NOT_PUBLIC)
+    options = [_OPTIONS[package]] if package in _OPTIONS else _PUBLIC * (package not in _NOT_PUBLIC)
     if file == "train":
         tests, options = ["tests/agents/test_command_line.py"], [_OPTIONS["agents"]]
     # List single files: pytest orders the files of a folder differently.
-    rest = [] if file == room else _tests_in(f"tests/{room}")
-    rest = rest or [f"tests/test_{room}.py"]  # of a package without a folder of tests
+    rest = [] if file == package else _tests_in(f"tests/{package}")
+    rest = rest or [f"tests/test_{package}.py"]  # of a package without a folder of tests
     return list(dict.fromkeys([*tests, *options, *rest]))
 
 

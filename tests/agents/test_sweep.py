@@ -2,7 +2,7 @@
 
 import pytest
 
-from agents.swept import train
+from agents.sweep import train
 
 
 @pytest.mark.learning

@@ -1,4 +1,4 @@
-"""Training as the analysis of a sweep: `analysis: agents.swept:train`."""
+"""Training as the analysis of a sweep: `analysis: agents.sweep:train`."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from agents.evaluation import write_rows
 from gym_passive_walker import GaitFamily, gait_family
 from gym_passive_walker.control import optimal
 from gym_passive_walker.envs.scene import SCENES
-from gym_passive_walker.evaluation.walks import WALKED_ON
+from gym_passive_walker.evaluation.walks import TIME_LIMIT
 from gym_passive_walker.files import prepare, replacing
 from gym_passive_walker.render.axes import BLACK, GREY, SPEED, legend, panels, save, series
 
@@ -38,7 +38,7 @@ ROWS = (
     ("above_optimum", "cost above the optimum at that speed", ".0%"),
     ("strides", "strides", ".0f"),
     ("hundred_strides", "walks of 100 strides", ".0%"),
-    ("walked_on", "walks to the time limit", ".0%"),
+    ("reached_time_limit", "walks to the time limit", ".0%"),
     ("perturbation_forward", "largest forward perturbation survived", ".0%"),
     ("perturbation_backward", "largest backward perturbation survived", ".0%"),
     ("rough_strides", "strides to a fall on rough ground", ".0f"),
@@ -89,7 +89,7 @@ def by_agent(scores: Sequence[Score]) -> dict[str, list[Score]]:
 
 def walking_on_level_ground(scores: Sequence[Score]) -> dict[str, list[Score]]:
     """Scores on level ground, by agent, with at least one walk that reached the time limit."""
-    return by_agent([s for s in scores if s["scene"] == "level" and s["walked_on"] > 0.0])
+    return by_agent([s for s in scores if s["scene"] == "level" and s["reached_time_limit"] > 0.0])
 
 
 def tables(scores: Sequence[Score]) -> str:
@@ -117,7 +117,7 @@ def falls(scores: Sequence[Score]) -> str:
     shares = [
         f"{cause} {count / total.total():.0%}"
         for cause, count in total.most_common()
-        if cause != WALKED_ON
+        if cause != TIME_LIMIT
     ]
     return ", ".join(shares) or "none"
 

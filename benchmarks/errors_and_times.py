@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import engine as own
-from benchmarks import rivals
+from benchmarks import other_solvers
 from benchmarks.problem import Problem, error
 from benchmarks.report import seconds
 
@@ -32,28 +32,31 @@ def engine(p: Problem, exact: NDArray, count: int, tolerance: float) -> Point:
 
 def scipy(p: Problem, exact: NDArray, method: str, tolerance: float) -> Point:
     """`scipy.integrate.solve_ivp` with one of its methods; the error is over eight strides."""
-    stride = rivals.scipy_stride(p, method, tolerance)
+    stride = other_solvers.scipy_stride(p, method, tolerance)
     found = np.array([stride(start) for start in p.starts[:8]])
     return error(found, exact[:8]), seconds(lambda: stride(p.starts[0]), repeats=3) * 1e6
 
 
 def heyoka(p: Problem, exact: NDArray, tolerance: float) -> Point:
     """Heyoka, one walker at a time."""
-    stride = rivals.heyoka_stride(p, tolerance)
+    stride = other_solvers.heyoka_stride(p, tolerance)
     found = np.array([stride(start) for start in p.starts])
     return error(found, exact), seconds(lambda: stride(p.starts[0]), repeats=3) * 1e6
 
 
 def heyoka_batch(p: Problem, exact: NDArray, lanes: int, tolerance: float) -> Point:
     """Heyoka's batch mode."""
-    stride, starts = rivals.heyoka_batch(p, tolerance, lanes), p.starts[:lanes]
+    stride, starts = other_solvers.heyoka_batch(p, tolerance, lanes), p.starts[:lanes]
     reached = error(stride(starts), exact[:lanes])
     return reached, seconds(lambda: stride(starts), repeats=3) / lanes * 1e6
 
 
 def diffrax(p: Problem, exact: NDArray, method: str, tolerance: float) -> Point:
     """Diffrax with one of its solvers, and `BATCH` walkers in a batch."""
-    strides, starts = rivals.diffrax_batch(p, method, tolerance), np.resize(p.starts, (BATCH, 6))
+    strides, starts = (
+        other_solvers.diffrax_batch(p, method, tolerance),
+        np.resize(p.starts, (BATCH, 6)),
+    )
     reached = error(strides(starts)[: len(exact)], exact)
     return reached, seconds(lambda: strides(starts), repeats=3, most=1.0) / BATCH * 1e6
 
