@@ -12,7 +12,7 @@ import pytest
 pygame = pytest.importorskip("pygame")
 
 from gym_passive_walker import find_gait, footholds, simulate, stairs  # noqa: E402
-from gym_passive_walker.render import look, pose  # noqa: E402
+from gym_passive_walker.render import colours, pose  # noqa: E402
 from gym_passive_walker.render.brush import Brush  # noqa: E402
 from gym_passive_walker.render.video import Video, video, video_path  # noqa: E402
 from gym_passive_walker.render.ground import between, height, profile  # noqa: E402
@@ -30,7 +30,7 @@ def written(monkeypatch):
     """Texts that are written, with their places, anchors and colours."""
     texts, write = [], Brush.write
 
-    def record(self, text, place, anchor="midtop", colour=look.GROUND_LINE, **more):
+    def record(self, text, place, anchor="midtop", colour=colours.GROUND_LINE, **more):
         texts.append((text, np.asarray(place, dtype=float), anchor, colour))
         return write(self, text, place, anchor, colour, **more)
 
@@ -68,11 +68,11 @@ def test_notes_stand_in_lines_on_their_sides_and_the_warning_below_the_left_ones
     found = {text: (place, anchor, colour) for text, place, anchor, colour in written}
     edge = 0.03 * 900
     for text, (right, line), anchor, colour in (
-        ("one", (edge, 0), "topleft", look.HIP),
-        ("two", (edge, 1), "topleft", look.HIP),
-        ("fell", (edge, 2), "topleft", look.WARNING),
-        ("three", (1600 - edge, 0), "topright", look.HIP),
-        ("four", (1600 - edge, 1), "topright", look.HIP),
+        ("one", (edge, 0), "topleft", colours.HIP),
+        ("two", (edge, 1), "topleft", colours.HIP),
+        ("fell", (edge, 2), "topleft", colours.WARNING),
+        ("three", (1600 - edge, 0), "topright", colours.HIP),
+        ("four", (1600 - edge, 1), "topright", colours.HIP),
     ):
         place, at, painted = found[text]
         assert (place[0], at, painted) == (right, anchor, colour), text
@@ -89,14 +89,14 @@ def test_all_ground_of_a_frame_lies_within_the_distance_that_is_seen():
 
 @pytest.mark.parametrize("tilt", [-0.3, 0.3])
 def test_a_push_points_along_the_tilted_ground(tilt):
-    colours = []
+    angles = []
     for slope in (0.0, 0.2):
         screen = Screen("lab")
         frame = screen.draw(GAIT, slope, tilt=tilt, push=1.0).astype(int)
-        rows, columns = np.nonzero((np.abs(frame - look.PUSH) < 12).all(axis=-1))
+        rows, columns = np.nonzero((np.abs(frame - angles.PUSH) < 12).all(axis=-1))
         steep = np.polyfit(columns, rows, 1)[0]
-        colours.append(math.atan(steep))
-    np.testing.assert_allclose(colours, [tilt, tilt + 0.2], atol=0.05)
+        angles.append(math.atan(steep))
+    np.testing.assert_allclose(angles, [tilt, tilt + 0.2], atol=0.05)
 
 
 def test_ghosts_are_at_most_five_and_no_nearer_than_a_fifth_of_a_leg():
@@ -202,7 +202,7 @@ def test_each_frame_is_found_at_its_row_and_column(count):
     cells = picture.reshape(-1, 4, columns, 6, 3).swapaxes(1, 2).reshape(-1, 4, 6, 3)
     assert count <= len(cells) < count + columns
     np.testing.assert_array_equal(cells[:count], frames)
-    assert (cells[count:] == look.SKY).all()
+    assert (cells[count:] == colours.SKY).all()
 
 
 # Videos
@@ -230,9 +230,9 @@ def read(path):
 )
 def test_a_video_has_its_size_rate_and_colours(name, fps, shrink, size, rate, tmp_path):
     pytest.importorskip("moviepy")
-    colours = [(200, 40, 40), (40, 40, 200)]
+    shades = [(200, 40, 40), (40, 40, 200)]
     with Video(tmp_path / "deep" / name, (64, 48), fps, shrink=shrink) as file:
-        for colour in colours:
+        for colour in shades:
             for _ in range(fps):
                 file.write(np.full((48, 64, 3), colour, np.uint8))
     assert [path.name for path in (tmp_path / "deep").iterdir()] == [name]
@@ -242,7 +242,7 @@ def test_a_video_has_its_size_rate_and_colours(name, fps, shrink, size, rate, tm
     assert facts["fps"] == pytest.approx(rate, rel=0.12)
     assert facts["duration"] == pytest.approx(2.0, abs=0.1)
     assert len(frames) == pytest.approx(2 * rate, rel=0.12)
-    for frame, colour in ((frames[1], colours[0]), (frames[-2], colours[1])):
+    for frame, colour in ((frames[1], shades[0]), (frames[-2], shades[1])):
         np.testing.assert_allclose(frame.reshape(-1, 3).mean(axis=0), colour, atol=25)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome
-from gym_passive_walker.render import look
+from gym_passive_walker.render import colours
 from gym_passive_walker.render.brush import Brush
 from gym_passive_walker.units import units_of
 from gym_passive_walker.viewer.walk import LiveWalk, Setup
@@ -44,7 +44,7 @@ def shown(player, monkeypatch):
     write = Brush.write
     found = {}
 
-    def record(self, text, place, anchor="midtop", colour=look.GROUND_LINE, **more):
+    def record(self, text, place, anchor="midtop", colour=colours.GROUND_LINE, **more):
         found[text] = (tuple(np.asarray(place, dtype=float)), anchor, colour)
         return write(self, text, place, anchor, colour, **more)
 
@@ -75,7 +75,7 @@ def test_every_key_of_the_list_is_written_with_its_effect_beside_it(shown):
     places = []
     for key, does in KEYS:
         (x, y), anchor, colour = texts[key]
-        assert LEGEND.collidepoint(x, y) and (anchor, colour) == ("topleft", look.HIP)
+        assert LEGEND.collidepoint(x, y) and (anchor, colour) == ("topleft", colours.HIP)
         assert texts[does][0] == (x + 96, y)
         places.append((x, y))
     assert len(set(places)) == len(KEYS) == 12
@@ -103,7 +103,7 @@ def test_the_gait_s_multipliers_and_the_last_stride_s_measures_are_written(playe
     texts = shown()
     assert "Floquet multipliers of the passive gait" in texts
     gait, _ = player.gait
-    assert texts["stable" if gait.stable else "unstable (ring)"][2] == look.LEGS[0]
+    assert texts["stable" if gait.stable else "unstable (ring)"][2] == colours.LEGS[0]
     said = sorted(
         (place[1], text) for text, (place, _, colour) in texts.items()
         if GAIT.collidepoint(place) and re.match(r"−?\d", text)
@@ -162,7 +162,7 @@ def test_notes_say_whether_time_stands_still_how_fast_it_passes_and_what_is_draw
         assert text in texts
     player.film = None
     player.walk.outcome = Outcome.FELL_BACKWARD
-    assert shown()["fell backward (R begins again)"][2] == look.WARNING
+    assert shown()["fell backward (R begins again)"][2] == colours.WARNING
 
 
 @pytest.mark.parametrize(
