@@ -1,0 +1,81 @@
+"""Files of JSON, YAML and TOML."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from gym_passive_walker.loading import SUFFIXES, is_file, read_content
+
+CONTENT = {
+    ".json": '{"name": "Läufer", "mass": 1.5, "parts": [1, 2], "on": true}',
+    ".toml": 'name = "Läufer"\nmass = 1.5\nparts = [1, 2]\non = true\n',
+    ".yaml": "name: Läufer\nmass: 1.5\nparts: [1, 2]\n'on': true\n",
+    ".yml": "name: Läufer\nmass: 15e-1\nparts: [1, 2]\n'on': true\n",
+}
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("capitals", [False, True])
+def test_each_format_is_read_by_its_ending(suffix, capitals, tmp_path):
+    if suffix in (".yaml", ".yml"):
+        pytest.importorskip("yaml")
+    path = tmp_path / f"walker{suffix.upper() if capitals else suffix}"
+    path.write_text(CONTENT[suffix], encoding="utf-8")
+    found = read_content(path)
+    assert found == {"name": "Läufer", "mass": 1.5, "parts": [1, 2], "on": True}
+    assert read_content(str(path)) == found
+    assert is_file(path) and is_file(str(path))
+
+
+def test_text_with_another_ending_names_no_file_but_every_path_does():
+    assert set(SUFFIXES) == set(CONTENT)
+    assert is_file("a.json") and is_file(Path("lab")) and is_file("a/b.c/d.YML")
+    for value in ("lab", "lab.txt", "json", "a.json/lab", "", None, 3, {"a.json": 1}):
+        assert not is_file(value)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("torn.json", '{"a": ', "Expecting value"),
+        ("torn.toml", "a = ", "Invalid value"),
+        ("torn.yaml", "a: [1, 2", "expected"),
+        ("bytes.json", b"\xff\xfe", "can't decode"),
+        ("missing.json", None, "No such file"),
+        ("folder.json", ..., "Is a directory"),
+        ("a.txt", "{}", "its name must end in .json, .yaml, .yml, .toml"),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_named_with_the_reason(name, text, words, tmp_path):
+    if name.endswith("yaml"):
+        pytest.importorskip("yaml")
+    path = tmp_path / name
+    if text is ...:
+        path.mkdir()
+    elif text is not None:
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(ValueError, match="cannot be read: ") as refused:
+        read_content(path)
+    said = str(refused.value)
+    assert said.startswith(f"{path} cannot") and words in said and "\n" not in said
+
+
+def test_a_file_that_nests_too_deeply_is_refused(tmp_path):
+    path = tmp_path / "deep.json"
+    path.write_text("[" * 100_000)
+    with pytest.raises(ValueError, match="cannot be read"):
+        read_content(path)
+
+
+@pytest.mark.parametrize("written", ["1e3", "+1.E3", "1e+3", "10.0e2", ".1e4", "1E3"])
+def test_exponents_of_yaml_are_numbers_and_words_with_an_e_are_words(written, tmp_path):
+    pytest.importorskip("yaml")
+    path = tmp_path / "a.yaml"
+    path.write_text(f"number: {written}\nword: 1e3x\nother: e3\nwhole: 12\n")
+    found = read_content(path)
+    assert found == {"number": 1000.0, "word": "1e3x", "other": "e3", "whole": 12}
+    assert type(found["number"]) is float and type(found["whole"]) is int
+    assert json.dumps(found)
