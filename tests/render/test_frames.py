@@ -14,11 +14,11 @@ pygame = pytest.importorskip("pygame")
 from gym_passive_walker import find_gait, footholds, simulate, stairs  # noqa: E402
 from gym_passive_walker.render import colours, pose  # noqa: E402
 from gym_passive_walker.render.brush import Brush  # noqa: E402
-from gym_passive_walker.render.video import Video, video, video_path  # noqa: E402
 from gym_passive_walker.render.ground import between, height, profile  # noqa: E402
 from gym_passive_walker.render.panels import draw_portrait  # noqa: E402
 from gym_passive_walker.render.screen import Screen  # noqa: E402
 from gym_passive_walker.render.tiles import columns_of, tile_size, tiled  # noqa: E402
+from gym_passive_walker.render.video import Video, video, video_path  # noqa: E402
 from gym_passive_walker.walkers import WALKERS  # noqa: E402
 
 GAIT = np.array([0.24395, -0.24395, -0.24395, -1.0491, -0.3015, -1.4831])
@@ -93,7 +93,7 @@ def test_a_push_points_along_the_tilted_ground(tilt):
     for slope in (0.0, 0.2):
         screen = Screen("lab")
         frame = screen.draw(GAIT, slope, tilt=tilt, push=1.0).astype(int)
-        rows, columns = np.nonzero((np.abs(frame - angles.PUSH) < 12).all(axis=-1))
+        rows, columns = np.nonzero((np.abs(frame - colours.PUSH) < 12).all(axis=-1))
         steep = np.polyfit(columns, rows, 1)[0]
         angles.append(math.atan(steep))
     np.testing.assert_allclose(angles, [tilt, tilt + 0.2], atol=0.05)
