@@ -151,7 +151,7 @@ def test_notes_say_whether_time_stands_still_how_fast_it_passes_and_what_is_draw
     press(player, pygame.K_MINUS)
     mouse(player, pygame.MOUSEBUTTONDOWN, SCENE.center)
     mouse(player, pygame.MOUSEMOTION, (0, 0), rel=(30, -40))
-    player.film = SimpleNamespace(path=SimpleNamespace(name="walk-7.mp4"), close=lambda: None)
+    player.video = SimpleNamespace(path=SimpleNamespace(name="walk-7.mp4"), close=lambda: None)
     texts = shown()
     cosine, sine = np.cos(SLOPE), np.sin(SLOPE)
     along, off = PUSH * (30 * cosine - 40 * sine), PUSH * (40 * cosine + 30 * sine)
@@ -160,7 +160,7 @@ def test_notes_say_whether_time_stands_still_how_fast_it_passes_and_what_is_draw
         f"push {along:+.3f} downhill, {off:+.3f} up, in m √(g l)",
     ):  # fmt: skip
         assert text in texts
-    player.film = None
+    player.video = None
     player.walk.outcome = Outcome.FELL_BACKWARD
     assert shown()["fell backward (R begins again)"][2] == colours.WARNING
 
