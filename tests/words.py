@@ -130,7 +130,12 @@ def files() -> list[Path]:
     """Every page and module."""
     pages = [path for pattern in _PAGES for path in sorted(ROOT.glob(pattern))]
     modules = [path for folder in _MODULES for path in sorted((ROOT / folder).rglob("*.py"))]
-    modules = [path for path in modules if path not in {ROOT / name for name in _EXAMPLES}]
+    built = ROOT / "docs" / "_build"  # copies of the site
+    modules = [
+        path
+        for path in modules
+        if path not in {ROOT / name for name in _EXAMPLES} and not path.is_relative_to(built)
+    ]
     return [*pages, *modules, *sorted(ROOT.glob("*.py"))]
 
 
