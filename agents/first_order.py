@@ -64,8 +64,9 @@ class Taped(VecEnvWrapper):
 
     def __init__(self, venv: VecEnv, recorder: Any = None) -> None:
         super().__init__(venv)
-        new = recorder is None
-        self.recorder = StepRecorder(venv.unwrapped, bounded=False) if new else recorder
+        if recorder is None:
+            recorder = StepRecorder(venv.unwrapped, bounded=False)
+        self.recorder = recorder
         self.clear()
 
     def clear(self) -> None:

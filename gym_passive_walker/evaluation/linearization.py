@@ -20,7 +20,7 @@ from gym_passive_walker.gaits.flow import Walkers, go_on, report_of
 from gym_passive_walker.physics.systems import system_of
 from gym_passive_walker.walkers import PARAMETERS, check_parametric
 
-_STATE, _ACTION, _START = slice(0, 6), 6, 7  # columns of derivatives
+_STATE, _STANCE, _ACTION, _START = slice(0, 6), 0, 6, 7  # columns of derivatives
 _WIDTH = 1e-6  # of differences
 
 
@@ -125,19 +125,17 @@ class StepRecorder:
             charge = rules.motor_charge(charged, sign, moved[:, 0], turned[:, 0])
             energy[:, _ACTION] += ~fell * sign * charge
         rewards = rules.reward(distance, energy, scene.energy_weight)
-        by_start = np.zeros(shape)
         if scene.command is not None:
             length, period = (results[:, report.at[name]] for name in ("step_length", "time"))
             rewards -= walked.struck[:, None] * self._penalties_by(length, period)
-            by_start[:] = rewards[:, _START].reshape(shape)
+            by_start = at_first_steps(rewards[:, _START].reshape(shape), begins)
+            rewards[:, _STANCE] += by_start.reshape(-1)
         states = results[:, _STATE, 1:]
         rewards[:, _ACTION] *= scene.max_hip_torque
-        rewards_by_state = rewards[:, _STATE].reshape(*shape, 6)
-        rewards_by_state[..., 0] += at_first_steps(by_start, begins)
         return Linear(
             states_by_state=states[..., _STATE].reshape(*shape, 6, 6),
             states_by_action=scene.max_hip_torque * states[..., _ACTION].reshape(*shape, 6),
-            rewards_by_state=rewards_by_state,
+            rewards_by_state=rewards[:, _STATE].reshape(*shape, 6),
             rewards_by_action=rewards[:, _ACTION].reshape(shape),
         )
 

@@ -285,7 +285,8 @@ def crisis_slope(
     strides, walkers = whole(strides, "strides"), whole(walkers, "walkers", 1, KEPT)
     accuracy = number(accuracy, "accuracy", least=_FINEST_SLOPE, most=1.0)
     if not low < high or (stride_map.passive and low <= 0.0):
-        raise ValueError(f"slopes must be 0 < low < high, not {low}, {high}; motors walk uphill")
+        allowed = "0 < low < high" if stride_map.passive else "low < high"
+        raise ValueError(f"slopes must be {allowed}, not {low}, {high}")
     points = beginnings(stride_map, np.array([low]), kind, start)
     points = stride_map.apply(points, low, strides=strides).ends
     if not np.all(np.isfinite(points)):
