@@ -6,7 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -144,7 +144,7 @@ def _is_function(analysis: Any) -> bool:
 
 def _described(analysis: Any, rest: dict[str, Any]) -> Description:
     if isinstance(analysis, Description):
-        return analysis
+        analysis = {each.name: getattr(analysis, each.name) for each in fields(analysis)}
     if is_file(analysis):
         analysis = read_content(analysis)
     if isinstance(analysis, Mapping):

@@ -200,7 +200,7 @@ def test_a_seed_that_is_given_to_all_tasks_is_theirs_and_the_sweep_s_draws_the_s
 
 def test_what_is_said_besides_a_description_replaces_what_it_says(tmp_path):
     content = {"analysis": "gait", "over": {"slope": [0.02, 0.03]}, "given": {"walker": "lab"}}
-    for description in (content, tmp_path / "few.json"):
+    for description in (content, tmp_path / "few.json", Description(**content)):
         (tmp_path / "few.json").write_text(json.dumps(content))
         found = _described(description, {"over": {"slope": [0.04]}})
         assert [each["slope"] for each in found.tasks] == [0.04]
