@@ -243,7 +243,7 @@ def test_shares_of_every_parameter_are_kept_in_order_of_their_names():
     found = Scene(domain_randomization=shares).domain_randomization
     assert list(found) == sorted(shares) and found == shares
     assert Scene(domain_randomization={}).domain_randomization == {}
-    with pytest.raises(SceneError, match="randomization_pool is .*: give both"):
+    with pytest.raises(SceneError, match=r"randomization_pool is .*: give both"):
         Scene(randomization_pool=2)
 
 
