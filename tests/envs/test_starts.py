@@ -154,7 +154,7 @@ def test_a_named_scene_starts_without_a_search(monkeypatch):
 
 
 def drawn_by_hand(scene, rng):
-    """The first valid walker of those whose parameters are drawn one row after another."""
+    """The first valid walker from rows of random parameters."""
     shares = scene.domain_randomization
     while True:
         draws = rng.uniform(-1.0, 1.0, len(shares)).tolist()
