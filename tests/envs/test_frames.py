@@ -195,7 +195,8 @@ def test_the_cost_within_a_stride_counts_gravity_up_to_now_and_all_energy():
 
 @pytest.mark.parametrize(("impulse", "sign"), [(-0.004, -1.0), (0.004, 1.0)])
 def test_the_arrow_of_a_push_has_its_direction_and_its_share(impulse, sign):
-    env = PassiveWalkerEnv("lab", pushes={"rate": 2.0, "impulse": (min(0.0, impulse), max(0.0, impulse))})  # fmt: skip
+    ends = min(0.0, impulse), max(0.0, impulse)
+    env = PassiveWalkerEnv("lab", pushes={"rate": 2.0, "impulse": ends})
     env.reset(seed=0)
     shown = []
     for _ in range(30):
