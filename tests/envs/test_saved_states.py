@@ -413,3 +413,27 @@ def base_of(argument):
         "terrain": {"terrain": {"rough": {"height_std": 0.01}}},
         **{name: {name: one_reward} for name in ("reward", "observation", "terminated")},
     }.get(argument, {})
+
+
+def test_each_actuator_has_its_own_limit_in_a_state():
+    largest = {"hip": 0.07, "ankle": 0.02, "push_off": 0.1}
+    env = PassiveWalkerVectorEnv(
+        2, walker="E", slope=0.012, actions=("push_off", "ankle", "hip"), max_hip_torque=0.07,
+        max_ankle_torque=0.02, max_push_off=0.1,
+    )  # fmt: skip
+    env.reset(seed=0)
+    env.step(np.full((2, 3), 0.1))
+    state = env.get_state()
+    for name, limit in largest.items():
+        for value, valid in ((limit, True), (limit + 1e-9, False), (-limit - 1e-9, False)):
+            given = copy.deepcopy(state)
+            row = given["records"][1, 0]
+            if name == "push_off":
+                row["push_off"] = value
+            else:
+                row["control"][0 if name == "hip" else 1] = value
+            if valid:
+                env.set_state(given)
+                continue
+            with pytest.raises(ValueError, match=r"records\['(control|push_off)'\] of environ"):
+                env.set_state(given)
