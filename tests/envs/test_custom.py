@@ -540,3 +540,55 @@ def test_transitions_of_walkers_that_go_on_are_kept_at_another_s_reset():
     later, *_ = env.step(np.zeros((3, 1)))
     np.testing.assert_array_equal(later[:, 0], [2.0, 1.0, 2.0])
     np.testing.assert_allclose(later[:, 3], [0.2, 0.1, 0.2], rtol=1e-6)
+
+
+def test_states_and_ground_of_a_step_are_those_that_the_environment_observes():
+    """The same walk by its default observation, with the next foothold, and by all fields."""
+    arguments = {
+        "scene": "rough", "pushes": {"rate": 0.4, "impulse": (-0.003, 0.003)},
+        "terrain": {"rough": {"height_std": 0.001, "slope_std": 0.002}}, "terrain_lookahead": 1,
+        "command": (0.1, 0.2),
+    }  # fmt: skip
+    plain = PassiveWalkerVectorEnv(3, autoreset_mode="Disabled", **arguments)
+    env = PassiveWalkerVectorEnv(3, autoreset_mode="Disabled", observation=everything, **arguments)
+    expected, found = plain.reset(seed=5)[0], env.reset(seed=5)[0]
+    last, pushed, strikes, before = expected, 0, 0, np.zeros(3)
+    for k in range(60):
+        if k:
+            given = np.full((3, 1), 0.1 * np.sin(k))
+            expected, rewards, ended, _, infos = plain.step(given)
+            found, *_ = env.step(given)
+            if ended.any():
+                break
+        step = dict(zip(NAMES, found.T, strict=True))
+        columns = [step[f"{part} {i}"] for part in ("before", "state") for i in range(6)]
+        columns += [step["knee_locked"], step["slope"], step["command"]]
+        columns += [step["height_change"], step["slope_change"]]
+        same = np.column_stack([last[:, :6], expected])
+        np.testing.assert_allclose(np.transpose(columns), same, rtol=1e-6, atol=1e-7)
+        assert (step["steps"] == k).all()
+        last = expected
+        if not k:
+            continue
+        np.testing.assert_allclose(step["action 0"], given[:, 0], rtol=1e-6)
+        np.testing.assert_allclose(step["last_action 0"], before, rtol=1e-6)
+        np.testing.assert_array_equal(step["strides"], infos["strides"])
+        np.testing.assert_array_equal(step["push"] != 0.0, infos["push_work"] != 0.0)
+        np.testing.assert_allclose(
+            step["push"], plain.batch.disturbances.states["impulse"], rtol=1e-6
+        )
+        clock = plain.batch.ledger["clock"] + plain.batch.records["time"][:, 0]
+        np.testing.assert_allclose(step["time"], clock, rtol=1e-6)
+        np.testing.assert_allclose(step["reward"], rewards, rtol=1e-5, atol=1e-7)
+        pushed += (step["push"] != 0.0).sum()
+        strikes += step["heelstrike"].sum()
+        before = given[:, 0]
+    assert pushed > 2 and strikes >= 3
+
+
+NAMES = [
+    f"{name} {i}" if name in SEVERAL else name
+    for name in Transition._fields
+    for i in range({"before": 6, "state": 6}.get(name, 1))
+]
+"""Names of the numbers in `everything`, of a scene with one action."""
