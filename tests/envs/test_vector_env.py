@@ -130,7 +130,7 @@ def test_all_are_reset_before_some_of_them(make_vec):
         env.reset(options={"reset_mask": np.array([True, False])})
 
 
-@pytest.mark.parametrize("count", [3, 2000])
+@pytest.mark.parametrize("count", [3, 2000, 2100])
 def test_an_action_that_is_no_number_is_refused_and_changes_nothing(make_vec, count, assert_same):
     env = make_vec(count)
     env.reset(seed=0)
