@@ -17,6 +17,7 @@ from gym_passive_walker.envs.scene import UNDISTURBED, SceneError, make_scene, u
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.physics.systems import bodies, body_of, system_of
+from tests.modeling.statements import DRIVEN
 
 SLOPES = {"lab": 0.036, "A": 0.03, "D": 0.009}
 """A walker with knees, one with straight legs, the simplest; and slopes that they walk on."""
@@ -407,3 +408,26 @@ def test_one_number_of_noise_is_that_of_angles_and_rates():
     np.testing.assert_array_equal(noisy.reset(seed=0)[0], each.reset(seed=0)[0])
     for actions in some(3, 5):
         np.testing.assert_array_equal(noisy.step(actions)[0], each.step(actions)[0])
+
+
+@pytest.mark.parametrize("index", [None, *range(5)])
+def test_noise_on_a_system_is_that_of_each_of_its_numbers(index):
+    """One number is that of coordinates and rates, not of the slope; a command is exact."""
+    noise = 0.05 if index is None else [0.05 * (k == index) for k in range(5)]
+    noisy, calm = (
+        PassiveWalkerVectorEnv(40, system=DRIVEN, slope=0.02, command=(0.1, 0.3), **more)
+        for more in ({"observation_noise": noise}, {})
+    )
+    errors = [noisy.reset(seed=0)[0] - calm.reset(seed=0)[0]]
+    for actions in 0.1 * some(40, 6):
+        seen, reward, *_ = noisy.step(actions)
+        expected, paid, *_ = calm.step(actions)
+        np.testing.assert_array_equal(reward, paid)
+        errors.append(seen - expected)
+    spread = np.std(np.concatenate(errors), axis=0)
+    assert spread.shape == (6,)
+    erring = np.array([k < 4 if index is None else k == index for k in range(6)])
+    np.testing.assert_allclose(spread[erring], 0.05, rtol=0.15)
+    assert not spread[~erring].any()
+    with pytest.raises(SceneError, match="or 5 of them"):
+        make_scene(system=DRIVEN, observation_noise=[0.1] * 8)

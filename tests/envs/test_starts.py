@@ -16,7 +16,9 @@ from gym_passive_walker.envs.starts import (
     known_gaits,
     searched_gait,
 )
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.units import units_of
+from tests.modeling.statements import DRIVEN
 
 
 def begun(scene, count=200, seed=0):
@@ -284,3 +286,49 @@ def test_the_nearest_reference_slope_with_a_gait_is_used(monkeypatch):
             assert gait_near(WALKERS["C"], slope, (1.0,)) == (order[tried],)
             expected = [(order[0], (1.0,)), *((each, None) for each in order[1 : tried + 1])]
             assert asked == expected
+
+
+def test_states_of_a_system_are_its_coordinates_and_their_rates():
+    env = PassiveWalkerVectorEnv(2, system=DRIVEN, slope=0.02, reset_noise_scale=0.0)
+    states = [[0.2, -0.21, -0.3, -0.1], [0.15, -0.16, -0.25, -0.12]]
+    seen, _ = env.reset(seed=0, options={"state": states, "slope": [0.01, 0.03]})
+    np.testing.assert_array_equal(env.states, states)
+    expected = np.column_stack([states, [0.01, 0.03]])
+    np.testing.assert_array_equal(seen, expected.astype(np.float32))
+    with pytest.raises(ValueError, match="of a walker that has fallen"):
+        env.reset(options={"state": [2.0, 0.0, 0.0, 0.0]})
+    with pytest.raises(ValueError, match=r"shape \(4,\)"):
+        env.reset(options={"state": [0.2, -0.2, -0.2, -1.0, -0.5, -1.0]})
+    start = (0.22, -0.22, -0.3, -0.15)
+    given = PassiveWalkerVectorEnv(2, system=DRIVEN, start=start, reset_noise_scale=0.0)
+    given.reset(seed=0)
+    np.testing.assert_array_equal(given.states, [start] * 2)
+
+
+def test_deviations_of_a_system_are_of_its_coordinates_and_of_each_rate():
+    """One factor for the coordinates, one for the first rate, one for the others."""
+    start = np.array([0.22, -0.22, -0.3, -0.15])
+    env = PassiveWalkerVectorEnv(300, system=DRIVEN, start=start, reset_noise_scale=0.1)
+    env.reset(seed=0)
+    ratios = env.states / start
+    assert 0.9 <= ratios.min() < 0.905 and 1.095 < ratios.max() <= 1.1
+    np.testing.assert_allclose(ratios[:, 0], ratios[:, 1], rtol=1e-14)
+    together = np.corrcoef(ratios[:, [0, 2, 3]].T)
+    np.testing.assert_allclose(together, np.eye(3), atol=0.2)
+
+
+@pytest.mark.parametrize("count", [1, 70])
+def test_deviations_are_the_generator_s_own_numbers(count):
+    """Of each walker: the slope's share, then three factors; in blocks of any size."""
+    scene = Scene(slope=(0.01, 0.04), reset_noise_scale=0.1)
+    found = draws(scene, count)
+    own = starts.Starts(scene)
+    for i in (0, count // 2, count - 1):
+        share, *factors = np.random.default_rng((0, i)).random(4)
+        slope = 0.01 + 0.03 * share
+        assert found[i, 0] == pytest.approx(slope, rel=1e-14)
+        angle, first, others = (1.0 + 0.1 * (2.0 * u - 1.0) for u in factors)
+        gait = own.states(np.array([slope]))[0]
+        np.testing.assert_allclose(
+            found[i, 1:], gait * [angle, angle, angle, first, others, others], rtol=1e-12
+        )
