@@ -164,9 +164,7 @@ def test_walks_over_slopes_and_their_exponents():
     asked = dict(n_transient=20, n_recorded=5, longest_period=2)
     for sweep in (False, True):
         known, found = (
-            bifurcation_diagram(
-                w["D"], [0.0125, 0.009], start=start * size, sweep=sweep, **asked
-            )
+            bifurcation_diagram(w["D"], [0.0125, 0.009], start=start * size, sweep=sweep, **asked)
             for w, size in ((PLAIN, 1.0), (OTHER, RATES))
         )
         same(found.stance_angle, known.stance_angle, rel=1e-7)
