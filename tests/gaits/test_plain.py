@@ -44,7 +44,7 @@ def walk(name, slope, state, count):
 
 
 def chart_by(walker, state):
-    """Derivatives of ln(angle) and of dimensionless rates over angle, by the section's coordinates."""
+    """Derivatives of ln(angle) and of scaled rates over angle, by the section's coordinates."""
     time = math.sqrt(walker.leg_length / walker.gravity)
     rates = state[3 : 6 if walker.knees else 5]
     by = np.zeros((1 + len(rates),) * 2)
@@ -90,7 +90,10 @@ def test_exponents_are_those_of_products_of_derivatives(name, count, strides, sk
 @pytest.mark.parametrize("name", SLOPES)
 @pytest.mark.parametrize(("skipped", "kept", "longest"), [(0, 3, 1), (2, 4, 3)])
 def test_a_diagram_records_each_walk_from_its_own_start(name, skipped, kept, longest):
-    starts = [share * find_gait(name, x).state for x, share in zip(SLOPES[name], (1.01, 0.998))]
+    starts = [
+        share * find_gait(name, x).state
+        for x, share in zip(SLOPES[name], (1.01, 0.998), strict=True)
+    ]
     found = bifurcation_diagram(
         name, SLOPES[name], n_transient=skipped, n_recorded=kept, start=starts,
         longest_period=longest,
