@@ -519,5 +519,5 @@ def test_actions_of_a_wrong_shape_or_size_are_refused_by_the_controller_s_name()
         strides.apply(np.array([[0.3, -0.4, -0.2, -0.35]]), 0.0)
     assert strides.controller_name == "ours"
     named = SimpleNamespace(predict=lambda *_, **__: (np.full((1, 1), np.nan), None))
-    with pytest.raises(ValueError, match="SimpleNamespace must return actions .*all finite"):
+    with pytest.raises(ValueError, match=r"SimpleNamespace must return actions .*all finite"):
         gpw.stride_map(controller=named, scene="level").apply(np.full((1, 4), 0.3), 0.0)
