@@ -453,7 +453,7 @@ NEVER_NEGATIVE += ["hip_stiffness", "hip_friction", "knee_stiffness"]
 
 
 def anything(seed, knees=True):
-    """A walker none of whose parameters has its default."""
+    """A walker without a parameter at its default."""
     random = np.random.default_rng(seed)
     springs = dict(zip(NEVER_NEGATIVE[5:], random.uniform(0.1, 2.0, 3), strict=True))
     walker = replace(random_walker(random, knees=knees), **springs)
