@@ -30,7 +30,7 @@ CHANGED = {
 """Modules in which single signs are changed, and the tests that concern them."""
 
 _CONCERNING = {
-    "agents/benchmark": "benchmark",
+    "agents/benchmark": "results benchmark",
     "agents/callbacks": "callbacks training",
     "agents/checkpoint": "training",
     "agents/commands": "command_line",
@@ -39,7 +39,7 @@ _CONCERNING = {
     "agents/exploration": "exploration training",
     "agents/files": "files training",
     "agents/learner": "config evaluation training policies/network",
-    "agents/results": "benchmark",
+    "agents/results": "results benchmark",
     "agents/training": "training",
     "agents/envs": "config training",
     "control/baselines": "baselines closed_loop optimal",
