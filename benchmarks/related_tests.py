@@ -33,9 +33,9 @@ _CONCERNING = {
     "agents/benchmark": "results benchmark",
     "agents/callbacks": "callbacks training",
     "agents/checkpoint": "training",
-    "agents/commands": "command_line",
+    "agents/commands": "commands command_line",
     "agents/config": "config",
-    "agents/evaluation": "command_line",
+    "agents/evaluation": "commands evaluation command_line",
     "agents/exploration": "exploration training",
     "agents/files": "files training",
     "agents/learner": "config evaluation training policies/network",
@@ -140,7 +140,8 @@ def tests_of(file: str) -> list[str]:
     tests = [f"tests/{Path(name).parent}/test_{Path(name).name}.py" for name in names]
     options = [_OPTIONS[package]] if package in _OPTIONS else _PUBLIC * (package not in _NOT_PUBLIC)
     if file == "train":
-        tests, options = ["tests/agents/test_command_line.py"], [_OPTIONS["agents"]]
+        tests = [f"tests/agents/test_{name}.py" for name in ("commands", "command_line")]
+        options = [_OPTIONS["agents"]]
     # List single files: pytest orders the files of a folder differently.
     rest = [] if file == package else _tests_in(f"tests/{package}")
     rest = rest or [f"tests/test_{package}.py"]  # of a package without a folder of tests
