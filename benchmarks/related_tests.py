@@ -113,9 +113,9 @@ _CONCERNING = {
     "torch/operation": "lanes walks rollouts",
     "torch/rollouts": "lanes rollouts conformance/conformance",
     "torch/walks": "lanes walks",
-    "trainers/rsl_rl": "contracts",
-    "trainers/skrl": "contracts",
-    "trainers/torchrl": "contracts",
+    "trainers/rsl_rl": "walkers contracts",
+    "trainers/skrl": "walkers contracts",
+    "trainers/torchrl": "walkers contracts",
     "validation/scaling": "scaling",
     "validation/wheel": "wheel",
 }
