@@ -88,10 +88,10 @@ def test_a_number_stands_for_every_walker(state):
         every = {name: torch.full((3,), value).double() for name, value in plain.items()}
         for a, b in zip(kind("lab", state=states, **plain), kind("lab", state=states, **every),
                         strict=True):  # fmt: skip
-            torch.testing.assert_close(a, b, rtol=1e-7, atol=1e-7)
+            torch.testing.assert_close(a, b, rtol=1e-6, atol=1e-6)
         for a, b in zip(kind("lab", state=state, **every), kind("lab", state=states, **plain),
                         strict=True):  # fmt: skip
-            torch.testing.assert_close(a, b, rtol=1e-7, atol=1e-7)
+            torch.testing.assert_close(a, b, rtol=1e-6, atol=1e-6)
 
 
 def test_a_control_step_has_the_units_of_its_walker(state):
