@@ -32,14 +32,14 @@ CHANGED = {
 _CONCERNING = {
     "agents/benchmark": "results benchmark",
     "agents/callbacks": "callbacks training",
-    "agents/checkpoint": "training",
+    "agents/checkpoint": "updates training",
     "agents/commands": "commands command_line",
     "agents/config": "config",
     "agents/evaluation": "commands evaluation command_line",
     "agents/exploration": "exploration training",
     "agents/files": "files training",
     "agents/learner": "config evaluation training policies/network",
-    "agents/networks": "networks ppo_fast reference",
+    "agents/networks": "networks updates ppo_fast",
     "agents/pictures": "pictures command_line",
     "agents/results": "results benchmark",
     "agents/rllib": "trainers/rllib",
@@ -136,9 +136,9 @@ _PUBLIC = [f"tests/options/test_{of}.py" for of in ("functions", "objects", "for
 _NOT_PUBLIC = ("examples", "validation")
 """Folders without options."""
 _BESIDES = {
-    "agents/first_order": "reference first_order",
+    "agents/first_order": "updates reference first_order",
     "agents/learned_steps": "reference learned_steps",
-    "agents/ppo_fast": "reference ppo_fast",
+    "agents/ppo_fast": "updates reference ppo_fast",
     "cli/sweeps": "sweeps/options",
     "envs/disturbance_kernels": "streams",
     "gaits/terrain": "envs/streams",

@@ -95,7 +95,7 @@ def test_a_number_stands_for_every_walker(state):
 
 
 def test_a_control_step_has_the_units_of_its_walker(state):
-    """A step until heelstrike is the stride, whose numbers are in the walker's own units."""
+    """A step until heelstrike is the stride. Both are in the walker's own units."""
     for name, slope in (("lab", 0.036), ("C", 0.03)):
         here = torch.tensor(gpw.find_gait(name, slope).state)
         whole = stride(name, slope, here, hip_torque=0.01, push_off=0.01)
