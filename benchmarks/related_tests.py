@@ -30,16 +30,21 @@ CHANGED = {
 """Modules in which single signs are changed, and the tests that concern them."""
 
 _CONCERNING = {
-    "agents/benchmark": "benchmark",
+    "agents/benchmark": "results benchmark",
     "agents/callbacks": "callbacks training",
-    "agents/checkpoint": "training",
-    "agents/commands": "command_line",
+    "agents/checkpoint": "updates training",
+    "agents/commands": "commands command_line",
     "agents/config": "config",
-    "agents/evaluation": "command_line",
+    "agents/evaluation": "commands evaluation command_line",
     "agents/exploration": "exploration training",
     "agents/files": "files training",
     "agents/learner": "config evaluation training policies/network",
-    "agents/results": "benchmark",
+    "agents/networks": "networks updates ppo_fast",
+    "agents/pictures": "pictures command_line",
+    "agents/results": "results benchmark",
+    "agents/rllib": "trainers/rllib",
+    "agents/search": "search training",
+    "agents/sweep": "sweep training",
     "agents/training": "training",
     "agents/envs": "config training",
     "control/baselines": "baselines closed_loop optimal",
@@ -71,10 +76,12 @@ _CONCERNING = {
     "envs/transitions": "custom",
     "envs/vector_env": "batches changes vector_env",
     "envs/walker_env": "batches walker_env",
-    "evaluation/robustness": "robustness",
-    "evaluation/steps": "steps baselines benchmark",
-    "evaluation/linearization": "linearization",
-    "evaluation/walks": "agents/evaluation",
+    "evaluation/gauntlet": "score_cards gauntlet",
+    "evaluation/pictures": "score_cards robustness",
+    "evaluation/robustness": "score_cards robustness",
+    "evaluation/steps": "steps agents/evaluation agents/benchmark",
+    "evaluation/linearization": "score_cards linearization",
+    "evaluation/walks": "score_cards agents/evaluation",
     "examples/stride_controllers": "stride_controllers",
     "examples/potential_shaping": "potential_shaping",
     "gaits/basin": "basin bifurcation",
@@ -95,11 +102,30 @@ _CONCERNING = {
     "gaits/stride_map": "stride_map control/controlled",
     "gaits/terrain": "envs/terrain physics/footholds first_passage",
     "gaits/varied_map": "varied_map",
+    "gpu/batch": "batch environment conformance/conformance",
+    "gpu/device": "compiled batch strides",
+    "gpu/environment": "environment conformance/conformance",
+    "gpu/episodes": "batch environment conformance/conformance",
+    "gpu/instructions": "compiled strides",
+    "gpu/lane": "strides systems batch",
+    "gpu/primitives": "strides batch",
+    "gpu/simulated": "compiled strides",
+    "gpu/source": "compiled strides systems",
+    "gpu/strides": "strides systems",
     "math": "envs/custom",
-    "policies/__init__": "network shipped",
-    "policies/network": "network",
-    "policies/tensors": "network",
+    "policies/__init__": "plain network shipped",
+    "policies/network": "plain network",
+    "policies/onnx_file": "onnx",
+    "policies/sb3_file": "sb3_file",
+    "policies/tensors": "plain network",
     "render/panels": "panels viewer/viewer",
+    "torch/environment": "lanes environment conformance/conformance",
+    "torch/operation": "lanes walks rollouts",
+    "torch/rollouts": "lanes rollouts conformance/conformance",
+    "torch/walks": "lanes walks",
+    "trainers/rsl_rl": "walkers contracts",
+    "trainers/skrl": "walkers contracts",
+    "trainers/torchrl": "walkers contracts",
     "validation/scaling": "scaling",
     "validation/wheel": "wheel",
 }
@@ -118,9 +144,9 @@ _PUBLIC = [f"tests/options/test_{of}.py" for of in ("functions", "objects", "for
 _NOT_PUBLIC = ("examples", "validation")
 """Folders without options."""
 _BESIDES = {
-    "agents/first_order": "reference first_order",
+    "agents/first_order": "updates reference first_order",
     "agents/learned_steps": "reference learned_steps",
-    "agents/ppo_fast": "reference ppo_fast",
+    "agents/ppo_fast": "updates reference ppo_fast",
     "cli/sweeps": "sweeps/options",
     "envs/disturbance_kernels": "streams",
     "gaits/terrain": "envs/streams",
@@ -143,7 +169,8 @@ def tests_of(file: str) -> list[str]:
     tests = [f"tests/{Path(name).parent}/test_{Path(name).name}.py" for name in names]
     options = [_OPTIONS[package]] if package in _OPTIONS else _PUBLIC * (package not in _NOT_PUBLIC)
     if file == "train":
-        tests, options = ["tests/agents/test_command_line.py"], [_OPTIONS["agents"]]
+        tests = [f"tests/agents/test_{name}.py" for name in ("commands", "command_line")]
+        options = [_OPTIONS["agents"]]
     # List single files: pytest orders the files of a folder differently.
     rest = [] if file == package else _tests_in(f"tests/{package}")
     rest = rest or [f"tests/test_{package}.py"]  # of a package without a folder of tests
