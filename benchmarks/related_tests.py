@@ -100,6 +100,8 @@ _CONCERNING = {
     "policies/network": "network",
     "policies/tensors": "network",
     "render/panels": "panels viewer/viewer",
+    "sweeps/quantities": "rows meaning description",
+    "sweeps/tasks": "tasks meaning rows",
     "validation/page": "page rows",
     "validation/rows": "rows page",
     "validation/scaling": "scaling",

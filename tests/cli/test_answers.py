@@ -63,7 +63,15 @@ def test_gaits_are_those_that_python_finds(words, walker, slope, drive, period, 
         title = part.splitlines()[0]
         assert title.startswith(f"{gait.kind}-step gait of ")
         assert title.endswith(f" at slope {slope:g} rad, period {gait.period}")
+        assert " under " not in title
         assert f"  {gait.stance_angle:.8g}\n" in part
+
+
+def test_a_gait_under_a_controller_is_called_by_the_controller_s_name(answer):
+    data, text = answer("gait C 0.03 --controller level-ppo")
+    gait = gpw.find_gait(gpw.stride_map("C", 0.03, controller="level-ppo"))
+    assert data == [attributes(gait, GAIT)]
+    assert " under PPO at slope 0.03 rad" in text.splitlines()[0]
 
 
 @pytest.mark.parametrize(
@@ -136,6 +144,13 @@ def test_a_basin_is_that_of_python_and_its_table_counts_each_end(answer):
     assert list(counts.values()) == sorted(counts.values(), reverse=True)
 
 
+def test_a_gait_of_two_strides_in_a_basin_is_called_by_its_period(answer):
+    data, text = answer("basin D 0.016 --resolution 12 --strides 200")
+    (gait,) = data["gaits"]
+    assert gait["period"] == 2 and 0 in np.ravel(data["settled"])
+    assert f"the long-step gait, {gait['stance_angle']:.6g} rad, period 2  " in text
+
+
 @pytest.mark.parametrize(("kind", "friction"), [("long", 0.8), ("short", 0.3)])
 def test_a_check_is_that_of_python(kind, friction, answer):
     data, text = answer(f"check C 0.03 --kind {kind} --friction {friction}")
@@ -145,9 +160,9 @@ def test_a_check_is_that_of_python(kind, friction, answer):
 
 
 def test_robustness_is_that_of_python(answer):
-    data, text = answer("robustness D --slope 0.009 --walkers 30 --strides 30 --roughness 8e-3 "
+    data, text = answer("robustness D --slope 0.009 --walkers 30 --strides 30 --roughness 2e-4 "
                         "--seed 4")  # fmt: skip
-    found = gpw.robustness("D", slope=0.009, walkers=30, strides=30, roughness=8e-3, seed=4)
+    found = gpw.robustness("D", slope=0.009, walkers=30, strides=30, roughness=2e-4, seed=4)
     names = ("slope", "step_length", "period", "roughness", "sensitivity", "step_up", "step_down")
     names += ("initial_error", "recovered", "recovered_error", "recovery")
     assert {name: data[name] for name in names} == attributes(found, names)
@@ -305,6 +320,17 @@ def test_a_report_is_plain_json():
     }  # fmt: skip
     assert list(record(stride, ("outcome", "duration"))) == ["outcome", "duration"]
     assert Report("a", 1).files == {}
+
+
+def test_export_writes_a_network_of_the_sizes_that_it_reports(answer, tmp_path):
+    onnx = pytest.importorskip("onnx")
+    data, text = answer("export steep-ppo there.onnx")
+    graph = onnx.load(tmp_path / "there.onnx").graph
+    (given,), (found,) = graph.input, graph.output
+    sizes = [each.type.tensor_type.shape.dim[1].dim_value for each in (given, found)]
+    assert [data["observation"], data["action"]] == sizes and sizes[0] != sizes[1]
+    assert (data["policy"], data["algorithm"]) == ("steep-ppo", "PPO")
+    assert f"observation  float32 (n, {sizes[0]})\n" in text and "saved there.onnx" in text
 
 
 @pytest.mark.parametrize(
