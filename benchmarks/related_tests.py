@@ -24,8 +24,8 @@ CHANGED = {
     "gaits/stride": _USERS,
     "gaits/trajectory": ["tests/physics/test_trajectory.py", "tests/physics/test_footholds.py"],
     "gaits/forces": ["tests/physics/test_forces.py", "tests/physics/test_trajectory.py"],
-    "arguments": _USERS,
-    "units": _USERS,
+    "arguments": ["tests/physics/test_arguments.py", "tests/test_refusals.py", *_USERS],
+    "units": ["tests/physics/test_arguments.py", *_USERS],
 }  # fmt: skip
 """Modules in which single signs are changed, and the tests that concern them."""
 
@@ -95,7 +95,6 @@ _CONCERNING = {
     "gaits/stability": "jacobian",
     "gaits/stride_map": "stride_map control/controlled",
     "gaits/terrain": "envs/terrain physics/footholds first_passage",
-    "math": "envs/custom",
     "policies/__init__": "network shipped",
     "policies/network": "network",
     "policies/tensors": "network",
@@ -129,6 +128,14 @@ _BESIDES = {
     "envs/disturbance_kernels": "streams",
     "gaits/terrain": "envs/streams",
 }
+_SINGLE = {
+    "__init__": "options/test_functions test_walkers test_shown",
+    "__main__": "cli/test_commands test_console",
+    "extras": "test_shown cli/test_commands",
+    "files": "test_files cli/test_files cli/test_answers",
+    "math": "envs/test_custom modeling/test_limits modeling/test_numbers",
+}
+"""All tests of single modules outside packages whose tests have other names."""
 _EVERYWHERE = "permutations streams conformance/conformance"
 """Tests that concern every module of `envs`; they run after the module's own."""
 
@@ -146,6 +153,8 @@ def tests_of(file: str) -> list[str]:
     names = (name if "/" in name else f"{package}/{name}" for name in dict.fromkeys(named))
     tests = [f"tests/{Path(name).parent}/test_{Path(name).name}.py" for name in names]
     options = [_OPTIONS[package]] if package in _OPTIONS else _PUBLIC * (package not in _NOT_PUBLIC)
+    if file in _SINGLE:
+        return [f"tests/{name}.py" for name in _SINGLE[file].split()]
     if file == "train":
         tests, options = ["tests/agents/test_command_line.py"], [_OPTIONS["agents"]]
     # List single files: pytest orders the files of a folder differently.
