@@ -135,7 +135,7 @@ _SINGLE = {
     "files": "test_files cli/test_files cli/test_answers",
     "math": "envs/test_custom modeling/test_limits modeling/test_numbers",
 }
-"""All tests of single modules outside packages whose tests have other names."""
+"""All tests of modules outside packages, where tests have other names."""
 _EVERYWHERE = "permutations streams conformance/conformance"
 """Tests that concern every module of `envs`; they run after the module's own."""
 
