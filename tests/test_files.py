@@ -253,6 +253,18 @@ def test_signs_of_patterns_are_signs_of_names(name, tmp_path):
     assert len([*tmp_path.iterdir()]) == 2
 
 
+@pytest.mark.skipif(os.name == "nt", reason="no process is asked whether it lives")
+@pytest.mark.parametrize("name", ["model[1]", "a*b", "why?"])
+def test_what_killed_writers_of_odd_names_left_goes_too(name, tmp_path):
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    left = tmp_path / f".{name}.{ended.pid}.zip"
+    left.touch()
+    with replacing(tmp_path / f"{name}.zip") as aside:
+        aside.touch()
+    assert [*tmp_path.iterdir()] == [tmp_path / f"{name}.zip"]
+
+
 def test_the_ending_is_that_of_a_link_and_not_of_its_target(tmp_path):
     target, link = tmp_path / "model.bin", tmp_path / "link.zip"
     target.write_text("old")
