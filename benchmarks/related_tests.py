@@ -24,8 +24,8 @@ CHANGED = {
     "gaits/stride": _USERS,
     "gaits/trajectory": ["tests/physics/test_trajectory.py", "tests/physics/test_footholds.py"],
     "gaits/forces": ["tests/physics/test_forces.py", "tests/physics/test_trajectory.py"],
-    "arguments": _USERS,
-    "units": _USERS,
+    "arguments": ["tests/physics/test_arguments.py", "tests/test_refusals.py", *_USERS],
+    "units": ["tests/physics/test_arguments.py", *_USERS],
 }  # fmt: skip
 """Modules in which single signs are changed, and the tests that concern them."""
 
@@ -54,6 +54,10 @@ _CONCERNING = {
     "control/optimal": "optimal",
     "control/optimum": "optimal ticks",
     "control/ticks": "ticks optimal closed_loop",
+    "cli/gaits": "answers tables commands",
+    "cli/report": "answers tables",
+    "cli/walks": "answers tables commands",
+    "cli/warmup": "answers",
     "envs/batch": "batches changes vector_env starts walker_env task custom",
     "envs/checks": "scene",
     "envs/custom": "custom explain",
@@ -77,13 +81,18 @@ _CONCERNING = {
     "envs/vector_env": "batches changes vector_env",
     "envs/walker_env": "batches walker_env",
     "evaluation/gauntlet": "score_cards gauntlet",
+    "evaluation/linearization": "score_cards linearization",
     "evaluation/pictures": "score_cards robustness",
     "evaluation/robustness": "score_cards robustness",
-    "evaluation/steps": "steps agents/evaluation agents/benchmark",
-    "evaluation/linearization": "score_cards linearization",
+    "evaluation/steps": "steps control/baselines agents/evaluation agents/benchmark",
     "evaluation/walks": "score_cards agents/evaluation",
+    "examples/driven_torso": "driven_torso systems",
+    "examples/five_links": "systems",
     "examples/stride_controllers": "stride_controllers",
     "examples/potential_shaping": "potential_shaping",
+    "examples/rimless_wheel": "systems",
+    "examples/stride_controllers": "stride_controllers",
+    "examples/torso": "systems",
     "gaits/basin": "basin bifurcation",
     "gaits/bifurcation": "bifurcation basin",
     "gaits/continuation": "families",
@@ -119,6 +128,8 @@ _CONCERNING = {
     "policies/sb3_file": "sb3_file",
     "policies/tensors": "plain network",
     "render/panels": "panels viewer/viewer",
+    "sweeps/quantities": "rows meaning description",
+    "sweeps/tasks": "tasks meaning rows",
     "torch/environment": "lanes environment conformance/conformance",
     "torch/operation": "lanes walks rollouts",
     "torch/rollouts": "lanes rollouts conformance/conformance",
@@ -126,6 +137,8 @@ _CONCERNING = {
     "trainers/rsl_rl": "walkers contracts",
     "trainers/skrl": "walkers contracts",
     "trainers/torchrl": "walkers contracts",
+    "validation/page": "page rows",
+    "validation/rows": "rows page",
     "validation/scaling": "scaling",
     "validation/wheel": "wheel",
 }
@@ -151,6 +164,14 @@ _BESIDES = {
     "envs/disturbance_kernels": "streams",
     "gaits/terrain": "envs/streams",
 }
+_SINGLE = {
+    "__init__": "options/test_functions test_walkers test_shown",
+    "__main__": "cli/test_commands test_console",
+    "extras": "test_shown cli/test_commands",
+    "files": "test_files cli/test_files cli/test_answers",
+    "math": "envs/test_custom modeling/test_limits modeling/test_numbers",
+}
+"""All tests of modules outside packages, where tests have other names."""
 _EVERYWHERE = "permutations streams conformance/conformance"
 """Tests that concern every module of `envs`; they run after the module's own."""
 
@@ -168,6 +189,8 @@ def tests_of(file: str) -> list[str]:
     names = (name if "/" in name else f"{package}/{name}" for name in dict.fromkeys(named))
     tests = [f"tests/{Path(name).parent}/test_{Path(name).name}.py" for name in names]
     options = [_OPTIONS[package]] if package in _OPTIONS else _PUBLIC * (package not in _NOT_PUBLIC)
+    if file in _SINGLE:
+        return [f"tests/{name}.py" for name in _SINGLE[file].split()]
     if file == "train":
         tests = [f"tests/agents/test_{name}.py" for name in ("commands", "command_line")]
         options = [_OPTIONS["agents"]]
