@@ -91,7 +91,6 @@ _CONCERNING = {
     "examples/stride_controllers": "stride_controllers",
     "examples/potential_shaping": "potential_shaping",
     "examples/rimless_wheel": "systems",
-    "examples/stride_controllers": "stride_controllers",
     "examples/torso": "systems",
     "gaits/basin": "basin bifurcation",
     "gaits/bifurcation": "bifurcation basin",
