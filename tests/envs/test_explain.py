@@ -73,7 +73,8 @@ def test_what_is_no_environment_of_this_package_is_refused():
 
 
 def test_the_terms_of_a_reward_are_in_info_on_request():
-    for scene in ({}, {"command": 0.15}, {"reward": WEIGHTS}, {"terrain": "stairs:rise=-0.001"}):
+    stairs = {"terrain": "stairs:rise=-0.001", "energy_weight": 3.0}
+    for scene in ({}, {"command": 0.15}, {"reward": WEIGHTS}, stairs):
         env = gymnasium.make(ID, reward_terms=True, **scene)
         env.reset(seed=0)
         for _ in range(30):
