@@ -21,8 +21,11 @@ CHANGED = {
         f"walkers/{name}": ["tests/test_walkers.py", *_MECHANICS]
         for name in ("walker", "presets", "parts", "tuning")
     },
-    "gaits/stride": _USERS,
-    "gaits/trajectory": ["tests/physics/test_trajectory.py", "tests/physics/test_footholds.py"],
+    "gaits/stride": [*_USERS, "tests/gaits/test_given.py"],
+    "gaits/trajectory": [
+        "tests/physics/test_trajectory.py", "tests/physics/test_footholds.py",
+        "tests/gaits/test_tables.py", "tests/gaits/test_own_units.py",
+    ],
     "gaits/forces": ["tests/physics/test_forces.py", "tests/physics/test_trajectory.py"],
     "arguments": ["tests/physics/test_arguments.py", "tests/test_refusals.py", *_USERS],
     "units": ["tests/physics/test_arguments.py", *_USERS],
