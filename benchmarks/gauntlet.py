@@ -8,6 +8,7 @@ docs/robustness.md, in ten minutes.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +33,8 @@ BESIDE = (
     ("constant", "level"), ("lqr", "level"), ("deadbeat", "level"), ("optimal", "level"),
     ("passive", "steep"), ("lqr", "steep"), ("deadbeat", "steep"), ("optimal", "steep"),
     ("passive", "lab"), ("constant", "lab"), ("lqr", "lab"), ("deadbeat", "lab"),
-    ("optimal", "lab"),
+    ("optimal", "lab"), ("passive", "rough"), ("constant", "rough"), ("lqr", "rough"),
+    ("deadbeat", "rough"),
 )  # fmt: skip
 """Controllers without training, and their scenes: all that have a gait there."""
 
@@ -66,7 +68,7 @@ class Scores(NamedTuple):
         kind: One of `KINDS`.
         card: Score card of the gauntlet.
         gait: Periodic gait on smooth ground.
-        least: Least cost of transport at the speed of this gait.
+        least: Least cost of transport at the speed of this gait; NaN if none is found.
         left: Walkers that are left on rough ground after each stride, (1 + strides,).
     """
 
@@ -128,7 +130,11 @@ def least_cost(scene: Scene, speed: float) -> float:
     try:
         return optimal.least_cost(optimal.stored_name(there), speed)
     except ValueError:  # none are stored
+        pass
+    try:
         return gpw.optimal_gait(there, speed).cost_of_transport
+    except gpw.GaitNotFound:  # as at the passive gait's speed, where torques have nothing to do
+        return math.nan
 
 
 def draw(found: list[Scores]) -> None:
@@ -175,7 +181,8 @@ def main() -> None:
     rows = []
     for number, each in enumerate(found, 1):
         shares = dict(zip(each.card.walks, each.card.survival, strict=True))
-        cost, above = f"{each.gait.cost_of_transport:.4f}", f"{max(each.above, 0.0):.1%}"
+        cost = f"{each.gait.cost_of_transport:.4f}"
+        above = "–" if math.isnan(each.above) else f"{max(each.above, 0.0):.1%}"
         columns = (number, each.name, each.score, each.lasts, cost, above)
         rows.append((*columns, *(f"{shares[test]:.0%}" for test in SHOWN)))
     titles = [
