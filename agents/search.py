@@ -107,7 +107,8 @@ def search(
             print(f"trial {trial.number}: return {best:.3f}", flush=True)
         return best
 
-    left = trials - len([t for t in study.trials if t.state.is_finished()])
+    done = optuna.trial.TrialState.COMPLETE  # an interrupted trial has no result
+    left = trials - len([t for t in study.trials if t.state == done])
     if left > 0 and ray is None:
         study.optimize(tried, n_trials=left)
     elif left > 0:

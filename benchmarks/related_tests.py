@@ -21,25 +21,33 @@ CHANGED = {
         f"walkers/{name}": ["tests/test_walkers.py", *_MECHANICS]
         for name in ("walker", "presets", "parts", "tuning")
     },
-    "gaits/stride": _USERS,
-    "gaits/trajectory": ["tests/physics/test_trajectory.py", "tests/physics/test_footholds.py"],
+    "gaits/stride": [*_USERS, "tests/gaits/test_given.py"],
+    "gaits/trajectory": [
+        "tests/physics/test_trajectory.py", "tests/physics/test_footholds.py",
+        "tests/gaits/test_tables.py", "tests/gaits/test_own_units.py",
+    ],
     "gaits/forces": ["tests/physics/test_forces.py", "tests/physics/test_trajectory.py"],
-    "arguments": _USERS,
-    "units": _USERS,
+    "arguments": ["tests/physics/test_arguments.py", "tests/test_refusals.py", *_USERS],
+    "units": ["tests/physics/test_arguments.py", *_USERS],
 }  # fmt: skip
 """Modules in which single signs are changed, and the tests that concern them."""
 
 _CONCERNING = {
-    "agents/benchmark": "benchmark",
+    "agents/benchmark": "results benchmark",
     "agents/callbacks": "callbacks training",
-    "agents/checkpoint": "training",
-    "agents/commands": "command_line",
+    "agents/checkpoint": "updates training",
+    "agents/commands": "commands command_line",
     "agents/config": "config",
-    "agents/evaluation": "command_line",
+    "agents/evaluation": "commands evaluation command_line",
     "agents/exploration": "exploration training",
     "agents/files": "files training",
     "agents/learner": "config evaluation training policies/network",
-    "agents/results": "benchmark",
+    "agents/networks": "networks updates ppo_fast",
+    "agents/pictures": "pictures command_line",
+    "agents/results": "results benchmark",
+    "agents/rllib": "trainers/rllib",
+    "agents/search": "search training",
+    "agents/sweep": "sweep training",
     "agents/training": "training",
     "agents/envs": "config training",
     "control/baselines": "baselines closed_loop optimal",
@@ -49,11 +57,22 @@ _CONCERNING = {
     "control/optimal": "optimal",
     "control/optimum": "optimal ticks",
     "control/ticks": "ticks optimal closed_loop",
+    "cli/gaits": "answers tables commands",
+    "cli/report": "answers tables",
+    "cli/walks": "answers tables commands",
+    "cli/warmup": "answers",
     "envs/batch": "batches changes vector_env starts walker_env task custom",
     "envs/checks": "scene",
+    "envs/custom": "custom explain",
     "envs/disturbances": "disturbances constraints terrain",
     "envs/disturbance_kernels": "disturbances constraints terrain",
+    "envs/explain": "explain",
+    "envs/frames": "frames",
     "envs/infos": "infos",
+    "envs/interface": "arguments actions walker_env vector_env explain",
+    "envs/one_thread": "one_thread",
+    "envs/registration": "walker_env arguments",
+    "envs/saved": "saved_states batches vector_env walker_env",
     "envs/constraints": "constraints disturbances",
     "envs/rules": "task actions batches walker_env disturbances",
     "envs/sb3": "sb3 batches",
@@ -64,12 +83,18 @@ _CONCERNING = {
     "envs/transitions": "custom",
     "envs/vector_env": "batches changes vector_env",
     "envs/walker_env": "batches walker_env",
-    "evaluation/robustness": "robustness",
-    "evaluation/steps": "steps baselines benchmark",
-    "evaluation/linearization": "linearization",
-    "evaluation/walks": "agents/evaluation",
+    "evaluation/gauntlet": "score_cards gauntlet",
+    "evaluation/linearization": "score_cards linearization",
+    "evaluation/pictures": "score_cards robustness",
+    "evaluation/robustness": "score_cards robustness",
+    "evaluation/steps": "steps control/baselines agents/evaluation agents/benchmark",
+    "evaluation/walks": "score_cards agents/evaluation",
+    "examples/driven_torso": "driven_torso systems",
+    "examples/five_links": "systems",
     "examples/stride_controllers": "stride_controllers",
     "examples/potential_shaping": "potential_shaping",
+    "examples/rimless_wheel": "systems",
+    "examples/torso": "systems",
     "gaits/basin": "basin bifurcation",
     "gaits/bifurcation": "bifurcation basin",
     "gaits/continuation": "families",
@@ -88,11 +113,34 @@ _CONCERNING = {
     "gaits/stride_map": "stride_map control/controlled",
     "gaits/terrain": "envs/terrain physics/footholds first_passage",
     "gaits/varied_map": "varied_map",
+    "gpu/batch": "batch environment conformance/conformance",
+    "gpu/device": "compiled batch strides",
+    "gpu/environment": "environment conformance/conformance",
+    "gpu/episodes": "batch environment conformance/conformance",
+    "gpu/instructions": "compiled strides",
+    "gpu/lane": "strides systems batch",
+    "gpu/primitives": "strides batch",
+    "gpu/simulated": "compiled strides",
+    "gpu/source": "compiled strides systems",
+    "gpu/strides": "strides systems",
     "math": "envs/custom",
-    "policies/__init__": "network shipped",
-    "policies/network": "network",
-    "policies/tensors": "network",
+    "policies/__init__": "plain network shipped",
+    "policies/network": "plain network",
+    "policies/onnx_file": "onnx",
+    "policies/sb3_file": "sb3_file",
+    "policies/tensors": "plain network",
     "render/panels": "panels viewer/viewer",
+    "sweeps/quantities": "rows meaning description",
+    "sweeps/tasks": "tasks meaning rows",
+    "torch/environment": "lanes environment conformance/conformance",
+    "torch/operation": "lanes walks rollouts",
+    "torch/rollouts": "lanes rollouts conformance/conformance",
+    "torch/walks": "lanes walks",
+    "trainers/rsl_rl": "walkers contracts",
+    "trainers/skrl": "walkers contracts",
+    "trainers/torchrl": "walkers contracts",
+    "validation/page": "page rows",
+    "validation/rows": "rows page",
     "validation/scaling": "scaling",
     "validation/wheel": "wheel",
 }
@@ -111,13 +159,21 @@ _PUBLIC = [f"tests/options/test_{of}.py" for of in ("functions", "objects", "for
 _NOT_PUBLIC = ("examples", "validation")
 """Folders without options."""
 _BESIDES = {
-    "agents/first_order": "reference first_order",
+    "agents/first_order": "updates reference first_order",
     "agents/learned_steps": "reference learned_steps",
-    "agents/ppo_fast": "reference ppo_fast",
+    "agents/ppo_fast": "updates reference ppo_fast",
     "cli/sweeps": "sweeps/options",
     "envs/disturbance_kernels": "streams",
     "gaits/terrain": "envs/streams",
 }
+_SINGLE = {
+    "__init__": "options/test_functions test_walkers test_shown",
+    "__main__": "cli/test_commands test_console",
+    "extras": "test_shown cli/test_commands",
+    "files": "test_files cli/test_files cli/test_answers",
+    "math": "envs/test_custom modeling/test_limits modeling/test_numbers",
+}
+"""All tests of modules outside packages, where tests have other names."""
 _EVERYWHERE = "permutations streams conformance/conformance"
 """Tests that concern every module of `envs`; they run after the module's own."""
 
@@ -135,8 +191,11 @@ def tests_of(file: str) -> list[str]:
     names = (name if "/" in name else f"{package}/{name}" for name in dict.fromkeys(named))
     tests = [f"tests/{Path(name).parent}/test_{Path(name).name}.py" for name in names]
     options = [_OPTIONS[package]] if package in _OPTIONS else _PUBLIC * (package not in _NOT_PUBLIC)
+    if file in _SINGLE:
+        return [f"tests/{name}.py" for name in _SINGLE[file].split()]
     if file == "train":
-        tests, options = ["tests/agents/test_command_line.py"], [_OPTIONS["agents"]]
+        tests = [f"tests/agents/test_{name}.py" for name in ("commands", "command_line")]
+        options = [_OPTIONS["agents"]]
     # List single files: pytest orders the files of a folder differently.
     rest = [] if file == package else _tests_in(f"tests/{package}")
     rest = rest or [f"tests/test_{package}.py"]  # of a package without a folder of tests

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import gym_passive_walker as gpw
 from gym_passive_walker import console
 
 ROOT = Path(__file__).parents[1]
@@ -160,3 +161,61 @@ def test_without_compilation_the_package_says_what_is_in_its_way():
         env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, cwd=ROOT, capture_output=True, text=True,
     )  # fmt: skip
     assert done.stderr.splitlines()[-1].startswith("ImportError") and "unset it" in done.stderr
+
+
+@pytest.mark.parametrize("size", [0, 1, 199, 200, 201, 5000])
+def test_a_long_text_keeps_its_beginning_and_its_end(size):
+    text = "".join(chr(97 + i % 26) for i in range(size))
+    found = console.cut(text)
+    if size <= 200:
+        assert found == text
+    else:
+        assert found == f"{text[:100]} ... {text[size - 100 :]}"
+
+
+def test_an_error_of_a_file_is_its_name_and_the_system_s_words():
+    for error, said in (
+        (OSError(28, "No space left on device", "a.csv"), "a.csv: No space left on device"),
+        (OSError(28, "No space left on device"), "No space left on device"),
+        (OSError("torn"), "torn"),
+        (ValueError("slope must be"), "slope must be"),
+        (OSError(2, "No such file", b"a.csv"), "a.csv: No such file"),
+        (OSError(36, "too long", "x" * 500), f"{'x' * 100} ... {'x' * 100}: too long"),
+    ):
+        assert console.sentence(error) == said
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [
+        (None, 0), (3, 3), (0, 0), (gpw.GaitNotFound("none"), 1), (ValueError("wrong"), 2),
+        (FileNotFoundError(2, "gone", "f"), 5), (KeyboardInterrupt(), 130), (BrokenPipeError(), 0),
+    ],
+)  # fmt: skip
+def test_each_error_has_its_status_and_results_come_before_it(error, status, capsys, monkeypatch):
+    monkeypatch.setattr(console, "forget_output", lambda: None)
+    refusals = {gpw.GaitNotFound: 1, ValueError: 2, OSError: 5}
+
+    def work():
+        print("found")
+        if isinstance(error, BaseException):
+            raise error
+        return error
+
+    assert console.run(work, name="p: ", refusals=refusals, stopped="ended") == status
+    said = capsys.readouterr()
+    assert said.out == "found\n"
+    expected = {1: "p: error: none\n", 2: "p: error: wrong\n", 5: "p: error: f: gone\n"}
+    assert said.err == expected.get(status, "\np: ended\n" if status == 130 else "")
+    with pytest.raises(KeyError):
+        console.run(lambda: {}["x"], refusals=refusals)
+
+
+def test_errors_of_files_alone_are_refusals_by_default(capsys):
+    def work(error):
+        raise error
+
+    assert console.run(lambda: work(OSError(28, "full", "f"))) == 2
+    assert capsys.readouterr().err == "error: f: full\n"
+    with pytest.raises(ValueError, match="mine"):
+        console.run(lambda: work(ValueError("mine")))

@@ -12,7 +12,7 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.cli import main
-from gym_passive_walker.files import replacing
+from gym_passive_walker.files import prepare, remove, replacing
 from gym_passive_walker.loading import SUFFIXES
 
 STATE = np.array([0.2, -0.2, -0.2, -0.2, -0.1, -0.1])
@@ -167,7 +167,7 @@ def test_a_failure_leaves_the_old_file_and_no_other(tmp_path):
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from gym_passive_walker.files import replacing
+from gym_passive_walker.files import prepare, remove, replacing
 with replacing(Path(sys.argv[1])) as aside:
     aside.write_text("half")
     os.kill(os.getpid(), signal.SIGKILL)
@@ -213,3 +213,89 @@ def test_a_film_in_slow_motion_has_as_many_more_frames(tmp_path):
     ]
     assert frames[1] == pytest.approx(2 * frames[0], abs=1)
     assert frames[2] == pytest.approx(0.5 * frames[0], abs=1)
+
+
+def test_where_a_file_can_go_is_prepared_and_elsewhere_refused_by_its_name(tmp_path):
+    place = tmp_path / "deep" / "deeper" / "w.csv"
+    assert prepare(str(place)) == place and place.parent.is_dir() and not place.exists()
+    with pytest.raises(IsADirectoryError) as refused:
+        prepare(place.parent)
+    assert refused.value.filename == str(place.parent)
+    (tmp_path / "file").write_text("kept")
+    assert prepare(tmp_path / "file").read_text() == "kept"
+    with pytest.raises(OSError) as refused:
+        prepare(tmp_path / "file" / "w.csv")
+    assert refused.value.filename == str(tmp_path / "file" / "w.csv")
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_file_may_be_prepared_if_it_or_else_its_folder_can_be_written(
+    there, tmp_path, monkeypatch
+):
+    place, asked = tmp_path / "w.csv", []
+    if there:
+        place.touch()
+    monkeypatch.setattr(os, "access", lambda path, mode: asked.append((path, mode)))
+    with pytest.raises(PermissionError) as refused:
+        prepare(place)
+    assert asked == [(place if there else tmp_path, os.W_OK)]
+    assert refused.value.filename == str(place)
+
+
+@pytest.mark.parametrize("name", ["model[1].zip", "*.zip", "no ending", ".hidden"])
+def test_signs_of_patterns_are_signs_of_names(name, tmp_path):
+    other = tmp_path / f".model1.{os.getpid()}.zip"
+    other.touch()
+    with replacing(tmp_path / name) as aside:
+        assert aside.name.endswith((tmp_path / name).suffix) and aside.parent == tmp_path
+        aside.write_text("new")
+    assert (tmp_path / name).read_text() == "new" and other.exists()
+    assert len([*tmp_path.iterdir()]) == 2
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no process is asked whether it lives")
+@pytest.mark.parametrize("name", ["model[1]", "a*b", "why?"])
+def test_what_killed_writers_of_odd_names_left_goes_too(name, tmp_path):
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    left = tmp_path / f".{name}.{ended.pid}.zip"
+    left.touch()
+    with replacing(tmp_path / f"{name}.zip") as aside:
+        aside.touch()
+    assert [*tmp_path.iterdir()] == [tmp_path / f"{name}.zip"]
+
+
+def test_the_ending_is_that_of_a_link_and_not_of_its_target(tmp_path):
+    target, link = tmp_path / "model.bin", tmp_path / "link.zip"
+    target.write_text("old")
+    link.symlink_to(target)
+    with replacing(link) as aside:
+        assert aside.suffix == ".zip"
+        aside.write_text("new")
+    assert link.is_symlink() and target.read_text() == "new"
+
+
+@pytest.mark.parametrize("error", [PermissionError, OverflowError])
+def test_a_writer_that_cannot_be_asked_keeps_its_file(error, tmp_path, monkeypatch):
+    def asked(*_):
+        raise error
+
+    left = tmp_path / ".model.12345.zip"
+    left.touch()
+    monkeypatch.setattr(os, "kill", asked)
+    with replacing(tmp_path / "model.zip") as aside:
+        aside.touch()
+    assert left.exists()
+
+
+def test_what_is_removed_is_a_link_and_not_what_it_leads_to(tmp_path):
+    folder = tmp_path / "folder"
+    (folder / "below").mkdir(parents=True)
+    (folder / "below" / "file").touch()
+    link = tmp_path / "link"
+    link.symlink_to(folder)
+    for path in (link, tmp_path / "nothing"):
+        remove(path)
+    assert not link.is_symlink() and (folder / "below" / "file").exists()
+    remove(folder)
+    assert not folder.exists()

@@ -126,3 +126,102 @@ def test_a_bar_says_how_it_goes_and_none_where_the_terminal_is_anothers(terminal
     with progress("tasks", 4) as advance:
         advance()
     assert terminal.getvalue() == before
+
+
+def test_work_of_one_part_has_no_bar_beside_others(terminal):
+    with progress("one", 1) as alone:
+        alone(0.0)
+        assert terminal.getvalue() == ""
+        with progress("many", 3) as inner:
+            inner()
+    assert pictures(terminal)[0].startswith("many [") and "one" not in terminal.getvalue()
+
+
+def test_a_bar_is_full_at_most_and_counts_what_was_done(terminal):
+    with progress("tasks", 4) as done:
+        done(2.5)
+        done(3)
+    first, second, *_ = pictures(terminal)
+    assert first.startswith("tasks [############--------] 2.5/4, ")
+    assert second.startswith(f"tasks [{'#' * 20}] 5.5/4, ")
+
+
+def test_a_bar_is_no_longer_than_the_terminal(terminal, monkeypatch):
+    monkeypatch.setattr(module.shutil, "get_terminal_size", lambda: SimpleNamespace(columns=30))
+    with progress("a name that is much longer than the line", 4) as done:
+        done()
+        shorter = len(terminal.getvalue())
+        done(note="a note")
+    lines = terminal.getvalue().split("\r")[1:]
+    assert all(len(line) in (0, 29) for line in lines) and shorter == 30
+    assert lines[0] == "a name that is much longer than the line"[:29]
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that is set by hand, and a line of its own."""
+    now = SimpleNamespace(seconds=100.0)
+    monkeypatch.setattr(module, "_LINE", module._Line())
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now.seconds))
+    return now
+
+
+def test_a_bar_appears_two_seconds_after_the_outermost_work_began(clock, monkeypatch):
+    seen = Terminal()
+    monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=seen))
+    with progress("outer", 3) as outer:
+        clock.seconds += 1.99
+        outer()
+        assert seen.getvalue() == ""
+        with progress("inner", 9) as inner:
+            clock.seconds += 0.02
+            inner()
+            assert pictures(seen)[0].startswith("outer [") and ", inner [" in pictures(seen)[0]
+            assert pictures(seen)[0].endswith(", 2 s")
+            before = seen.getvalue()
+            clock.seconds += 0.05  # too soon for another
+            inner()
+            assert seen.getvalue() == before
+            clock.seconds += 0.06
+            inner()
+            assert "] 3/9, 2 s" in pictures(seen)[-1]
+            before = seen.getvalue()
+        assert seen.getvalue() == before  # the outer work goes on
+    assert pictures(seen)[-2:] == ["", ""]
+
+
+@pytest.mark.parametrize("terminal_or_log", ["terminal", "log"])
+def test_while_others_work_the_line_is_shown_anew(terminal_or_log, clock, monkeypatch):
+    seen = Terminal() if terminal_or_log == "terminal" else io.StringIO()
+    monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=seen))
+    with progress("tasks", 5) as done:
+        done(2)
+        clock.seconds += 61.0
+        module.show()
+        assert "] 2/5, 61 s" in seen.getvalue()
+        length = len(seen.getvalue())
+        clock.seconds += 30.0
+        module.show()
+        assert (len(seen.getvalue()) > length) == (terminal_or_log == "terminal")
+    module.show()  # no work, no line
+
+
+def test_a_later_work_in_a_log_is_reported_a_minute_after_it_began(clock, monkeypatch):
+    log = io.StringIO()
+    monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=log))
+    for name in ("first", "second"):
+        with progress(name, 5) as done:
+            for _ in range(13):
+                clock.seconds += 5.0
+                done(0.25)
+        clock.seconds += 500.0
+    assert [line.split(" [")[0] for line in log.getvalue().splitlines()] == ["first", "second"]
+    assert all(line.endswith("3/5, 60 s") for line in log.getvalue().splitlines())
+
+
+def test_without_standard_error_nothing_is_shown(clock, monkeypatch):
+    monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=None))
+    with progress("tasks", 5) as done:
+        clock.seconds += 100.0
+        done()
+    module._tell("nothing")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import math
 import pickle
 from dataclasses import FrozenInstanceError, asdict, fields, replace
@@ -24,7 +25,9 @@ from gym_passive_walker import (
     tune,
     tuning_errors,
 )
-from gym_passive_walker.walkers import as_walker, combine, name_of
+from gym_passive_walker.walkers import as_walker, combine, describe, name_of
+from gym_passive_walker.walkers.presets import is_walker
+from gym_passive_walker.walkers.walker import changed, varied
 from tests.physics.bodies import Bodies
 from tests.physics.examples import random_walker
 
@@ -443,3 +446,224 @@ def test_a_walker_is_called_by_the_title_in_its_file_or_else_by_the_file_s_name(
     for words, title in (('"preset": "C", "title": "ours"', "ours"), ('"preset": "C"', "mine")):
         (tmp_path / "mine.json").write_text(f"{{{words}}}")
         assert name_of(as_walker(tmp_path / "mine.json")) == title
+
+
+NEVER_NEGATIVE = ["thigh_mass", "shank_mass", "hip_mass", "thigh_gyration", "shank_gyration"]
+NEVER_NEGATIVE += ["hip_stiffness", "hip_friction", "knee_stiffness"]
+
+
+def anything(seed, knees=True):
+    """A walker without a parameter at its default."""
+    random = np.random.default_rng(seed)
+    springs = dict(zip(NEVER_NEGATIVE[5:], random.uniform(0.1, 2.0, 3), strict=True))
+    walker = replace(random_walker(random, knees=knees), **springs)
+    values = {name: getattr(walker, name) or 0.1 * random.uniform(0.1, 1.0) for name in NUMBERS}
+    return Walker(knees=knees, **(values | {"gravity": random.uniform(1.0, 20.0)}))
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_a_parameter_below_zero_is_refused_by_name_if_it_cannot_be(name):
+    walker, below = anything(1, knees=False), {name: -1e-3}
+    positive = ("thigh_length", "shank_length", "gravity")
+    expected = {
+        **{each: f"{each} must be positive, not -0.001" for each in positive},
+        **{each: f"{each} must not be negative, but is -0.001" for each in NEVER_NEGATIVE},
+        "foot_radius": f"foot_radius must lie from 0 to below the shank's length "
+        f"{walker.shank_length}, .*; it is -0.001",
+    }
+    if name in expected:
+        with pytest.raises(WalkerError, match=f"^{expected[name]}$"):
+            replace(walker, **below)
+        if name not in positive:
+            assert getattr(replace(walker, **{name: 0.0}), name) == 0.0
+    else:
+        assert getattr(replace(walker, **below), name) == -1e-3
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_the_foot_s_angle_is_limited_on_both_sides(sign):
+    walker = replace(LAB, thigh_length=0.3, foot_radius=0.21)
+    limit = math.asin(0.25 / 0.3)
+    inside = replace(walker, foot_angle=sign * (limit - 1e-9))
+    assert math.copysign(1.0, inside.shank_angle) == sign
+    with pytest.raises(WalkerError, match=rf"foot_angle .* must be below {limit:.6g} rad"):
+        replace(walker, foot_angle=sign * (limit + 1e-9))
+
+
+@pytest.mark.parametrize("knees", [True, False])
+def test_a_walker_s_text_makes_it_and_omits_defaults(knees):
+    walker = anything(2, knees)
+    names = {"Walker": Walker}
+    assert eval(repr(walker), names) == walker
+    for name in NUMBERS:
+        assert f"{name}={getattr(walker, name)!r}" in repr(walker)
+    assert ("knees=False" in repr(walker)) is not knees
+    for preset in WALKERS.values():
+        assert eval(repr(preset), names) == preset
+        assert "gravity" not in repr(preset) and "hip_stiffness" not in repr(preset)
+
+
+def test_facts_of_a_walker_are_all_its_parameters_to_six_digits():
+    walker = anything(3, knees=False)
+    expected = {name: f"{getattr(walker, name):.6g}" for name in NUMBERS} | {"knees": "False"}
+    assert walker.facts() == expected
+
+
+def test_springs_friction_and_gravity_are_between_those_of_both_walkers():
+    a, b = anything(4), anything(5)
+    part = interpolate(a, b, 0.25)
+    for name in NUMBERS:
+        assert getattr(a, name) != getattr(b, name), name
+        between = 0.75 * getattr(a, name) + 0.25 * getattr(b, name)
+        assert getattr(part, name) == pytest.approx(between, rel=1e-14), name
+    for knees in (True, False):
+        assert interpolate(anything(4, knees), anything(5, knees), 0.5).knees is knees
+
+
+def test_presets_have_every_number_of_the_source():
+    point = {"thigh_length": 0.5, "shank_length": 0.5, "knees": False}
+    lab = {"thigh_length": 0.35, "thigh_mass": 2.345, "thigh_gyration": 0.099, "thigh_com": 0.091}
+    lab |= {"shank_length": 0.46, "shank_offset": 0.025, "shank_mass": 1.013, "foot_radius": 0.2}
+    lab |= {"shank_gyration": 0.197, "shank_com": 0.17, "foot_angle": 0.097}
+    c = lab | {"thigh_offset": -0.023, "thigh_gyration": 0.1882, "thigh_com": 0.084}
+    c |= {"shank_offset": 0.022, "shank_gyration": 0.1226}
+    e = point | {"thigh_mass": 0.4, "shank_mass": 0.1, "shank_com": 0.5}
+    expected = {
+        "A": c | {"knees": False},
+        "B": e | {"foot_radius": 0.2},
+        "C": c,
+        "D": point | {"thigh_mass": 0.0, "shank_mass": 0.0, "hip_mass": 1.0},
+        "E": e,
+        "F": e | {"thigh_mass": 0.45, "shank_mass": 0.05},
+        "lab": lab,
+        "lab-straight": lab | {"knees": False},
+    }
+    assert list(WALKERS) == list(expected)
+    for name, values in expected.items():
+        for parameter, value in asdict(WALKERS[name]).items():
+            default = {"knees": True, "gravity": 9.81}.get(parameter, 0.0)
+            assert value == values.get(parameter, default), (name, parameter)
+
+
+def test_a_title_belongs_to_the_copy_and_makes_no_other_walker():
+    named = LAB.titled("mine")
+    assert (named.title, LAB.title, type(named)) == ("mine", "", Walker)
+    assert named == LAB and hash(named) == hash(LAB) and name_of(named) == "mine"
+    assert name_of(tune(named)) == "mine (tuned)" and tune(named) == tune(LAB)
+
+
+def test_walkers_without_a_title_are_called_by_preset_tuning_or_kind():
+    for name, walker in WALKERS.items():
+        assert name_of(replace(walker)) == name
+        assert describe(replace(walker)) == f"walker {name!r}"
+    assert name_of(tune("C")) == "C (tuned)" and describe(tune("C")) == str(tune("C"))
+    assert describe(LAB.titled("x")) == "walker 'x'"
+    for walker, kind in (
+        (replace(LAB, hip_mass=1.0), "kneed, leg length 0.81, mass 7.716"),
+        (replace(LAB, hip_mass=1.0, knees=False), "straight-legged, leg length 0.81, mass 7.716"),
+        (replace(WALKERS["D"], hip_mass=2.0), "simplest, leg length 1, mass 2"),
+    ):
+        assert name_of(walker) == kind
+
+
+def test_a_mapping_of_a_preset_changes_it_and_stays_as_it_is():
+    given_ = {"preset": "lab", "foot_radius": 0.15, "title": "round"}
+    before = dict(given_)
+    walker = as_walker(given_)
+    assert walker == replace(LAB, foot_radius=0.15) and walker.title == "round"
+    assert given_ == before
+    assert as_walker({"preset": "E"}).title == ""
+    whole = asdict(anything(6))
+    assert as_walker(whole) == anything(6)
+
+
+@pytest.mark.parametrize(
+    ("mapping", "message"),
+    [
+        ({"preset": "nobody"}, "no preset 'nobody': choose from A, B, C, D, E, F, lab"),
+        ({"preset": ["lab"]}, r"no preset \['lab'\]"),
+        ({"preset": "lab", "title": 3}, "a walker's title must be text, not 3"),
+        ({"foot_radius": 0.2}, r"no walker .*thigh_length.*change a preset, one of A, B"),
+        ({"preset": "lab", "hip_mass": -1.0}, "hip_mass must not be negative"),
+    ],
+)
+def test_mappings_and_files_that_make_no_walker_are_refused(mapping, message, tmp_path):
+    with pytest.raises(WalkerError, match=f"^{message}"):
+        as_walker(mapping)
+    file = tmp_path / "given.json"
+    file.write_text(json.dumps(mapping))
+    with pytest.raises(WalkerError, match=rf"given\.json: {message}"):
+        as_walker(file)
+
+
+def test_a_file_that_holds_no_mapping_is_refused(tmp_path):
+    (tmp_path / "list.json").write_text("[1, 2]")
+    with pytest.raises(WalkerError, match=r"list\.json must name a walker's parameters"):
+        as_walker(tmp_path / "list.json")
+    (tmp_path / "broken.json").write_text("{")
+    with pytest.raises(WalkerError, match=r"no walker: .*broken\.json"):
+        as_walker(str(tmp_path / "broken.json"))
+
+
+def test_which_values_are_forms_of_a_walker(tmp_path):
+    (tmp_path / "mine.json").write_text('{"preset": "C"}')
+    (tmp_path / "policy.onnx").write_text("")
+    (tmp_path / "policy.ZIP").write_text("")
+    for value in (
+        LAB,
+        "lab",
+        {"preset": "lab"},
+        tmp_path / "mine.json",
+        str(tmp_path / "mine.json"),
+    ):
+        assert is_walker(value), value
+    for value in ("nobody", None, 3, tmp_path, tmp_path / "policy.onnx", tmp_path / "policy.ZIP"):
+        assert not is_walker(value), value
+
+
+def test_a_walker_with_other_values_has_all_its_own_besides():
+    walker = anything(7)
+    for name in NUMBERS:
+        value = 1.01 * getattr(walker, name)
+        other = changed(walker, **{name: value})
+        assert asdict(other) == asdict(walker) | {name: value}
+        attributes = vars(varied(walker, {name: value}))
+        assert attributes == asdict(walker) | {name: value, "massless_legs": False}
+    assert varied(WALKERS["D"], {}).massless_legs
+    with pytest.raises(WalkerError, match="hip_stiffness"):
+        changed(walker, hip_stiffness=-1.0)
+
+
+def test_the_massless_and_those_whose_mass_is_in_one_segment():
+    for thigh, shank in ((0.0, 1.0), (1.0, 0.0)):
+        walker = replace(LAB, knees=False, thigh_mass=thigh, shank_mass=shank)
+        assert not walker.massless_legs and walker.total_mass == 2.0
+
+
+@pytest.mark.parametrize("name", ["thigh_length", "shank_length", "foot_radius", "knee_angle"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, "x"])
+def test_measured_legs_have_numbers(name, value):
+    measures = {"thigh_length": 0.35, "shank_length": 0.46, "foot_radius": 0.2, "knee_angle": 0.2}
+    part = [Part(1.0, 0.1, 0.0, 0.01)]
+    with pytest.raises(ValueError, match=name):
+        assemble(part, part, **(measures | {name: value}))
+
+
+def test_the_laboratory_s_parts_are_those_of_the_appendix():
+    walker = lab_walker_from_parts()
+    thigh = [(0.9868 + 0.8, 0.116, 0.0181), (0.1718, 0.029845, 0.0)]
+    mass = sum(m for m, _, _ in thigh)
+    com = sum(m * c for m, c, _ in thigh) / mass
+    inertia = sum(i + m * (c - com) ** 2 for m, c, i in thigh)
+    assert walker.thigh_mass == pytest.approx(mass) and walker.thigh_com == pytest.approx(com)
+    assert walker.thigh_gyration == pytest.approx(math.sqrt(inertia / mass))
+    assert walker.shank_gyration == pytest.approx(math.sqrt(0.03923 / 1.013))
+    assert (walker.hip_mass, walker.foot_radius, walker.gravity) == (0.773, 0.2, 9.81)
+    assert walker.knees and walker.thigh_offset == 0.0
+
+
+def test_each_part_is_checked_for_mass_and_inertia():
+    for bad in (Part(-1e-3, 0.1), Part(1.0, 0.1, 0.0, -1e-3)):
+        with pytest.raises(WalkerError, match="mass and inertia of a part must not be negative"):
+            combine([Part(1.0, 0.1), bad])
+    assert combine([Part(0.0, 9.0), Part(1.0, 0.1)]) == Part(1.0, 0.1)

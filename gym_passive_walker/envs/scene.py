@@ -225,17 +225,18 @@ class Scene:
 
     def _checked_slope(self) -> float | tuple[float, float]:
         """Return the slope or the range of slopes, in rad, after a check."""
-        bounds: list[float] = []
+        bounds = np.empty(0)
         try:
-            bounds = np.atleast_1d(check_slope(self.slope)).tolist()
+            bounds = np.atleast_1d(check_slope(self.slope))
         except (TypeError, ValueError):
             pass  # raises the error below
-        if len(bounds) not in (1, 2) or bounds[0] > bounds[-1]:
+        if bounds.shape not in ((1,), (2,)) or bounds[0] > bounds[-1]:
             raise SceneError(
                 "slope must be an angle in rad between -pi/2 and pi/2, or a range of them as "
                 f"(low, high), not {shown(self.slope)}"
             )
-        return bounds[0] if len(bounds) == 1 else (bounds[0], bounds[1])
+        low, high = bounds[[0, -1]].tolist()
+        return low if len(bounds) == 1 else (low, high)
 
     def _checked_actions(self) -> tuple[str, ...]:
         """Return the names of the actions after a check."""

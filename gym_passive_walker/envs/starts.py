@@ -235,7 +235,8 @@ def checked_state(state: Sequence[float], walker: Walker) -> State:
     """Return a user's state with angular velocities in units of 1/sqrt(l/g), after a check.
 
     Args:
-        state: [stance, thigh, shank] angles in rad and their angular velocities, (6,).
+        state: [stance, thigh, shank] angles in rad and their angular velocities, (6,); coordinates
+            and their rates, (2 m,), of a `System`.
         walker: The walker. The shank of a straight-legged walker is ignored.
 
     Raises:
@@ -243,6 +244,12 @@ def checked_state(state: Sequence[float], walker: Walker) -> State:
     """
     given = np.asarray(state, dtype=float)
     if isinstance(walker, Mechanism):
+        size = 2 * walker.coordinates
+        if given.shape != (size,) or not np.all(np.isfinite(given)):
+            raise ValueError(
+                f"options['state'] must be {size} finite numbers, coordinates and their rates, "
+                f"not {state!r}"
+            )
         if not walker.standing(given.tolist()):
             raise ValueError(f"options['state'] is of a walker that has fallen: {given.tolist()}")
         return tuple(given.tolist())

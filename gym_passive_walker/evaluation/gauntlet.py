@@ -122,13 +122,13 @@ class Gauntlet(Table):
         lines = [
             f"{facts['controller']}, walker {facts['walker']!r}: {count} walks of "
             f"{TIME:g} sqrt(l/g) in each test",
-            f"{'test':{width}}  survival  95 % interval  distance / l  cost of transport",
+            f"{'test':{width}}  survival  {'95 % interval':>15}  distance / l  cost of transport",
         ]
         for test, share, low, high, distance, cost in zip(*columns.values(), strict=True):
             spent = "-" if np.isnan(cost) else f"{cost:.4f}"
+            interval = f"{low:.1%} to {high:.1%}"
             lines.append(
-                f"{test:{width}}  {share:8.1%}  {low:5.1%} to {high:5.1%}  {distance:12.1f}  "
-                f"{spent:>17}"
+                f"{test:{width}}  {share:8.1%}  {interval:>15}  {distance:12.1f}  {spent:>17}"
             )
         return "\n".join([*lines, f"{'score':{width}}  {facts['score']}"])
 

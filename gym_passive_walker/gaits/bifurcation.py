@@ -296,14 +296,14 @@ def crisis_slope(
         batch[i] = stride_map.apply(batch[i - 1 : i], low).ends[0]
     if np.all(np.isfinite(_all_walk(stride_map, batch, high, strides))):
         raise ValueError(f"walking has not ended at slope {high}")
-    step = (high - low) / 64.0
+    step, fell = (high - low) / 64.0, False
     with progress("slopes tried") as tried:
-        while step > accuracy:
+        while step > accuracy or not fell:
             there = _all_walk(stride_map, batch, low + step, strides)
             if np.all(np.isfinite(there)):
                 low, batch = low + step, there
             else:
-                step *= 0.5
+                step, fell = 0.5 * step, True
             tried()
     return low
 

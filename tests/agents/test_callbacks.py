@@ -3,6 +3,7 @@
 import io
 import os
 import signal
+import threading
 
 import pytest
 from tqdm import tqdm
@@ -124,3 +125,52 @@ def test_signals_are_as_before_afterwards():
     finally:
         for number, handler in zip(numbers, before, strict=True):
             signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_either_signal_is_a_stop_request_that_is_announced(number, capsys):
+    with StopRequest() as stop:
+        assert not stop.made
+        os.kill(os.getpid(), number)
+        assert stop.made
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), number)
+    assert "once more to stop at once" in capsys.readouterr().out
+
+
+def test_another_thread_has_no_signals_to_handle():
+    before, kept = signal.getsignal(signal.SIGINT), []
+
+    def work():
+        with StopRequest() as stop:
+            kept.append((signal.getsignal(signal.SIGINT), stop.made))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert kept == [(before, False)]
+
+
+@pytest.mark.parametrize("every", [1, 7, 100, 6400])
+def test_milestones_come_once_an_interval_and_by_halves_before(every):
+    """The first is at the start, the next at a 32nd of the interval, then at twice as much."""
+    model = Model()
+    milestones, reached = noting(model, every)
+    rollouts(milestones, model, range(3 * every + 1))
+    early = sorted({max(1, -(-every // 2**k)) for k in range(6)})
+    assert reached == [0, *early, 2 * every, 3 * every]
+
+
+def test_a_resumed_run_counts_its_seconds_from_where_it_goes_on(monkeypatch):
+    clock, seconds = [100.0], []
+    monkeypatch.setattr("agents.callbacks.time.perf_counter", lambda: clock[0])
+    model = Model()
+    model.num_timesteps = 150
+    milestones = Milestones(100, seconds.append, StopRequest(), tqdm(disable=True))
+    milestones.init_callback(model)
+    for steps in (150, 199, 200, 290, 410):
+        model.num_timesteps = steps
+        milestones.on_rollout_start()
+        clock[0] += 2.0
+    milestones.finish()
+    assert seconds == [4.0, 4.0]

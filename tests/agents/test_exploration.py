@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agents.config import configure
+from agents.config import ConfigError, configure
 from agents.envs import training_envs
 from agents.exploration import Ladder, Schedule, explorers
 from agents.learner import build
@@ -45,3 +45,47 @@ def test_an_algorithm_explores_in_its_own_way_or_not_at_all():
     assert explorers("sac", None) == []
     assert isinstance(explorers("sac", {"lowest": 0.1, "highest": 0.2})[0], Ladder)
     assert isinstance(explorers("ppo", {"log_std": {0.0: -1.0}})[0], Schedule)
+
+
+@pytest.mark.parametrize(
+    ("algo", "arguments", "words"),
+    [
+        ("ppo", {"log_std": {}}, "PPO cannot explore.*log_std must have"),
+        ("ppo", {"log_std": {0.0: -1.0}, "energy": "all"}, "energy"),
+        ("ppo", {"log_std": {0.0: -1.0}, "until": "late"}, "until"),
+        ("shac", {"log_std": 3.0}, "SHAC cannot explore"),
+        ("ppo-fast", {"lowest": 0.1, "highest": 1.0}, "PPO-FAST cannot explore.*lowest"),
+        ("sac", {"lowest": 0.0, "highest": 1.0}, "SAC cannot explore.*lowest"),
+        ("sac", {"lowest": 0.1, "highest": -1.0}, "highest"),
+        ("sac", {"lowest": 0.1}, "highest"),
+    ],
+)
+def test_arguments_that_no_callback_takes_are_refused(algo, arguments, words):
+    with pytest.raises(ConfigError, match=words):
+        explorers(algo, arguments)
+
+
+def test_the_scene_s_own_energy_applies_from_the_share_on_that_ends_the_first():
+    config = configure(n_envs=2)
+    walkers = training_envs(config)
+    model = build(config, walkers)
+    model._total_timesteps = 100
+    for until, first in ((0.0, "absolute"), (1.0, "net")):
+        schedule = Schedule({0.0: -1.0}, energy="net", until=until)
+        schedule.init_callback(model)
+        charged = []
+        for model.num_timesteps in (0, 99, 100, 150):
+            schedule.on_rollout_start()
+            charged.append(walkers.get_attr("energy_cost")[1])
+        assert charged == [first, first, "absolute", "absolute"]
+
+
+def test_noise_of_a_schedule_reaches_every_action_of_a_policy():
+    config = configure(env={"actions": ["hip", "push_off"]}, n_envs=2)
+    model = build(config, training_envs(config))
+    model._total_timesteps = 10
+    model.num_timesteps = 5
+    schedule = Schedule({1.0: -3.0, 0.0: -1.0})
+    schedule.init_callback(model)
+    schedule.on_rollout_start()
+    assert model.policy.log_std.tolist() == [-2.0, -2.0]

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from gym_passive_walker.envs.scene import make_scene
 
 ID = "PassiveWalker-v0"
 LAB = {
@@ -124,3 +125,64 @@ def test_actions_beyond_the_bounds_are_clipped(entry_point):
     full = np.ones(most.action_space.shape)
     for sign in (1.0, -1.0):
         np.testing.assert_array_equal(most.step(sign * full)[0], more.step(7.0 * sign * full)[0])
+
+
+def test_a_wrong_action_is_named_with_its_environment_and_its_numbers():
+    one = r"one finite number \(beyond -1 and 1 it is clipped\)"
+    two = r"finite numbers of push_off, hip \(beyond -1 and 1 it is clipped\)"
+    env, many = gym.make(ID).unwrapped, gym.make_vec(ID, num_envs=3)
+    acts = gym.make(ID, actions=("push_off", "hip")).unwrapped
+    for each in (env, many, acts):
+        each.reset(seed=0)
+    for call, said in (
+        (lambda: env.step(np.array([np.nan])), f"the action must be {one}, not nan"),
+        (lambda: env.step("right"), f"the action must be {one}, not right"),
+        (lambda: many.step(np.array([[0.0], [np.inf], [0.1]])),
+         f"the action of environment 1 must be {one}, not inf"),
+        (lambda: many.step(np.array([[0.0], [0.0], [-np.inf]])),
+         f"the action of environment 2 must be {one}, not -inf"),
+        (lambda: acts.step(np.array([0.5, np.nan])), rf"the action must be {two}, not \[0.5 nan\]"),
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match=f"^{said}$"):
+            call()
+
+
+@pytest.mark.parametrize("limit", [1, 2, np.int64(3)])
+@pytest.mark.parametrize("entry_point", BATCHES)
+def test_episodes_have_as_many_steps_as_their_limit(entry_point, limit):
+    env = BATCHES[entry_point](max_episode_steps=limit)
+    env.reset()
+    inner = getattr(env, "envs", env)
+    assert inner.batch.step_limit == float(limit)
+    for k in range(limit):
+        assert not inner.batch.ledger["truncated"].any()
+        done = env.step(np.zeros((2, 1)))[2 if entry_point == "stable-baselines3" else 3]
+        assert done.all() == (k + 1 == limit)
+
+
+@pytest.mark.parametrize("entry_point", ["make", "make_vec"])
+def test_a_scene_changes_by_name_by_arguments_and_by_both(entry_point):
+    env = ENTRY_POINTS[entry_point]().unwrapped
+    for given, changes, expected in (
+        (None, {"slope": 0.02}, make_scene("level", slope=0.02)),
+        (None, {"friction": 0.5}, make_scene("level", slope=0.02, friction=0.5)),
+        ("lab", {}, make_scene("lab")),
+        ({"slope": 0.01}, {"tick": 0.2}, make_scene(slope=0.01, tick=0.2)),
+        (make_scene("lab"), {"slope": 0.03}, make_scene("lab", slope=0.03)),
+    ):
+        env.set_scene(given, **changes)
+        if entry_point == "make_vec":
+            assert env.scene != expected  # until the next reset
+        seen, _ = env.reset(seed=0)
+        assert env.scene == expected == env.batch.scene
+        assert np.atleast_2d(seen)[0, 7] == np.float32(expected.slope)
+    before = env.scene
+    for changes, said in (
+        ({"command": 0.1}, "keeps its 8 numbers of observation .* has 9 and"),
+        ({"actions": ("hip", "push_off")}, r"its actions \('hip',\), and .*\('hip', 'push_off'\)"),
+        ({"tick": -1.0}, "tick must be"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            env.set_scene(**changes)
+        assert env.scene is before
+        env.step(np.zeros(env.action_space.shape))

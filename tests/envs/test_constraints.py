@@ -214,3 +214,23 @@ def test_a_constraint_that_is_ignored_is_as_one_that_is_not_named():
     assert scene == make_scene(constraints={"friction": "report"})
     assert make_scene(constraints={"contact": "ignore"}) == make_scene()
     assert make_scene("level", constraints={"knee lock": "ignore"}) == make_scene("level")
+
+
+@pytest.mark.parametrize(
+    ("answers", "outcome"),
+    [
+        ({"contact": "end", "friction": "end"}, "lost_contact"),
+        ({"friction": "end", "contact": "end"}, "lost_contact"),
+        ({"contact": "report", "friction": "end"}, "slipped"),
+        ({"contact": "end", "friction": "report"}, "lost_contact"),
+        ({"friction": "end"}, "slipped"),
+    ],
+)
+def test_of_constraints_that_are_broken_at_once_the_most_severe_ends_the_episode(answers, outcome):
+    """Ground that would have to pull bears no friction either."""
+    state = [0.2, -0.2, -0.2, -1.3, -0.2, -0.2]
+    infos = walked(world("A", constraints=answers), options={"state": state})
+    assert infos[-1]["outcome"] == outcome
+    names = {name for check in answers for name in READINGS[check]}
+    assert names <= infos[-1].keys() and not ({"clearance"} & infos[-1].keys())
+    assert infos[-1]["friction"] == np.inf

@@ -423,3 +423,172 @@ def test_every_field_of_a_transition_is_described_and_kept():
     assert set(BOOLEANS) | set(SEVERAL) <= set(Transition._fields) <= set(NOTE.names)
     for name in Transition._fields:
         assert f"        {name}: " in Transition.__doc__
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_each_term_of_a_weighted_reward_is_what_the_infos_report(count):
+    weights = {name: 0.3 * (-1) ** k * (k + 1) for k, name in enumerate(TERMS)}
+    scene = make_scene(
+        "commanded", slope=0.02, command=(0.1, 0.3), actions=("push_off", "hip"), reward=weights
+    )
+    env = PassiveWalkerVectorEnv(count, scene, autoreset_mode="Disabled")
+    env.reset(seed=4)
+    last, lost = np.zeros((count, 2)), np.zeros(count)
+    random, strikes, ended = np.random.default_rng(0), 0, np.zeros(count, bool)
+    while not ended.any():
+        given = random.uniform(-0.3, 1.3, (count, 2))
+        _, rewards, ended, _, infos = env.step(given)
+        acts = np.clip(given, [0.0, -1.0], 1.0)
+        struck = infos.get("_step_length", np.zeros(count, bool))
+        strides = {name: np.where(struck, infos.get(name, 0.0), 0.0)
+                   for name in ("step_length", "step_period", "push_off_cost")}  # fmt: skip
+        length = strides["step_length"]
+        expected = {
+            "distance": infos["distance"],
+            "energy": infos["energy"],
+            "alive": np.where(ended, 0.0, 1.0),
+            "fell": np.where(ended, 1.0, 0.0),
+            "command": abs(length - infos["command"] * strides["step_period"]),
+            "action": (acts**2).sum(axis=1),
+            "action_change": ((acts - last) ** 2).sum(axis=1),
+            "push_off_work": strides["push_off_cost"] * length,
+        }
+        found = env.reward_terms
+        assert list(found) == list(TERMS)
+        for name, values in expected.items():
+            np.testing.assert_allclose(
+                found[name], weights[name] * values, rtol=1e-6, atol=1e-12, err_msg=name
+            )
+        np.testing.assert_allclose(rewards, sum(found.values()), rtol=1e-12, atol=1e-14)
+        lost += found["collision_loss"] / weights["collision_loss"]
+        if struck.any():
+            whole = infos["collision_cost"] * infos["step_length"]
+            np.testing.assert_allclose(lost[struck], whole[struck], rtol=1e-9)
+            assert (lost[struck] > 0.0).all()
+            lost[struck] = 0.0
+        last, strikes = acts, strikes + struck.sum()
+    assert strikes >= count
+
+
+@pytest.mark.parametrize("reward", [None, own, {"distance": 1.0, "energy": -2.0}])
+def test_terms_that_were_returned_are_the_callers_to_keep(reward):
+    env = PassiveWalkerVectorEnv(3, reward=reward, command=0.1)
+    env.reset(seed=0)
+    env.step(np.full((3, 1), 0.2))
+    terms = env.reward_terms
+    kept = {name: term.copy() for name, term in terms.items()}
+    env.step(np.full((3, 1), -0.7))
+    for name, term in terms.items():
+        assert term.shape == (3,) and term.dtype == np.float64
+        np.testing.assert_array_equal(term, kept[name])
+    for term in env.reward_terms.values():
+        term[:] = 7.0
+    assert all((term != 7.0).all() for term in env.reward_terms.values())
+
+
+CALLS = []
+
+
+def counted(step):
+    """An observation that changes from call to call."""
+    CALLS.append(step)
+    return 0.0 * step.time + len(CALLS)
+
+
+def as_many_as_walkers(step):
+    """One number for each walker in the batch."""
+    return np.stack([np.asarray(step.time, float)] * np.size(step.time))
+
+
+def test_functions_that_are_not_of_the_step_alone_are_not_compiled():
+    with pytest.warns(UserWarning, match="it gives another result each time"):
+        rule = Rule("observation", counted, Shape(1))
+    assert rule.native == 0
+    with pytest.warns(UserWarning, match="walker by walker"):
+        rule = Rule("observation", as_many_as_walkers, Shape(1))
+    assert rule.size == 1
+
+
+@pytest.mark.parametrize("slow", ["reward", "terminated"])
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_compiled_and_called_functions_go_together(slow):
+    def paid(step):
+        return 2.0 * step.distance + 0.1
+
+    def stops(step):
+        return step.steps > 6.5
+
+    rules = {"reward": paid, "terminated": stops}
+    called = {**rules, slow: lambda step: np.asarray(rules[slow](step), float)}
+    expected, _ = walked(make_scene(**rules), steps=20)
+    found, env = walked(make_scene(**called), steps=20)
+    assert not env.batch.custom.native and env.batch.custom.rules[slow].native == 0
+    for one, other in zip(expected[1:], found[1:], strict=True):
+        for part in range(4):
+            np.testing.assert_array_equal(one[part], other[part])
+    assert sum(step[2].sum() for step in found[1:]) == 2 * COUNT
+
+
+def test_transitions_of_walkers_that_go_on_are_kept_at_another_s_reset():
+    scene = make_scene("commanded", observation=lambda s: (s.steps, s.command, s.slope, s.time))
+    env = PassiveWalkerVectorEnv(3, scene, autoreset_mode="Disabled")
+    env.reset(seed=0)
+    seen, *_ = env.step(np.zeros((3, 1)))
+    again, _ = env.reset(seed=9, options={"reset_mask": np.array([False, True, False])})
+    np.testing.assert_array_equal(again[[0, 2]], seen[[0, 2]])
+    assert again[1, 0] == again[1, 3] == 0.0 and again[1, 1] != seen[1, 1]
+    later, *_ = env.step(np.zeros((3, 1)))
+    np.testing.assert_array_equal(later[:, 0], [2.0, 1.0, 2.0])
+    np.testing.assert_allclose(later[:, 3], [0.2, 0.1, 0.2], rtol=1e-6)
+
+
+def test_states_and_ground_of_a_step_are_those_that_the_environment_observes():
+    """The same walk by its default observation, with the next foothold, and by all fields."""
+    arguments = {
+        "scene": "rough", "pushes": {"rate": 0.4, "impulse": (-0.003, 0.003)},
+        "terrain": {"rough": {"height_std": 0.001, "slope_std": 0.002}}, "terrain_lookahead": 1,
+        "command": (0.1, 0.2),
+    }  # fmt: skip
+    plain = PassiveWalkerVectorEnv(3, autoreset_mode="Disabled", **arguments)
+    env = PassiveWalkerVectorEnv(3, autoreset_mode="Disabled", observation=everything, **arguments)
+    expected, found = plain.reset(seed=5)[0], env.reset(seed=5)[0]
+    last, pushed, strikes, before = expected, 0, 0, np.zeros(3)
+    for k in range(60):
+        if k:
+            given = np.full((3, 1), 0.1 * np.sin(k))
+            expected, rewards, ended, _, infos = plain.step(given)
+            found, *_ = env.step(given)
+            if ended.any():
+                break
+        step = dict(zip(NAMES, found.T, strict=True))
+        columns = [step[f"{part} {i}"] for part in ("before", "state") for i in range(6)]
+        columns += [step["knee_locked"], step["slope"], step["command"]]
+        columns += [step["height_change"], step["slope_change"]]
+        same = np.column_stack([last[:, :6], expected])
+        np.testing.assert_allclose(np.transpose(columns), same, rtol=1e-6, atol=1e-7)
+        assert (step["steps"] == k).all()
+        last = expected
+        if not k:
+            continue
+        np.testing.assert_allclose(step["action 0"], given[:, 0], rtol=1e-6)
+        np.testing.assert_allclose(step["last_action 0"], before, rtol=1e-6)
+        np.testing.assert_array_equal(step["strides"], infos["strides"])
+        np.testing.assert_array_equal(step["push"] != 0.0, infos["push_work"] != 0.0)
+        np.testing.assert_allclose(
+            step["push"], plain.batch.disturbances.states["impulse"], rtol=1e-6
+        )
+        clock = plain.batch.ledger["clock"] + plain.batch.records["time"][:, 0]
+        np.testing.assert_allclose(step["time"], clock, rtol=1e-6)
+        np.testing.assert_allclose(step["reward"], rewards, rtol=1e-5, atol=1e-7)
+        pushed += (step["push"] != 0.0).sum()
+        strikes += step["heelstrike"].sum()
+        before = given[:, 0]
+    assert pushed > 2 and strikes >= 3
+
+
+NAMES = [
+    f"{name} {i}" if name in SEVERAL else name
+    for name in Transition._fields
+    for i in range({"before": 6, "state": 6}.get(name, 1))
+]
+"""Names of the numbers in `everything`, of a scene with one action."""

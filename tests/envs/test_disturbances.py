@@ -17,6 +17,7 @@ from gym_passive_walker.envs.scene import UNDISTURBED, SceneError, make_scene, u
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.physics.systems import bodies, body_of, system_of
+from tests.modeling.statements import DRIVEN
 
 SLOPES = {"lab": 0.036, "A": 0.03, "D": 0.009}
 """A walker with knees, one with straight legs, the simplest; and slopes that they walk on."""
@@ -358,3 +359,75 @@ def test_what_befalls_walkers_goes_with_them_to_another_process(assert_same):
     there = pickle.loads(pickle.dumps(here))
     for action in some(3, 60):
         assert_same(here.step(action), there.step(action))
+
+
+def test_infos_of_a_command_and_of_pushes_are_each_walker_s_own():
+    arguments = {"command": (0.1, 0.3), "pushes": {"rate": 0.5, "impulse": (-0.004, 0.004)}}
+    envs = PassiveWalkerVectorEnv(5, "lab", **arguments)
+    alone = [gym.make(ID, scene="lab", **arguments) for _ in range(5)]
+    envs.reset(seed=7)
+    for i, env in enumerate(alone):
+        env.reset(seed=7 + i)
+    works, counts = np.zeros(5), np.zeros(5, int)
+    for _ in range(30):
+        *_, infos = envs.step(np.zeros((5, 1), "f4"))
+        each = [env.step(np.zeros(1, "f4"))[-1] for env in alone]
+        for name in ("command", "pushes", "push_work", "episode_push_work"):
+            np.testing.assert_array_equal(infos[name], [info[name] for info in each])
+        works += infos["push_work"]
+        assert (infos["pushes"] >= counts).all()
+        np.testing.assert_array_equal(infos["push_work"] == 0.0, infos["pushes"] == counts)
+        counts = infos["pushes"].copy()
+        np.testing.assert_allclose(infos["episode_push_work"], works, rtol=1e-12, atol=1e-16)
+    assert len({*infos["command"]}) == 5 and counts.sum() > 5
+
+
+@pytest.mark.parametrize("index", range(8))
+def test_noise_of_each_entry_errs_in_that_entry_alone(index):
+    noise = [0.0] * 8
+    noise[index] = 0.05
+    noisy, calm = (
+        PassiveWalkerVectorEnv(50, "lab", **more) for more in ({"observation_noise": noise}, {})
+    )
+    errors = [noisy.reset(seed=0)[0] - calm.reset(seed=0)[0]]
+    for actions in 0.1 * some(50, 6):
+        errors.append(noisy.step(actions)[0] - calm.step(actions)[0])
+    spread = np.std(np.concatenate(errors), axis=0)
+    if index == 6:  # cut off at 0 and 1
+        assert 0.0 < spread[6] < 0.05
+    else:
+        assert spread[index] == pytest.approx(0.05, rel=0.15)
+    assert not np.delete(spread, index).any()
+
+
+def test_one_number_of_noise_is_that_of_angles_and_rates():
+    noisy, each = (
+        PassiveWalkerVectorEnv(3, "lab", observation_noise=noise)
+        for noise in (0.02, [0.02] * 6 + [0.0] * 2)
+    )
+    np.testing.assert_array_equal(noisy.reset(seed=0)[0], each.reset(seed=0)[0])
+    for actions in some(3, 5):
+        np.testing.assert_array_equal(noisy.step(actions)[0], each.step(actions)[0])
+
+
+@pytest.mark.parametrize("index", [None, *range(5)])
+def test_noise_on_a_system_is_that_of_each_of_its_numbers(index):
+    """One number is that of coordinates and rates, not of the slope; a command is exact."""
+    noise = 0.05 if index is None else [0.05 * (k == index) for k in range(5)]
+    noisy, calm = (
+        PassiveWalkerVectorEnv(40, system=DRIVEN, slope=0.02, command=(0.1, 0.3), **more)
+        for more in ({"observation_noise": noise}, {})
+    )
+    errors = [noisy.reset(seed=0)[0] - calm.reset(seed=0)[0]]
+    for actions in 0.1 * some(40, 6):
+        seen, reward, *_ = noisy.step(actions)
+        expected, paid, *_ = calm.step(actions)
+        np.testing.assert_array_equal(reward, paid)
+        errors.append(seen - expected)
+    spread = np.std(np.concatenate(errors), axis=0)
+    assert spread.shape == (6,)
+    erring = np.array([k < 4 if index is None else k == index for k in range(6)])
+    np.testing.assert_allclose(spread[erring], 0.05, rtol=0.15)
+    assert not spread[~erring].any()
+    with pytest.raises(SceneError, match="or 5 of them"):
+        make_scene(system=DRIVEN, observation_noise=[0.1] * 8)

@@ -8,12 +8,14 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.envs.checks import SceneError
+from gym_passive_walker.envs.custom import ABOUT_TERMS
 from gym_passive_walker.envs.explain import as_rows, as_text
-from gym_passive_walker.envs.interface import OUTCOMES
+from gym_passive_walker.envs.interface import OUTCOMES, REASONS
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.envs.scene import SCENES, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from tests.modeling.statements import DRIVEN
 
 WEIGHTS = {"distance": 1.0, "alive": 0.1, "action": -0.2}
 
@@ -71,7 +73,8 @@ def test_what_is_no_environment_of_this_package_is_refused():
 
 
 def test_the_terms_of_a_reward_are_in_info_on_request():
-    for scene in ({}, {"command": 0.15}, {"reward": WEIGHTS}, {"terrain": "stairs:rise=-0.001"}):
+    stairs = {"terrain": "stairs:rise=-0.001", "energy_weight": 3.0}
+    for scene in ({}, {"command": 0.15}, {"reward": WEIGHTS}, stairs):
         env = gymnasium.make(ID, reward_terms=True, **scene)
         env.reset(seed=0)
         for _ in range(30):
@@ -162,3 +165,154 @@ def test_footholds_ahead_are_numbered_from_the_next_one():
     names = [row["observation"] for row in as_rows(make_scene("rough"))["observation"]]
     ahead = [name for name in names if "foothold" in name]
     assert [int(re.search(r"foothold (\d+) ahead", name)[1]) for name in ahead] == [1, 2]
+
+
+MANY = {
+    "slope": (0.01, 0.03), "tick": 0.25, "actions": ("push_off", "hip"), "max_push_off": 0.11,
+    "max_hip_torque": 0.07, "energy": "net", "energy_weight": 4.0, "max_stride_time": 12.5,
+    "command": (0.1, 0.15), "command_weight": 3.0, "terrain": {"rough": {"height_std": 0.01}},
+    "terrain_lookahead": 2, "observe_body": ("hip_mass", "foot_radius"), "friction": 0.6,
+    "knee_latch": 0.3, "scuff_depth": 0.02, "terminated": far,
+    "constraints": dict.fromkeys(("contact", "friction", "knee lock", "scuffing"), "end"),
+}  # fmt: skip
+"""A scene with another value of each number that the tables name."""
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "of", "value"),
+    [
+        ("action", "action 1 is", "push-off impulse at the next heelstrike", "0.11 m sqrt(g l)"),
+        ("action", "action 1 is", "hip torque, positive swings the free leg forward", "0.07 m g l"),
+        ("reward", "what", "energy", "-4 times the net work of the actuators / (m g l)"),
+        ("reward", "what", "command", "-3 times | step length - command * step period | / l"),
+        ("episode end", "when", "stalled", "no heelstrike within 12.5 sqrt(l/g)"),
+        ("episode end", "when", "lost_contact", "the ground would have to pull at the foot"),
+        ("episode end", "when", "slipped", "the foot needs more friction than 0.6"),
+        ("episode end", "when", "stance_knee_gave_way", "more than 0.3 m g l"),
+        ("episode end", "when", "scuffed", "the swing foot is more than 0.02 l below the ground"),
+        ("episode end", "when", "stopped", "far holds"),
+    ],
+)
+def test_the_tables_have_the_scene_s_own_numbers(table, key, of, value):
+    rows = {next(v for k, v in row.items() if k != "number"): row for row in as_rows(MANY)[table]}
+    assert value in rows[of][key]
+    for name in ("push_off", "hip"):
+        assert f"{make_scene(MANY).largest(name):g} " in as_text(MANY)
+
+
+def test_rows_come_in_the_order_of_the_numbers():
+    found = as_rows(MANY)
+    seen = [row["observation"] for row in found["observation"]]
+    for rows in (found["observation"], found["action"]):
+        assert [row["number"] for row in rows] == [*range(len(rows))]
+    assert seen[6:9] == ["knee locked", "slope, positive downhill", "commanded speed"]
+    assert seen[-2:] == ["the walker's hip_mass", "the walker's foot_radius"]
+    assert [row["min"] for row in found["action"]] == [0.0, -1.0]
+    assert [row["term"] for row in found["reward"]] == ["distance", "energy", "command"]
+    kinds = [(row["outcome"] == "", row["kind"]) for row in found["episode end"]]
+    assert kinds == [(False, "terminated")] * (len(kinds) - 1) + [(True, "truncated")]
+
+
+def test_each_number_of_an_observation_has_its_name_and_unit():
+    env = gymnasium.make(ID, scene="lab", actions=("hip", "push_off"))
+    env.reset(seed=3, options={"state": [0.2, -0.15, -0.3, -1.2, -0.5, -0.9], "slope": 0.03})
+    unit = env.unwrapped.walker.time_unit
+    expected = {
+        "stance leg angle": (0.2, "rad"),
+        "swing thigh angle": (-0.15, "rad"),
+        "swing shank angle": (-0.3, "rad"),
+        "stance leg angular velocity": (-1.2 * unit, "sqrt(g/l)"),
+        "swing thigh angular velocity": (-0.5 * unit, "sqrt(g/l)"),
+        "swing shank angular velocity": (-0.9 * unit, "sqrt(g/l)"),
+        "knee locked": (0.0, "1 or 0"),
+        "slope, positive downhill": (0.03, "rad"),
+    }
+    rows = as_rows(env)["observation"]
+    assert [row["observation"] for row in rows] == [*expected]
+    for row, (value, of) in zip(rows, expected.values(), strict=True):
+        assert row["now"] == pytest.approx(value, rel=1e-6) and row["unit"] == of
+
+
+@pytest.mark.parametrize(
+    ("scene", "said"),
+    [
+        ({}, "an action is chosen every 0.1 sqrt(l/g) and after a heelstrike."),
+        ({"tick": 0.25}, "an action is chosen every 0.25 sqrt(l/g) and after a heelstrike."),
+        ({"control": "stride"}, "an action is chosen only after a heelstrike."),
+        ({"slope": 0.036}, "slope 0.036 rad;"),
+        ({"slope": (0.01, 0.03)}, "slope 0.01 to 0.03 rad;"),
+        ({"walker": "lab"}, "walker 'lab', slope 0 rad"),
+    ],
+)
+def test_the_first_line_has_walker_slope_and_control_step(scene, said):
+    assert said in as_text(scene).splitlines()[0]
+
+
+def test_the_columns_of_a_table_are_aligned():
+    lines = as_text(MANY).splitlines()
+    for title, rows in as_rows(MANY).items():
+        first = lines.index(title) + 1
+        heads = lines[first]
+        places = [heads.index(f" {head}") for head in list(rows[0])[1:]]
+        for line, row in zip(lines[first + 1 :], rows, strict=False):
+            for place, value in zip(places, list(row.values())[1:], strict=True):
+                cell = f"{value:.4g}" if isinstance(value, float) else str(value)
+                assert line[place + 1 :].startswith(cell)
+
+
+@pytest.mark.parametrize("weights", [{"fell": -2.0}, {"action": 0.5, "alive": 1.5}])
+def test_weights_of_a_reward_are_explained_by_their_terms(weights):
+    rows = as_rows(make_scene(reward=weights))["reward"]
+    found = {row["term"]: row["what"] for row in rows}
+    assert found == {name: f"{w:g} times {ABOUT_TERMS[name]}" for name, w in weights.items()}
+    (row,) = as_rows(make_scene(reward=far))["reward"]
+    assert row == {"term": "function", "what": "result of far"}
+
+
+def test_outcomes_are_those_that_the_walker_can_come_to():
+    def outcomes(**scene):
+        return [row["outcome"] for row in as_rows(scene)["episode end"]]
+
+    assert {"knee_not_locked", "stubbed_toe"} <= {*outcomes()}
+    assert "stubbed_toe" not in outcomes(end_on_toe_stub=False)
+    for walker in ("A", "D"):
+        assert not {"knee_not_locked", "stubbed_toe"} & {*outcomes(walker=walker)}
+    assert not {*REASONS.values()} & {*outcomes(constraints=dict.fromkeys(REASONS, "report"))}
+    for check, reason in REASONS.items():
+        assert {*REASONS.values()} & {*outcomes(constraints={check: "end"})} == {reason}
+
+
+def test_an_environment_of_a_system_is_explained_by_its_own_names():
+    env = gymnasium.make(ID, system=DRIVEN, start=(0.2, -0.2, -0.2, -0.1), max_hip_torque=0.03)
+    env.reset(seed=0)
+    found, text = as_rows(env), as_text(env)
+    names = [row["observation"] for row in found["observation"]]
+    assert names == [*DRIVEN.State._fields, "slope, positive downhill"]
+    largest = env.unwrapped.scene.largest("hip")
+    assert found["action"][0]["action"] == "control 'hip'"
+    assert found["action"][0]["action 1 is"] == f"{largest:g}"
+    outcomes = [row["outcome"] for row in found["episode end"] if row["outcome"]]
+    assert outcomes == [*DRIVEN.falls, "stalled", "diverged"]
+    assert text.startswith("system 'compass', ") and "those of the system" in text
+    now = [row["now"] for row in found["observation"]]
+    np.testing.assert_allclose(now[:4], env.unwrapped.state, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("limit", "said"), [(7, "7 steps"), (None, None)])
+def test_the_limit_of_an_environment_is_its_own(limit, said):
+    made = {"max_episode_steps": limit}
+    envs = [PassiveWalkerVectorEnv(2, **made), PassiveWalkerVecEnv(2, **made)]
+    envs += [gymnasium.make(ID, **made)] * (limit is not None)
+    envs += [gymnasium.make(ID).unwrapped.__class__()] * (limit is None)
+    for env in envs:
+        last = as_rows(env)["episode end"][-1]
+        assert (last["when"] if last["kind"] == "truncated" else None) == said
+
+
+def test_of_several_walkers_the_first_one_is_shown():
+    env = PassiveWalkerVectorEnv(3, "lab", walkers=["lab", "C", "C"], slopes=[0.01, 0.02, 0.03])
+    env.reset(seed=0)
+    _, rewards, *_ = env.step(np.array([[0.9], [0.1], [0.5]]))
+    found = as_rows(env)
+    assert found["observation"][7]["now"] == pytest.approx(0.01)
+    assert sum(row["last"] for row in found["reward"]) == pytest.approx(rewards[0], abs=1e-12)

@@ -172,3 +172,42 @@ def test_a_copy_has_a_token_of_its_own_that_is_free(make, copied):
     with pytest.raises(RuntimeError, match=REFUSED):
         act(other)
     act(env)
+
+
+@pytest.mark.parametrize("make", [single, vector, stable_baselines3])
+def test_after_a_change_of_scene_one_token_guards_all(make):
+    env = make()
+    env.reset()
+    env.set_scene(energy_weight=2.0)
+    env.reset()
+    inner = getattr(env, "envs", env)
+    assert env.token is inner.token is inner.batch.token and len(env.token) == 1
+    inner.batch.token.pop()  # as a thread at work has done
+    try:
+        with pytest.raises(RuntimeError, match=REFUSED):
+            act(env)
+    finally:
+        inner.batch.token.append(None)
+    act(env)
+
+
+@pytest.mark.parametrize("make", [single, vector, stable_baselines3])
+@pytest.mark.parametrize("call", CALLS)
+def test_each_call_gives_the_token_back_even_after_an_error(make, call, monkeypatch):
+    env = make()
+    env.reset()
+    STATES[type(env)] = {}
+    wrong = {"set_state", "set_energy_cost", "set slopes"}
+
+    if call == "set_energy_cost":
+        monkeypatch.setitem(CALLS, call, lambda env: env.set_energy_cost("nothing"))
+    if call == "set slopes":
+        inner = getattr(env, "envs", env)
+        change = inner.set_slope if hasattr(inner, "set_slope") else inner.set_slopes
+        monkeypatch.setitem(CALLS, call, lambda _: change(9.0))
+    if call in wrong:
+        with pytest.raises(ValueError, match=r"motors|slope|state"):
+            CALLS[call](env)
+    elif call != "render":
+        CALLS[call](env)
+    assert len(getattr(env, "envs", env).token) == 1

@@ -2,14 +2,22 @@
 
 import copy
 import json
+import pickle
+import re
+from dataclasses import fields, replace
 
 import gymnasium
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.envs.scene import SCENES
+from gym_passive_walker.envs.saved import check_scene, described
+from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
+from gym_passive_walker.envs.task import EVERY_STRIDE
+from gym_passive_walker.envs.transitions import STOPPED
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.physics.hybrid import Outcome
+from tests.modeling.statements import DRIVEN
 
 DISTURBED = {
     "pushes": {"rate": 0.3, "impulse": (-0.02, 0.02)}, "action_delay": 2, "action_noise": 0.1,
@@ -246,3 +254,186 @@ def test_a_saved_state_shares_nothing_with_the_environment(made, assert_same):
     for _ in range(5):
         env.step(np.full(env.action_space.shape, -0.7))
     assert_same(state, kept)
+
+
+MANY_STEPS = 2**53
+LIMITS = {
+    "records": {
+        "phase": (0, 1), "outcome": (-1, len(Outcome) - 1), "steps": (0, MANY_STEPS),
+        "time": (0.0, 20.0), "knee_time": (0.0, 20.0), "end": (0.0, 20.0), "step": (0.0, np.inf),
+        "control": (-0.05, 0.05), "push_off": (0.0, 0.0),
+    },
+    "ledger": {
+        "outcome": (0, STOPPED - 1), "ending": (0, STOPPED - 1), "violated": (0, STOPPED - 1),
+        "truncated": (0, 1), "steps": (0, 4000), "strides": (0, 4000),
+    },
+    "disturbances": {"pushes": (0, MANY_STEPS), "idle": (0, 1), "command": (0.1, 0.2)},
+}  # fmt: skip
+"""Smallest and largest value of each field that has limits."""
+
+
+@pytest.fixture(scope="module")
+def disturbed():
+    return many(**DISTURBED)
+
+
+@pytest.mark.parametrize("array", LIMITS)
+def test_each_field_is_valid_up_to_its_limits_and_not_beyond(array, disturbed):
+    state = disturbed.get_state()
+    for name, limits in LIMITS[array].items():
+        for limit, side in zip(limits, (-1.0, 1.0), strict=True):
+            for value, valid in ((limit, True), (beyond(state[array][name], limit, side), False)):
+                if not np.isfinite(value) and valid:
+                    continue
+                given = copy.deepcopy(state)
+                field = given[array][2, 0] if array == "records" else given[array][2]
+                if np.ndim(field[name]):
+                    field[name][0] = value
+                else:
+                    field[name] = value
+                said = rf"the state's {array}\['{name}'\] of environment 2 must be from "
+                try:
+                    disturbed.set_state(given)
+                except ValueError as error:
+                    assert valid != bool(re.match(said, str(error))), (name, value, error)
+                else:
+                    assert valid, (name, value)
+                finally:
+                    disturbed.set_state(state)
+
+
+def beyond(column, limit, side):
+    """The nearest number of a column's type beyond a limit."""
+    return limit + int(side) if column.dtype.kind == "i" else np.nextafter(limit, side * np.inf)
+
+
+@pytest.mark.parametrize("array", ["records", "ledger", "disturbances"])
+def test_numbers_of_a_running_episode_are_finite_in_each_field(array, disturbed):
+    """But for the measures of the last stride, which the next step clears."""
+    state = disturbed.get_state()
+    for name in state[array].dtype.names:
+        if state[array].dtype[name].base.kind != "f" or (array, name) == ("disturbances", "due"):
+            continue
+        given = copy.deepcopy(state)
+        given[array][name][-1] = np.nan
+        if array == "ledger" and name in EVERY_STRIDE:
+            disturbed.set_state(given)
+            disturbed.set_state(state)
+            continue
+        with pytest.raises(ValueError, match=rf"{array}\['{name}'\] of environment 3 must be"):
+            disturbed.set_state(given)
+
+
+def test_drawn_walkers_are_valid_up_to_their_shares_and_not_beyond():
+    shares = {"foot_radius": 0.1, "shank_mass": 0.2}
+    env = many(domain_randomization=shares)
+    state = env.get_state()
+    for name in ("foot_radius", "shank_mass", "thigh_mass"):
+        share, nominal = shares.get(name, 0.0), getattr(gpw.WALKERS["C"], name)
+        for sign in (-1.0, 1.0):
+            given = {name: nominal * (1.0 + sign * share)}
+            state["walkers"][1] = replace(gpw.WALKERS["C"], **given)
+            env.set_state(state)
+            assert getattr(env.walkers[1], name) == given[name]
+            given = {name: nominal * (1.0 + sign * (share + 1e-6))}
+            state["walkers"][1] = replace(gpw.WALKERS["C"], **given)
+            with pytest.raises(ValueError, match=f"than that of environment 1: its {name} cannot"):
+                env.set_state(state)
+
+
+def test_bodies_of_a_system_are_put_back_and_others_refused(assert_same):
+    def made(seed=0, system=DRIVEN, **arguments):
+        envs = PassiveWalkerVectorEnv(
+            3, system=system, slope=0.02, domain_randomization={"hip": 0.1}, **arguments
+        )
+        envs.reset(seed=seed)
+        envs.step(np.full((3, 1), 0.3))
+        return envs
+
+    env, twin = made(), made(9)
+    state = env.get_state()
+    assert [w.body for w in twin.walkers] != [w.body for w in env.walkers]
+    twin.set_state(pickle.loads(pickle.dumps(state)))
+    assert [walker.body for walker in twin.walkers] == [walker.body for walker in env.walkers]
+    for _ in range(5):
+        assert_same(twin.step(np.ones((3, 1)))[:4], env.step(np.ones((3, 1)))[:4])
+    name, *constants = state["walkers"][1]
+    for wrong in (
+        ("other", *constants), (name, *constants[:-1]), (name, *constants, 1.0),
+        (name, 1, *constants[1:]), (), None, gpw.WALKERS["C"],
+    ):  # fmt: skip
+        given = copy.deepcopy(state)
+        given["walkers"][1] = wrong
+        refused(env, given, "must be a row of 3 walkers of this environment's kind", assert_same)
+    given = copy.deepcopy(state)
+    given["walkers"][2] = (name, 1.2 * DRIVEN.body.hip, *map(float, DRIVEN.body[1:]))
+    refused(env, given, "than that of environment 2: its hip cannot be here", assert_same)
+
+
+def one_reward(step):
+    return step.distance
+
+
+def other_reward(step):
+    return -step.distance
+
+
+@pytest.mark.parametrize("argument", [field.name for field in fields(Scene)])
+def test_each_argument_of_a_scene_is_part_of_its_description(argument):
+    plain, changed = base_of(argument), OTHER[argument]
+    ours = make_scene(**plain)
+    theirs = make_scene(ours, **{argument: changed})
+    assert json.loads(described(ours)) != json.loads(described(theirs))
+    with pytest.raises(ValueError, match=rf"\(of another {argument}\)"):
+        check_scene(described(theirs), described(ours))
+    check_scene(described(make_scene(**plain)), described(ours))
+
+
+OTHER = {
+    "walker": "lab", "slope": 0.02, "control": "stride", "tick": 0.2, "actions": ("push_off",),
+    "max_hip_torque": 0.01, "max_ankle_torque": 0.01, "max_push_off": 0.01, "energy_weight": 1.0,
+    "energy": "net", "end_on_toe_stub": False, "reset_noise_scale": 0.01,
+    "domain_randomization": {"foot_radius": 0.2}, "randomization_pool": 3,
+    "observe_body": ("foot_radius",), "start": (0.3, -0.3, -0.3, -0.42, -0.25, -0.4),
+    "max_stride_time": 3.0, "tolerance": 1e-6, "pushes": {"rate": 0.1, "impulse": 0.1},
+    "observation_noise": 0.1, "action_noise": 0.1, "action_delay": 1, "command": 0.1,
+    "command_weight": 1.0, "constraints": {"friction": "report"},
+    "terrain": {"rough": {"height_std": 0.02}}, "terrain_lookahead": 1, "friction": 0.5,
+    "knee_latch": 0.5, "scuff_depth": 0.5, "reward": other_reward, "observation": other_reward,
+    "terminated": other_reward, "reward_terms": True,
+}  # fmt: skip
+"""Another value of each argument."""
+
+
+def base_of(argument):
+    """Arguments of a scene in which another value of one argument is valid."""
+    return {
+        "randomization_pool": {"domain_randomization": {"foot_radius": 0.1}},
+        "terrain_lookahead": {"terrain": {"rough": {"height_std": 0.01}}},
+        "terrain": {"terrain": {"rough": {"height_std": 0.01}}},
+        **{name: {name: one_reward} for name in ("reward", "observation", "terminated")},
+    }.get(argument, {})
+
+
+def test_each_actuator_has_its_own_limit_in_a_state():
+    largest = {"hip": 0.07, "ankle": 0.02, "push_off": 0.1}
+    env = PassiveWalkerVectorEnv(
+        2, walker="E", slope=0.012, actions=("push_off", "ankle", "hip"), max_hip_torque=0.07,
+        max_ankle_torque=0.02, max_push_off=0.1,
+    )  # fmt: skip
+    env.reset(seed=0)
+    env.step(np.full((2, 3), 0.1))
+    state = env.get_state()
+    for name, limit in largest.items():
+        for value, valid in ((limit, True), (limit + 1e-9, False), (-limit - 1e-9, False)):
+            given = copy.deepcopy(state)
+            row = given["records"][1, 0]
+            if name == "push_off":
+                row["push_off"] = value
+            else:
+                row["control"][0 if name == "hip" else 1] = value
+            if valid:
+                env.set_state(given)
+                continue
+            with pytest.raises(ValueError, match=r"records\['(control|push_off)'\] of environ"):
+                env.set_state(given)

@@ -16,8 +16,10 @@ from stable_baselines3.common.vec_env import (
 )
 
 from gym_passive_walker import WALKERS
+from gym_passive_walker.envs import task
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
 
 def actions(count, steps, seed=0):
@@ -210,3 +212,88 @@ def test_ppo_walks_away_from_the_passive_walker():
         seen, _, _, infos = env.step(model.predict(seen, deterministic=True)[0])
         walked += [info["episode_distance"] for info in infos if info]
     assert np.median(walked) > 30.0
+
+
+def test_methods_and_attributes_of_some_environments_are_of_those_alone():
+    env = PassiveWalkerVecEnv(4, "rolling", seed=1)
+    env.reset()
+    slopes = [float(slope) for slope in env.envs.slopes]
+    assert len({*slopes}) == 4
+    for indices in ([2], [3, 0], [1, 2, 3]):
+        expected = [slopes[i] for i in indices]
+        assert env.get_attr("slope", indices=indices) == expected
+        np.testing.assert_array_equal(env.get_attr("state", indices), env.envs.states[indices])
+        assert env.env_is_wrapped(Monitor, indices=indices) == [False] * len(indices)
+        assert env.env_method("render", indices=indices) == [None] * len(indices)
+    assert env.get_attr("slope", indices=2) == [slopes[2]]
+    env.set_attr("note", [1], indices=[0, 3])
+    assert [hasattr(lane, "note") for lane in env.lanes] == [True, False, False, True]
+    for name in ("slope", "state", "walker", "scene", "batch"):
+        with pytest.raises(AttributeError, match=name):
+            env.set_attr(name, 1.0)
+
+
+def test_slopes_of_some_environments_are_set_before_their_stride():
+    env = PassiveWalkerVecEnv(3, "lab", seed=0)
+    env.reset()
+    seen = env.set_slopes([0.01, 0.02, 0.03], np.array([True, False, True]))
+    np.testing.assert_array_equal(seen[:, 7], np.float32([0.01, 0.036, 0.03]))
+    assert env.get_attr("slope") == [0.01, 0.036, 0.03]
+    np.testing.assert_array_equal(env.set_slopes(0.05)[:, 7], np.float32([0.05] * 3))
+
+
+@pytest.mark.parametrize("scene", [{"scene": "lab"}, {"tick": 0.5}, {"control": "stride"}])
+def test_videos_have_the_frame_rate_of_the_scene(scene):
+    env = PassiveWalkerVecEnv(2, **scene)
+    assert env.metadata["render_fps"] == env.scene.frames_per_second
+
+
+def test_seeds_are_those_of_single_environments_one_after_another():
+    env, envs = PassiveWalkerVecEnv(3, "rolling", seed=11), PassiveWalkerVectorEnv(3, "rolling")
+    expected = envs.reset(seed=[11, 12, 13])[0]
+    np.testing.assert_array_equal(env.reset(), expected)
+    assert env.reset_infos == [{}, {}, {}]
+    env.seed(11)
+    np.testing.assert_array_equal(env.reset(), expected)
+    later = env.reset()
+    assert not (later == expected).all(axis=1).any()
+    np.testing.assert_array_equal(later, envs.reset()[0])
+
+
+def test_ends_of_episodes_are_reported_to_those_that_end():
+    """Terminal observations are copies, and the first ones of the next episodes follow."""
+    env = PassiveWalkerVecEnv(3, max_episode_steps=9, seed=0, reward_terms=True, command=0.15)
+    envs = PassiveWalkerVectorEnv(
+        3, max_episode_steps=9, reward_terms=True, command=0.15, autoreset_mode="SameStep"
+    )
+    env.reset(), envs.reset(seed=0)
+    kept, total = [], np.zeros(3)
+    for k, act in enumerate(actions(3, 20)):
+        seen, rewards, dones, infos = env.step(0.1 * act)
+        expected, paid, _, truncated, other = envs.step(0.1 * act)
+        np.testing.assert_array_equal(seen, expected)
+        assert seen.dtype == rewards.dtype == np.float32 and dones.dtype == bool
+        total += paid
+        assert dones.all() == ((k + 1) % 9 == 0) == truncated.all()
+        for i, info in enumerate(infos):
+            if not dones[i]:
+                assert info == {}
+                continue
+            last = other["final_info"]
+            names = {*task.EVERY_STEP, "command", "reward_distance", "reward_energy"}
+            assert info.keys() == names | {
+                "reward_command", "outcome", "TimeLimit.truncated", "terminal_observation",
+                "episode",
+            }  # fmt: skip
+            for name in names:
+                assert info[name] == last[name][i]
+                assert type(info[name]) is (int if name == "strides" else float)
+            np.testing.assert_array_equal(info["terminal_observation"], other["final_obs"][i])
+            assert info["TimeLimit.truncated"] is True and info["outcome"] == "time_limit"
+            assert info["episode"]["r"] == pytest.approx(total[i], abs=2e-6)
+            assert info["episode"]["l"] == 9 and info["episode"]["t"] >= 0.0
+            kept.append((info["terminal_observation"], info["terminal_observation"].copy()))
+            total[i] = 0.0
+    assert len(kept) == 6
+    for now, then in kept:
+        np.testing.assert_array_equal(now, then)

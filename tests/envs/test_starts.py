@@ -1,9 +1,11 @@
 """Episodes start near the passive gait."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from gym_passive_walker import WALKERS, find_gait
+from gym_passive_walker import WALKERS, WalkerError, find_gait
 from gym_passive_walker.envs import rules, starts
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.scene import SCENES, Scene, SceneError, make_scene
@@ -14,7 +16,9 @@ from gym_passive_walker.envs.starts import (
     known_gaits,
     searched_gait,
 )
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.units import units_of
+from tests.modeling.statements import DRIVEN
 
 
 def begun(scene, count=200, seed=0):
@@ -149,3 +153,182 @@ def test_a_named_scene_starts_without_a_search(monkeypatch):
     monkeypatch.setattr(starts, "searched_gait", search)
     for name in SCENES:
         starts.Starts(make_scene(name)).states(np.array([0.0]))
+
+
+def drawn_by_hand(scene, rng):
+    """The first valid walker from rows of random parameters."""
+    shares = scene.domain_randomization
+    while True:
+        draws = rng.uniform(-1.0, 1.0, len(shares)).tolist()
+        factors = [1.0 + share * draw for share, draw in zip(shares.values(), draws, strict=True)]
+        changed = {n: getattr(scene.walker, n) * f for n, f in zip(shares, factors, strict=True)}
+        try:
+            return replace(scene.walker, **changed)
+        except WalkerError:
+            continue
+
+
+LARGE_FEET = {
+    "preset": "C", "foot_angle": 0.0, "foot_radius": 0.95 * WALKERS["C"].shank_length,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("walker", ["C", LARGE_FEET], ids=["C", "large feet"])
+def test_a_walker_that_cannot_be_is_drawn_again(walker):
+    """A foot as large as the shank is invalid: every third draw."""
+    shares = {"thigh_mass": 0.2, "foot_radius": 0.5}
+    scene = Scene(walker=walker, start=(0.2, -0.2, -0.2, -0.3, -0.1, -0.4),
+                  domain_randomization=shares)  # fmt: skip
+    own = starts.Starts(scene)
+    for seed in range(30):
+        found = own.varied(np.random.default_rng(seed))
+        assert found == drawn_by_hand(scene, np.random.default_rng(seed))
+    assert own.walker == scene.walker  # the nominal one
+
+
+def test_a_pool_is_of_walkers_drawn_by_their_numbers():
+    shares = {"foot_radius": 0.2, "shank_mass": 0.1}
+    scene = Scene(slope=0.02, domain_randomization=shares, randomization_pool=3)
+    pool = [drawn_by_hand(scene, np.random.default_rng((1999, k))) for k in range(3)]
+    assert [starts.Starts(scene).pooled(k) for k in range(3)] == pool
+    walkers = begun(scene, 60).walkers
+    counts = [walkers.count(each) for each in pool]
+    assert sum(counts) == 60 and min(counts) > 8
+    alone = Scene(slope=0.02, domain_randomization=shares, randomization_pool=1)
+    assert {*begun(alone, 5).walkers} == {pool[0]}
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_shares_of_zero_draw_the_nominal_walker(share):
+    scene = Scene(slope=0.02, domain_randomization={"foot_radius": 0.0, "shank_mass": share})
+    walkers = begun(scene, 4).walkers
+    assert {walker.foot_radius for walker in walkers} == {WALKERS["C"].foot_radius}
+    assert len({walker.shank_mass for walker in walkers}) == (1 if share == 0.0 else 4)
+
+
+def test_nodes_of_a_range_are_its_gaits_at_equal_distances():
+    own = starts.Starts(Scene(slope=(0.01, 0.04)))
+    np.testing.assert_allclose(own.node_slopes, [0.01 + 0.0025 * k for k in range(13)], rtol=1e-14)
+    slopes, states = own.nodes
+    assert slopes.tolist() == own.node_slopes and states.shape == (13, 6)
+    for k in (0, 5, 12):
+        gait = units_of(WALKERS["C"]).to_dimensionless(find_gait("C", slopes[k]).state)
+        np.testing.assert_allclose(states[k], gait, rtol=1e-9, atol=1e-10)
+    asked = np.array([0.04, 0.011, 0.0333, 0.01, 0.0225])
+    expected = [np.interp(asked, slopes, column) for column in states.T]
+    np.testing.assert_allclose(own.states(asked), np.transpose(expected), rtol=1e-13)
+    np.testing.assert_allclose(own.slopes(np.array([0.0, 0.25, 1.0])), [0.01, 0.0175, 0.04])
+
+
+@pytest.mark.parametrize("slope", [0.02, (0.02, 0.02)])
+def test_a_single_slope_is_drawn_whatever_the_share(slope):
+    own = starts.Starts(Scene(slope=slope))
+    assert own.slopes(np.array([0.0, 0.5, 1.0])).tolist() == [0.02] == own.node_slopes
+    assert own.states(np.array([0.02] * 3)).shape == (1, 6)
+    other = starts.Starts(Scene(slope=slope), WALKERS["lab"], 0.036)
+    assert other.walker == WALKERS["lab"] and other.node_slopes == [0.036]
+    np.testing.assert_array_equal(other.states(np.zeros(1))[0], gait_near(WALKERS["lab"], 0.036))
+
+
+@pytest.mark.parametrize(
+    ("entry", "limit", "name"),
+    [(0, np.pi / 2, "A"), (0, np.pi / 2, "C"), (1, np.pi, "A"), (1, np.pi, "C"), (2, np.pi, "C")],
+)
+def test_angles_of_a_start_are_below_their_limits(entry, limit, name):
+    state = [0.1, -0.1, -0.2, -1.0, 0.0, 0.0]
+    for sign in (-1.0, 1.0):
+        for value, valid in ((np.nextafter(limit, 0.0), True), (limit, False)):
+            given = [*state]
+            given[entry] = sign * value
+            if entry == 1 and sign < 0.0:
+                given[2] = min(given[2], np.nextafter(-np.pi, 0.0))
+            if entry == 2 and sign > 0.0:
+                given[1] = np.nextafter(np.pi, 0.0)
+            if valid:
+                assert checked_state(given, WALKERS[name])[entry] == given[entry]
+            else:
+                with pytest.raises(ValueError, match="has fallen"):
+                    checked_state(given, WALKERS[name])
+    equal = [0.1, -0.1, -0.1, -1.0, 0.5, 0.6]
+    assert checked_state(equal, WALKERS["C"])[:3] == (0.1, -0.1, -0.1)
+
+
+def test_a_search_finds_long_gaits_in_dimensionless_units():
+    """From a guess far away too; a walker without a long gait has none."""
+    for name, slope in (("lab", 0.036), ("A", 0.02)):
+        expected = units_of(WALKERS[name]).to_dimensionless(find_gait(name, slope).state)
+        for guess in (None, tuple(expected), (0.9, -0.9, -0.9, 1.0, 1.0, 1.0)):
+            found = searched_gait(WALKERS[name], slope, guess)
+            np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-9)
+    short = find_gait("A", 0.02, kind="short")
+    guess = tuple(units_of(WALKERS["A"]).to_dimensionless(short.state).tolist())
+    assert searched_gait(WALKERS["A"], 0.02, guess)[0] == pytest.approx(
+        searched_gait(WALKERS["A"], 0.02)[0], rel=1e-8
+    )
+
+
+def test_the_nearest_reference_slope_with_a_gait_is_used(monkeypatch):
+    monkeypatch.setattr(starts, "known_gaits", dict)
+    for slope, order in (
+        (0.05, [0.05, 0.06, 0.036, 0.02]),
+        (-0.3, [-0.3, 0.01, 0.005, 0.0025]),
+        (0.0, [0.0, 0.01, 0.005, 0.0025]),
+        (0.3, [0.3, 0.09, 0.06, 0.036]),
+    ):
+        for tried in range(1, len(order)):
+            asked = []
+
+            def search(walker, slope, guess=None, asked=asked, wanted=order[tried]):
+                asked.append((slope, guess))
+                return (slope,) if slope == wanted else None
+
+            monkeypatch.setattr(starts, "searched_gait", search)
+            assert gait_near(WALKERS["C"], slope, (1.0,)) == (order[tried],)
+            expected = [(order[0], (1.0,)), *((each, None) for each in order[1 : tried + 1])]
+            assert asked == expected
+
+
+def test_states_of_a_system_are_its_coordinates_and_their_rates():
+    env = PassiveWalkerVectorEnv(2, system=DRIVEN, slope=0.02, reset_noise_scale=0.0)
+    states = [[0.2, -0.21, -0.3, -0.1], [0.15, -0.16, -0.25, -0.12]]
+    seen, _ = env.reset(seed=0, options={"state": states, "slope": [0.01, 0.03]})
+    np.testing.assert_array_equal(env.states, states)
+    expected = np.column_stack([states, [0.01, 0.03]])
+    np.testing.assert_array_equal(seen, expected.astype(np.float32))
+    with pytest.raises(ValueError, match="of a walker that has fallen"):
+        env.reset(options={"state": [2.0, 0.0, 0.0, 0.0]})
+    with pytest.raises(ValueError, match=r"shape \(4,\)"):
+        env.reset(options={"state": [0.2, -0.2, -0.2, -1.0, -0.5, -1.0]})
+    start = (0.22, -0.22, -0.3, -0.15)
+    given = PassiveWalkerVectorEnv(2, system=DRIVEN, start=start, reset_noise_scale=0.0)
+    given.reset(seed=0)
+    np.testing.assert_array_equal(given.states, [start] * 2)
+
+
+def test_deviations_of_a_system_are_of_its_coordinates_and_of_each_rate():
+    """One factor for the coordinates, one for the first rate, one for the others."""
+    start = np.array([0.22, -0.22, -0.3, -0.15])
+    env = PassiveWalkerVectorEnv(300, system=DRIVEN, start=start, reset_noise_scale=0.1)
+    env.reset(seed=0)
+    ratios = env.states / start
+    assert 0.9 <= ratios.min() < 0.905 and 1.095 < ratios.max() <= 1.1
+    np.testing.assert_allclose(ratios[:, 0], ratios[:, 1], rtol=1e-14)
+    together = np.corrcoef(ratios[:, [0, 2, 3]].T)
+    np.testing.assert_allclose(together, np.eye(3), atol=0.2)
+
+
+@pytest.mark.parametrize("count", [1, 70])
+def test_deviations_are_the_generator_s_own_numbers(count):
+    """Of each walker: the slope's share, then three factors; in blocks of any size."""
+    scene = Scene(slope=(0.01, 0.04), reset_noise_scale=0.1)
+    found = draws(scene, count)
+    own = starts.Starts(scene)
+    for i in (0, count // 2, count - 1):
+        share, *factors = np.random.default_rng((0, i)).random(4)
+        slope = 0.01 + 0.03 * share
+        assert found[i, 0] == pytest.approx(slope, rel=1e-14)
+        angle, first, others = (1.0 + 0.1 * (2.0 * u - 1.0) for u in factors)
+        gait = own.states(np.array([slope]))[0]
+        np.testing.assert_allclose(
+            found[i, 1:], gait * [angle, angle, angle, first, others, others], rtol=1e-12
+        )

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, find_gait, stride, tune
+from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.physics.hybrid import Outcome
@@ -344,3 +345,74 @@ def test_positive_work_is_that_of_a_motor_that_drives_and_then_brakes(make, play
 def test_actions_beyond_the_box_are_clipped(make, play, assert_same):
     env = make()
     assert_same(play(env, 1.0, steps=20, seed=0), play(env, 7.0, steps=20, seed=0))
+
+
+def test_numbers_are_clipped_to_their_bounds():
+    cases = [(-2.0, -1.0), (-1.0, -1.0), (0.3, 0.3), (0.5, 0.5), (0.7, 0.5), (math.nan, -1.0),
+             (math.inf, 0.5), (-math.inf, -1.0)]  # fmt: skip
+    for value, expected in cases:
+        assert rules.clip(value, -1.0, 0.5) == expected
+    assert rules.foothold(2.0, -3.0) == (1.0, -math.pi / 2)
+    assert rules.foothold(-0.1, 0.2) == (-0.1, 0.2) and rules.foothold(-2.0, 3.0)[0] == -1.0
+    assert rules.proportion(101.0) == 100.0 == -rules.proportion(-1e9)
+    state = (9.0, -9.0, 9.0, -99.0, 99.0, 9.5)
+    right = math.pi / 2
+    expected = (right, -math.pi, math.pi, -10.0, 10.0, 9.5, 1.0, -right)
+    assert rules.observation(state, 1.0, -5.0) == expected
+
+
+def test_a_control_step_ends_with_its_tick_or_with_the_time_of_the_stride():
+    assert rules.step_end(1.0, 0.25, 20.0) == 1.25 and rules.step_end(19.9, 0.25, 20.0) == 20.0
+    for outcome in Outcome:
+        stalls = outcome == Outcome.RUNNING
+        for time in (20.0, 20.5):
+            expected = Outcome.STALLED if stalls else outcome
+            assert rules.outcome_of(int(outcome), time, 20.0) == expected
+        assert rules.outcome_of(int(outcome), np.nextafter(20.0, 0.0), 20.0) == outcome
+        ends = outcome not in (Outcome.RUNNING, Outcome.HEELSTRIKE)
+        assert rules.ends_episode(int(outcome)) == ends
+
+
+@pytest.mark.parametrize("torque", [-0.3, 0.0, 0.2])
+def test_actuators_are_charged_for_the_work_of_their_kind(torque):
+    """A torque over ways forth and back does positive and negative work, in turn."""
+    ways = np.array([0.5, -0.7, 0.1])
+    work = torque * ways
+    moved, turned = ways.sum(), np.abs(ways).sum()
+    assert rules.work_of(torque, moved, turned) == pytest.approx((work.sum(), np.abs(work).sum()))
+    expected = {"absolute": np.abs(work).sum(), "positive": work[work > 0.0].sum(),
+                "net": work.sum()}  # fmt: skip
+    for kind, energy in expected.items():
+        charged = rules.motor_charge(rules.ENERGIES.index(kind), torque, moved, turned)
+        assert charged == pytest.approx(energy, abs=1e-15)
+
+
+def test_rewards_and_penalties_are_those_of_their_formulas():
+    assert rules.reward(0.3, 0.02, 10.0) == pytest.approx(0.1)
+    assert rules.distance_of(False, 0.3, 0.5) == 0.3 and rules.distance_of(True, 0.3, 0.5) == -0.5
+    for length, period, command in ((0.5, 3.0, 0.1), (0.5, 3.0, 0.2), (0.5, 2.5, 0.2)):
+        error = abs(length - period * command)
+        assert rules.command_error(length, period, command) == pytest.approx(error)
+        for weight in (0.0, 2.0, 50.0):
+            found = rules.command_penalty(length, period, command, weight)
+            assert found == pytest.approx(min(weight * error, length))
+
+
+@pytest.mark.parametrize("name", ["push_off", "hip", "ankle"])
+def test_each_actuator_has_its_own_largest_value(make, name):
+    """Half of an action of twice the largest value is the action itself."""
+    largest = {"push_off": 0.04, "hip": 0.03, "ankle": 0.02}
+    order = tuple(largest)
+    walks = []
+    for factor in (1.0, 2.0):
+        values = {**largest, name: factor * largest[name]}
+        env = make(walker="E", slope=0.012, actions=order, reset_noise_scale=0.0,
+                   max_push_off=values["push_off"], max_hip_torque=values["hip"],
+                   max_ankle_torque=values["ankle"])  # fmt: skip
+        env.reset(seed=0)
+        act = np.array([0.3, 0.1, -0.2])
+        act[order.index(name)] /= factor
+        walks.append([env.step(act)[:2] for _ in range(25)])
+    for (seen, reward), (other, same) in zip(*walks, strict=True):
+        np.testing.assert_allclose(seen, other, rtol=1e-6, atol=1e-7)
+        assert reward == pytest.approx(same, rel=1e-9, abs=1e-12)

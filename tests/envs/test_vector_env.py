@@ -11,6 +11,8 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import vector as wrappers
 
+from gym_passive_walker import WALKERS
+from gym_passive_walker.envs import task
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import SceneError
 
@@ -128,7 +130,7 @@ def test_all_are_reset_before_some_of_them(make_vec):
         env.reset(options={"reset_mask": np.array([True, False])})
 
 
-@pytest.mark.parametrize("count", [3, 2000])
+@pytest.mark.parametrize("count", [3, 2000, 2100])
 def test_an_action_that_is_no_number_is_refused_and_changes_nothing(make_vec, count, assert_same):
     env = make_vec(count)
     env.reset(seed=0)
@@ -263,3 +265,148 @@ def test_the_single_environment_makes_sync_and_async_batch(assert_same):
     assert sync.single_observation_space == native.single_observation_space
     assert sync.observation_space == native.observation_space
     assert sync.action_space == native.action_space
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_infos_are_those_of_each_walker_with_masks_of_those_that_have_them(make_vec, mode):
+    """Of walkers that began again in a step, and at steps without a stride, there is none."""
+    more = {"command": np.float64, "reward_distance": np.float64, "pushes": np.integer}
+    env = make_vec(
+        4, scene="lab", autoreset_mode=mode, max_episode_steps=45, max_hip_torque=0.3,
+        reset_noise_scale=0.01, command=(0.1, 0.2), reward_terms=True,
+        pushes={"rate": 0.2, "impulse": (-0.01, 0.01)},
+    )  # fmt: skip
+    env.reset(seed=0)
+    total, waiting, seen = np.zeros(4), np.zeros(4, bool), set()
+    for act, _ in zip(actions(4), range(130), strict=False):
+        act = np.array([[0.0], [0.003], [-0.003], [1.0]]) * np.abs(act)
+        _, rewards, terminated, truncated, infos = env.step(act)
+        ended = terminated | truncated
+        parts = [(infos, ~ended if mode == "SameStep" and ended.any() else ~waiting)]
+        if "final_info" in infos:
+            parts.append((infos["final_info"], ended))
+        for part, stepped in parts:
+            if not stepped.any():
+                assert part.keys() <= {"final_obs", "_final_obs", "final_info", "_final_info"}
+                continue
+            for name in (*task.EVERY_STEP, *more, "reward_energy", "reward_command"):
+                np.testing.assert_array_equal(part[f"_{name}"], stepped)
+                assert part[name].shape == (4,) and not part[name][~stepped].any()
+                kind = np.integer if name in ("strides", "pushes") else np.float64
+                assert np.issubdtype(part[name].dtype, kind)
+            terms = sum(part[f"reward_{name}"] for name in ("distance", "energy", "command"))
+            np.testing.assert_allclose(terms[stepped], rewards[stepped], atol=1e-14)
+            assert ((part["command"] >= 0.1) & (part["command"] <= 0.2))[stepped].all()
+            began = np.abs(total + part["distance"] - part["episode_distance"]) > 1e-12
+            assert not began[stepped].any()
+            total[stepped] = part["episode_distance"][stepped]
+            if "outcome" in part:
+                struck = part["outcome"] == "heelstrike"
+                known = np.array([each is not None for each in part["outcome"]])
+                np.testing.assert_array_equal(part["_outcome"], known & stepped)
+                np.testing.assert_array_equal(known & ~struck, terminated & stepped)
+                seen |= {*part["outcome"]}
+                for name in task.EVERY_STRIDE if struck.any() else ():
+                    np.testing.assert_array_equal(part[f"_{name}"], struck)
+                    assert not part[name][~struck].any()
+            assert ("step_length" in part) == ("heelstrike" in {*part.get("outcome", ())})
+        total[ended] = 0.0
+        waiting = ended & (mode == "NextStep")
+        if mode == "Disabled" and ended.any():
+            env.reset(options={"reset_mask": ended})
+    assert len(seen) > 2
+
+
+def test_the_first_of_the_walkers_makes_the_scene(make_vec):
+    env = make_vec(2, walkers=["A", "B"])
+    assert env.scene.walker == WALKERS["A"] and env.scene.end_on_toe_stub is False
+    assert env.walkers == [WALKERS["A"], WALKERS["B"]]
+    given = make_vec(2, walkers=["lab", "C"], walker="C")
+    assert given.scene.walker == WALKERS["C"] and given.walkers[0] == WALKERS["lab"]
+
+
+@pytest.mark.parametrize(("seeds", "place"), [([-1, 2], 0), ([1, 2.5], 1), ([None, "a"], 1)])
+def test_a_wrong_seed_in_a_row_is_named_by_its_place(make_vec, seeds, place):
+    with pytest.raises(ValueError, match=rf"seed\[{place}\]"):
+        make_vec(2).reset(seed=seeds)
+
+
+def test_one_state_in_a_row_is_that_of_all(make_vec):
+    env = make_vec(3)
+    state = [[0.2, -0.2, -0.25, -1.0, -0.5, -1.0]]
+    env.reset(seed=0, options={"state": state, "slope": [0.03] * 3})
+    np.testing.assert_allclose(env.states, state * 3)
+    with pytest.raises(ValueError, match=r"must have shape \(6,\), or \(3, 6\) .* not \(2, 6\)"):
+        env.reset(options={"state": state * 2})
+    with pytest.raises(ValueError, match=r"must have shape \(\), or \(3,\) .* not \(2,\)"):
+        env.reset(options={"slope": [0.03] * 2})
+
+
+def test_pushes_and_steps_in_the_ground_can_be_scheduled_for_each_walker(make_vec):
+    def strides(**events):
+        env = make_vec(
+            4, scene="lab", control="stride", terrain={"rough": {"height_std": 0.0005}},
+            pushes={"rate": 0.3, "impulse": (-0.001, 0.001)}, reset_noise_scale=0.0,
+        )  # fmt: skip
+        env.reset(seed=2)
+        env.batch.schedule_events(**events)
+        infos = env.step(zeros(4))[-1]
+        return env.states, dict(infos), [env.batch.contact(i).y for i in range(4)]
+
+    states, infos, heights = strides()
+    found, pushed, _ = strides(impulses=[0.0, 0.004, 0.0, -0.002], times=0.25)
+    np.testing.assert_array_equal(found[[0, 2]], states[[0, 2]])
+    assert (np.abs(found - states)[[1, 3]].max(axis=1) > 1e-3).all()
+    for name in ("pushes", "push_work"):
+        np.testing.assert_array_equal(pushed[name][[0, 2]], infos[name][[0, 2]])
+    assert (pushed["pushes"][[1, 3]] >= 1).all()
+    assert not np.array_equal(pushed["push_work"], infos["push_work"])
+    found, _, raised = strides(height_changes=[0.0, 0.002, -0.001, 0.0])
+    np.testing.assert_array_equal(found[[0, 3]], states[[0, 3]])
+    length = WALKERS["lab"].leg_length
+    changes = np.subtract(raised, heights)
+    np.testing.assert_allclose(changes, length * np.array([0.0, 0.002, -0.001, 0.0]), atol=3e-4)
+    assert changes[1] > 0.0 > changes[2]
+    earlier, *_ = strides(impulses=0.004, times=[0.25, 0.25, 0.9, 0.9])
+    later, *_ = strides(impulses=0.004, times=[0.25, 0.9, 0.25, 0.9])
+    same = (earlier == later).all(axis=1)
+    np.testing.assert_array_equal(same, [True, False, False, True])
+
+
+@pytest.mark.parametrize("name", ["height_changes", "impulses"])
+def test_events_need_a_scene_that_can_have_them(make_vec, name):
+    other = {"height_changes": {"pushes": {"rate": 0.0, "impulse": 0.0}},
+             "impulses": {"terrain": {"rough": {"height_std": 0.0}}}}[name]  # fmt: skip
+    for scene in ({}, other):
+        env = make_vec(2, **scene)
+        env.reset(seed=0)
+        env.batch.schedule_events(**{name: [0.0, 0.0]})
+        with pytest.raises(ValueError, match=f"{name} need a scene with (terrain|pushes)"):
+            env.batch.schedule_events(**{name: [0.0, 0.001]})
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_batch_is_restored_field_by_field(make_vec, mode, assert_same):
+    """Each entry of a state is put back; two states differ in each of them."""
+    arguments = {
+        "autoreset_mode": mode, "max_episode_steps": 12, "action_delay": 2, "command": (0.1, 0.2),
+        "pushes": {"rate": 0.5, "impulse": (-0.01, 0.01)}, "reward": {"action_change": -1.0},
+        "domain_randomization": {"foot_radius": 0.1}, "slope": (0.0, 0.02),
+    }  # fmt: skip
+    states, env = [], make_vec(3, **arguments)
+    for seed, steps in ((0, 12), (50, 7)):
+        env.reset(seed=seed)
+        for act, _ in zip(actions(3, seed), range(steps), strict=False):
+            env.step(act)
+        states.append(env.get_state())
+    equal = {"scene", "begun"} | ({"ended"} if mode == "SameStep" else set())
+    for name in states[0].keys() - equal:
+        one, other = (pickle.dumps(state[name]) for state in states)
+        assert one != other, name
+    for state in (*states, states[0]):
+        env.set_state(state)
+        assert_same(env.get_state(), state)
+        again = make_vec(3, **arguments)
+        again.set_state(state)
+        assert_same(again.get_state(), {**state, "random": again.get_state()["random"]})
+        assert [r.bit_generator.state for r in again.np_random] == state["random"]

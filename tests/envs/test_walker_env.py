@@ -13,8 +13,11 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
 from gym_passive_walker import WALKERS
+from gym_passive_walker.envs import task
 from gym_passive_walker.envs.registration import EASY_ID, ID, MAX_EPISODE_STEPS, register
 from gym_passive_walker.envs.scene import SCENES, make_scene
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
 
 EVERY_SCENE = [{"scene": name} for name in SCENES] + [{"walker": "A"}, {"walker": "D"}]
 
@@ -247,8 +250,6 @@ def test_an_episode_draws_its_own_walker(make):
 
 def test_an_unknown_render_mode_is_refused(make):
     with pytest.raises(ValueError, match="render_mode must be"):
-        from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
-
         PassiveWalkerEnv(render_mode="ascii")
 
 
@@ -284,3 +285,182 @@ def test_the_contact_goes_along_with_the_steps(make):
         if info.get("outcome") == "heelstrike":
             length += info["step_length"] * env.walker.leg_length
             assert env.batch.contact(0).x == pytest.approx(length)
+
+
+@pytest.mark.parametrize(
+    ("name", "threshold", "scene"), [(ID, 47.3, {}), (EASY_ID, 47.6, {"reset_noise_scale": 0.05})]
+)
+def test_each_registered_task_has_its_own_threshold_and_scene(name, threshold, scene):
+    spec = gymnasium.spec(name)
+    assert spec.reward_threshold == threshold and spec.max_episode_steps == 4000
+    env, envs = gymnasium.make(name), gymnasium.make_vec(name, num_envs=2)
+    assert isinstance(env.unwrapped, PassiveWalkerEnv) and isinstance(envs, PassiveWalkerVectorEnv)
+    for made in (env.unwrapped, envs):
+        assert made.scene == make_scene("level", **scene)
+    assert envs.batch.step_limit == 4000.0
+
+
+def test_spaces_have_the_bounds_of_every_option():
+    scene = {
+        "command": (0.1, 0.2), "terrain": {"rough": {"height_std": 0.01}}, "terrain_lookahead": 2,
+        "observe_body": ("hip_mass",), "actions": ("hip", "push_off"),
+    }  # fmt: skip
+    right = np.pi / 2
+    high = [right, np.pi, np.pi, 10.0, 10.0, 10.0, 1.0, right]
+    low = [-right, -np.pi, -np.pi, -10.0, -10.0, -10.0, 0.0, -right]
+    more_high, more_low = [1.0, *[1.0, right] * 2, 100.0], [0.0, *[-1.0, -right] * 2, -100.0]
+    for given, above, below in (({}, high, low), (scene, high + more_high, low + more_low)):
+        space = gymnasium.make(ID, **given).observation_space
+        assert space.dtype == np.float32
+        np.testing.assert_array_equal(space.high, np.float32(above))
+        np.testing.assert_array_equal(space.low, np.float32(below))
+    acts = gymnasium.make(ID, **scene).action_space
+    assert acts == gymnasium.spaces.Box(np.float32([-1.0, 0.0]), np.float32([1.0, 1.0]))
+
+
+@pytest.mark.parametrize(
+    ("scene", "more"),
+    [
+        ({}, ()),
+        ({"reward_terms": True}, ("reward_distance", "reward_energy")),
+        ({"command": 0.1, "reward_terms": True},
+         ("command", "reward_distance", "reward_energy", "reward_command")),
+        ({"pushes": {"rate": 0.1, "impulse": 0.001}},
+         ("pushes", "push_work", "episode_push_work")),
+        ({"constraints": {"friction": "report"}}, ("friction",)),
+        ({"constraints": {"scuffing": "report", "contact": "report"}},
+         ("normal_force", "normal_impulse", "clearance")),
+        ({"constraints": {"knee lock": "report"}}, ("stance_knee_torque", "stance_knee_impulse")),
+        ({"observation_noise": 0.01, "action_delay": 1}, ()),
+        ({"reward": {"alive": 1.0}, "reward_terms": True}, ("reward_alive",)),
+    ],
+)  # fmt: skip
+def test_info_has_the_documented_entries_and_no_others(make, play, scene, more):
+    late = lambda k, _: float(k > 90)  # noqa: E731
+    walk = play(make(scene="lab", reset_noise_scale=0.01, **scene), late, seed=2)
+    each, kinds = {*task.EVERY_STEP, *more}, set()
+    for _, reward, terminated, truncated, info in walk:
+        outcome = info.get("outcome")
+        kinds.add(outcome)
+        expected = each | ({"outcome"} if outcome else set())
+        expected |= {*task.EVERY_STRIDE} if outcome == "heelstrike" else set()
+        assert info.keys() == expected and (outcome == "heelstrike" or terminated) == bool(outcome)
+        assert (type(reward), type(terminated), type(truncated)) == (float, bool, bool)
+        numbers = {name: type(x) for name, x in info.items() if name != "outcome"}
+        whole = {"strides", "pushes"} & info.keys()
+        assert all(kind is (int if name in whole else float) for name, kind in numbers.items())
+    assert {None, "heelstrike"} < kinds
+
+
+def test_infos_of_a_stride_agree_with_each_other(make, play):
+    env = make(**POINT_FEET, actions=("hip", "ankle", "push_off"), max_push_off=0.02)
+    scene, walk, origin, strides = env.scene, [], 0.0, 0
+    env.reset(seed=1)
+    for k in range(200):
+        before = env.contact
+        act = np.array([0.05 * np.cos(k), 0.02 * np.sin(k), 0.05])
+        *_, ended, _, info = env.step(act)
+        walk.append(info)
+        if info.get("outcome") != "heelstrike":
+            if ended:
+                break
+            assert env.contact == before  # a point foot does not roll
+            continue
+        strides += 1
+        origin += info["step_length"] * env.walker.leg_length
+        assert env.contact == pytest.approx(origin, rel=1e-12)
+        assert info["strides"] == strides
+        assert info["speed"] == pytest.approx(info["step_length"] / info["step_period"])
+        costs = ("gravity_cost", "hip_cost", "ankle_cost", "push_off_cost")
+        assert info["cost_of_transport"] == pytest.approx(sum(info[name] for name in costs))
+        energy = sum(each["energy"] for each in walk)
+        charged = sum(info[name] for name in costs[1:]) * info["step_length"]
+        assert charged == pytest.approx(energy, rel=1e-9)
+        assert info["push_off_cost"] > 0.0 and info["hip_cost"] >= abs(info["net_hip_cost"])
+        walk = []
+    assert strides >= 3 and scene.walker.foot_radius == 0.0
+
+
+POINT_FEET = {"walker": "E", "slope": 0.012, "reset_noise_scale": 0.0}
+
+
+@pytest.mark.parametrize("given", [[0], [0.5], np.array([1]), np.array([True]), (0.25,)], ids=repr)
+def test_actions_may_be_lists_and_whole_numbers(make, assert_same, given):
+    one, other = make(), make()
+    one.reset(seed=0), other.reset(seed=0)
+    assert_same(one.step(given), other.step(np.array(given, float)))
+    many, same = (PassiveWalkerVectorEnv(2) for _ in range(2))
+    many.reset(seed=0), same.reset(seed=0)
+    rows = [given, given]
+    assert_same(many.step(rows)[:4], same.step(np.array(rows, float))[:4])
+
+
+def test_the_energy_cost_is_reported_as_it_is_set(make):
+    for env in (make(energy="net"), PassiveWalkerVectorEnv(2, energy="net")):
+        assert env.energy_cost == "net"
+        for energy in ("absolute", "positive", "net"):
+            env.set_energy_cost(energy)
+            assert env.energy_cost == energy and env.scene.energy == "net"
+        env.set_energy_cost("absolute")
+        env.set_energy_cost(None)
+        assert env.energy_cost == "net"
+
+
+def test_a_slope_is_set_during_an_episode_alone(make):
+    env = make(max_stride_time=0.5)
+    with pytest.raises(ResetNeeded, match="no episode is under way"):
+        env.set_slope(0.01)
+    env.reset(seed=0)
+    assert env.set_slope(0.01)[7] == np.float32(0.01) and env.slope == 0.01
+    while not env.step(np.zeros(1))[2]:
+        pass
+    with pytest.raises(ResetNeeded, match="no episode is under way"):
+        env.set_slope(0.01)
+
+
+def test_a_window_shows_the_reset_and_each_step():
+    pygame = pytest.importorskip("pygame")
+    env = PassiveWalkerEnv("lab", render_mode="human")
+    seen = []
+    env.reset(seed=0)
+    seen.append(pygame.surfarray.array3d(pygame.display.get_surface()))
+    for _ in range(2):
+        env.step(np.ones(1))
+        seen.append(pygame.surfarray.array3d(pygame.display.get_surface()))
+    env.reset(seed=0)
+    seen.append(pygame.surfarray.array3d(pygame.display.get_surface()))
+    assert seen[0].std() > 0.0 and not np.array_equal(seen[0], seen[1])
+    assert not np.array_equal(seen[1], seen[2]) and np.array_equal(seen[0], seen[3])
+    env.close()
+    env.close()
+
+
+def test_without_a_render_mode_there_is_a_warning_and_no_picture(make):
+    env = make()
+    env.reset(seed=0)
+    with pytest.warns(UserWarning, match="needs a render_mode"):
+        assert env.render() is None
+    many = PassiveWalkerVectorEnv(2)
+    many.reset(seed=0)
+    assert many.render() is None
+
+
+def test_environments_with_pictures_are_copied_without_their_screens(assert_same):
+    pytest.importorskip("pygame")
+    for env in (PassiveWalkerEnv("lab", render_mode="rgb_array"),
+                PassiveWalkerVectorEnv(2, "lab", render_mode="rgb_array")):  # fmt: skip
+        env.reset(seed=0)
+        shown = env.render()
+        for other in (pickle.loads(pickle.dumps(env)), copy.deepcopy(env)):
+            assert_same(other.render(), shown)
+            other.close()
+        assert_same(env.render(), shown)
+        env.close()
+
+
+def test_frames_per_second_are_those_of_the_scene():
+    for scene in ({"scene": "lab"}, {"tick": 0.5}, {"control": "stride"}):
+        expected = make_scene(**{"scene": "level", **scene}).frames_per_second
+        for env in (PassiveWalkerEnv(**scene), PassiveWalkerVectorEnv(2, **scene)):
+            assert env.metadata["render_fps"] == expected
+    assert PassiveWalkerEnv.metadata["render_fps"] == 30  # of the class: unchanged

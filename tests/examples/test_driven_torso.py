@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples import driven_torso
 from examples.driven_torso import DRIVEN_TORSO, SLOPE, width
 from gym_passive_walker.gaits.continuation import Point, neimark_sacker_test, on_the_unit_circle
 from tests.modeling.oracle import Independent
@@ -67,3 +68,25 @@ def test_a_picture_of_the_branch_marks_the_bifurcation(branch):
         line for line in branch.plot().lines if line.get_marker() == "h" and len(line.get_xdata())
     ]
     np.testing.assert_allclose(mark.get_xdata(), branch.neimark_sackers, rtol=1e-12)
+
+
+def test_the_example_prints_the_branch_its_widths_and_where_a_torus_is_born(capsys, monkeypatch):
+    monkeypatch.setattr(driven_torso, "width", lambda damping: 10.0 * damping)
+    driven_torso.main()
+    first, *widths, last = capsys.readouterr().out.splitlines()
+    family = gpw.parameter_family(DRIVEN_TORSO, "damping", 2e-4, 2.0, slope=SLOPE)
+    assert first == str(family)
+    dampings = ("0.0012", "0.0011", "0.0010", "0.0009")
+    assert widths == [
+        f"damping {damping}: stance angles within {10 * float(damping):.4f} rad"
+        for damping in dampings
+    ]
+    assert last == f"a torus is born at {family.neimark_sackers[0]:.6f}"
+    assert float(dampings[0]) > family.neimark_sackers[0] > float(dampings[-1])
+
+
+def test_a_motor_at_the_torso_pushes_back_on_the_stance_leg_alone():
+    body = DRIVEN_TORSO.body._replace(target=0.1, stiffness=3.0, damping=0.5)
+    state = DRIVEN_TORSO.State(0.2, -0.3, 0.3, 0.0, 0.0, 0.4)
+    stance, swing, torso = driven_torso.forces(body, state)
+    assert torso == pytest.approx(-3.0 * 0.2 - 0.5 * 0.4) and (stance, swing) == (-torso, 0.0)

@@ -262,3 +262,10 @@ def test_without_a_transient_the_first_stride_is_recorded():
     )
     walk = stride("D", 0.009, start, tolerance=1e-10)
     assert diagram.stance_angle[0, 0] == pytest.approx(walk.state[0], abs=1e-9)
+
+
+@pytest.mark.parametrize("accuracy", [1e-2, 1e-3, 1e-5])
+def test_a_crisis_is_found_to_the_accuracy_that_is_asked_for(accuracy):
+    """Also where the range is hardly wider than that."""
+    found = crisis_slope("D", 0.0125, 0.03, strides=200, walkers=4, accuracy=accuracy)
+    assert found == pytest.approx(0.01905, abs=max(accuracy, 4e-4))

@@ -129,3 +129,25 @@ def test_words_of_the_command_are_the_options_of_python(odd, capsys, monkeypatch
         assert asked == {**usual, "content": file, "out": None} | change
         said = json.loads(capsys.readouterr().out)
         assert said["tasks"] == 3 and np.isfinite(said["failures"])
+
+
+def test_a_branch_has_the_name_of_the_folder_and_of_its_digest(odd):
+    gpw.sweep(SQUARES, odd / "out", trust=True, workers=1)
+    other = {**SQUARES, "seed": 9}
+    with pytest.raises(ValueError, match="holds a sweep with another seed: give another folder"):
+        gpw.sweep(other, odd / "out", trust=True, workers=1)
+    beside = gpw.sweep(other, odd / "out", trust=True, workers=1, branch=True)
+    assert beside.folder == odd / f"out-{Description.of(other).digest[:8]}"
+    assert gpw.sweep(SQUARES, odd / "out", trust=True, branch=True).folder == odd / "out"
+
+
+def test_a_function_that_no_other_process_finds_is_refused(tmp_path):
+    def within(x):
+        return x
+
+    for function in (within, lambda x: x):
+        with pytest.raises(ValueError, match="cannot be found by other processes"):
+            gpw.sweep(function, tmp_path / "out", over={"x": [1]})
+    with pytest.raises(ValueError, match="out must be a folder"):
+        gpw.sweep("gait", over={"slope": [0.1]})
+    assert not [*tmp_path.iterdir()]

@@ -216,6 +216,18 @@ def test_a_picture_by_a_number_has_its_colours_and_a_bar(tmp_path):
     assert ax.get_xlabel() == label("slope") != ax.get_ylabel() == "step length / l"
 
 
+@pytest.mark.parametrize("by", ["step_length", "slope", "multiplier"])
+def test_a_bar_of_colours_has_the_label_and_the_unit_of_its_column(by, tmp_path):
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    figure = pyplot.figure()
+    found = written(tmp_path / "out", FOUR, FOUND)
+    points, _ = found.plot(x="slope", y="multiplier", by=by).collections
+    _, bar = figure.axes
+    assert bar.get_ylabel() == label(by)
+    values = np.delete(found.columns()[by].astype(float), 1) / (0.81 if by == "step_length" else 1)
+    np.testing.assert_allclose(np.ma.filled(points.get_array(), np.nan), values)
+
+
 def test_a_failed_task_is_drawn_where_its_parameters_are(tmp_path):
     pytest.importorskip("matplotlib.pyplot").figure()
     found = written(tmp_path / "out", FOUR, FOUND)

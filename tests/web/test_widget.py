@@ -140,3 +140,41 @@ def test_the_widget_is_one_module(node, tmp_path):
     code = f"import({json.dumps(module.as_uri())}).then((m) => console.log(Object.keys(m.default)))"
     done = subprocess.run([node, "-e", code], capture_output=True, text=True, check=True)
     assert "render" in done.stdout
+
+
+@pytest.mark.parametrize("impulse", [-10.0, 10.0])
+def test_a_push_may_be_as_hard_as_in_an_environment(widget, impulse, monkeypatch):
+    sent = []
+    monkeypatch.setattr(widget, "send", sent.append)
+    widget.push(impulse)
+    widget.begin()
+    assert sent == [{"push": impulse}, {"again": True}]
+    for wrong in (1.01 * impulse, np.nan, "hard", None):
+        with pytest.raises(ValueError, match="impulse"):
+            widget.push(wrong)
+    assert len(sent) == 2
+
+
+@pytest.mark.parametrize("speed", [2.0**-6, 4.0])
+def test_a_picture_may_be_as_slow_and_as_fast_as_its_limits(widget, speed):
+    widget.speed = speed
+    assert widget.speed == speed
+    with pytest.raises(Exception, match="speed"):
+        widget.speed = 1.01 * speed if speed > 1.0 else 0.99 * speed
+
+
+@pytest.mark.parametrize("preset", gpw.WALKERS)
+def test_any_walker_is_its_own_preset_and_a_slight_change_is_one(preset, notebook):
+    widget = PlayerWidget(gpw.WALKERS[preset], 0.02, 0.25)
+    assert (widget.given, widget.hip_torque) == ({"walker": preset, "changes": {}}, 0.25)
+    heavier = gpw.as_walker({"preset": preset, "gravity": 5.0})
+    assert PlayerWidget(heavier, 0.02).given == {"walker": preset, "changes": {"gravity": 5.0}}
+    assert PlayerWidget(heavier, 0.02).walker == heavier
+
+
+@pytest.mark.parametrize("wrong", [[0.1] * 5, [np.nan] * 6, "no"])
+@pytest.mark.parametrize("walker", ["C", TORSO])
+def test_a_start_that_is_none_is_refused(walker, wrong, notebook):
+    walker = gpw.WALKERS[walker] if walker == "C" else walker
+    with pytest.raises(ValueError):
+        PlayerWidget(walker, 0.02, start=wrong)
