@@ -131,6 +131,59 @@ def test_tables_are_made_again_by_their_commands(monkeypatch, capsys):
     ]  # fmt: skip
 
 
+def test_each_command_of_a_group_exists_and_keeps_a_file_of_its_own(parse_only, pytestconfig):  # noqa: F811
+    for steps in tables.GROUPS.values():
+        commands = [step for step in steps if step not in tables.TABLES]
+        assert all("/" not in step.split()[0] for step in commands)
+        assert len({tables.record(command) for command in commands}) == len(commands)
+        for command in commands:
+            parse(words_of(command), pytestconfig)
+
+
+def test_a_group_skips_what_the_present_code_made_and_goes_on_where_it_failed(
+    tmp_path, monkeypatch, capsys
+):
+    git = ["git", "-c", "user.name=a", "-c", "user.email=a@b", "-C", str(tmp_path)]
+    page, code = tmp_path / "docs" / "page.md", tmp_path / "agents" / "code.py"
+    for path in (page, code):
+        path.parent.mkdir()
+    code.write_text("print('row')\n")
+    (tmp_path / "fails.py").write_text("raise SystemExit(3)\n")
+
+    def commits(text):
+        code.write_text(text)
+        subprocess.run([*git, "add", "."], check=True)
+        subprocess.run([*git, "commit", "-qm", "a"], check=True)
+        return tables.commit()
+
+    subprocess.run(["git", "init", "-q", tmp_path], check=True)
+    monkeypatch.setattr(tables, "DOCS", tmp_path / "docs")
+    monkeypatch.setattr(tables, "RECORDS", tmp_path / "runs" / "tables")
+    monkeypatch.setattr(tables, "TABLES", {"page/one": "python agents/code.py"})
+    steps = ["python agents/code.py", "page/one", "python fails.py"]
+    monkeypatch.setattr(tables, "GROUPS", {"all": steps})
+    monkeypatch.setattr(sys, "argv", ["tables", "all"])
+    first = commits("print('row')\n")
+
+    def ran():
+        assert tables.main() == 3  # the last step fails, so it is never made
+        return [line[2:] for line in capsys.readouterr().out.splitlines() if line[:2] == "$ "]
+
+    page.write_text("<!-- one -->\nold\n<!-- end of one -->\n*commit `abc`*\n")
+    assert ran() == [steps[0], "python agents/code.py", steps[2]]
+    assert tables.record(steps[0]).read_text() == f"row\n\n*`{steps[0]}`, commit `{first}`*\n"
+    assert not tables.record(steps[2]).exists()
+    page.write_text(f"<!-- one -->\n*`a`, commits `{first}` and `{first}`*\n<!-- end of one -->\n")
+    assert ran() == [steps[2]]
+    second = commits("print('other')\n")
+    assert ran() == [steps[0], "python agents/code.py", steps[2]]  # the code has changed
+    page.write_text(f"<!-- one -->\n*`a`, commits `{second}` and `{first}`*\n<!-- end of one -->\n")
+    assert ran() == ["python agents/code.py", steps[2]]
+    code.write_text("print('not committed')\n")
+    assert ran() == [steps[0], "python agents/code.py", steps[2]]
+    assert ran() == [steps[0], "python agents/code.py", steps[2]]  # its commit has a "+"
+
+
 def test_a_table_is_written_between_its_markers(tmp_path, monkeypatch, capsys):
     page = tmp_path / "benchmarks-precision.md"
     page.write_text("above\n<!-- tick -->\nold\n<!-- end of tick -->\nbelow\n")
