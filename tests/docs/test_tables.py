@@ -6,10 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
 from benchmarks import tables
+from benchmarks.anywhere import interval
 from tests.docs.test_names import need
 from tests.docs.test_shell import parse, parse_only, words_of  # noqa: F401  (a fixture)
 
@@ -102,6 +104,19 @@ def test_each_module_and_public_name_in_a_table_exists(key):
         first, *rest = name.split(".")
         if first in packages:  # functions inside the package may have changed since the run
             importlib.import_module(f"gym_passive_walker.{first}.{rest[0]}")
+
+
+def test_the_interval_of_a_percentile_is_narrower_with_more_bodies():
+    draws = np.random.default_rng(1).normal(1.0, 0.2, 900)
+    widths = []
+    for count in (30, 900):
+        low, high = (float(x) / 100.0 for x in re.findall(r"[\d.]+", interval(draws[:count], 50)))
+        assert low < 1.0 < high
+        widths.append(high - low)
+    # The standard error of a normal sample's median is 1.253 σ / √n.
+    assert widths[1] == pytest.approx(2 * 1.96 * 1.253 * 0.2 / 30.0, rel=0.2)
+    assert widths[0] > 3.0 * widths[1]
+    assert interval(draws[:0], 50) == ""
 
 
 def test_the_list_is_printed_and_an_unknown_name_is_an_error(capsys, monkeypatch):
