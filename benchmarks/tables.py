@@ -66,9 +66,8 @@ GROUPS = {"learning": (
     "benchmarks-agents/benchmark",
     "python train.py benchmark --scenes level --agents shac --last",
     "python train.py benchmark --scenes level --agents shac --last --budget 0.3333 "
-    "--out runs/benchmark-third",
-    "python train.py benchmark --scenes level --agents shac-learned --last "
-        "--out runs/benchmark-learned",
+    "--out runs/third",
+    "python train.py benchmark --scenes level --agents shac-learned --last --out runs/learned",
     "python -m benchmarks.defaults --id PassiveWalkerEasy-v0",
     "python -m benchmarks.defaults --id PassiveWalker-v0",
     "python -m benchmarks.defaults --algo sac --steps 50000 "
