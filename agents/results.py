@@ -134,19 +134,19 @@ def rank_tests(scores: Sequence[Score]) -> str:
     for scene in SCENES:
         columns = by_agent([s for s in scores if s["scene"] == scene and s["agent"] in ALGORITHMS])
         for pair in combinations(columns, 2):
-            tested = [_rank_test(*(columns[agent] for agent in pair), name) for name in _RANKED]
+            tested = [_rank_test([columns[agent] for agent in pair], name) for name in _RANKED]
             if any(text != "–" for text in tested):
                 lines.append(f"| `{scene}` | {' and '.join(pair)} | {' | '.join(tested)} |")
     head = ["| rank tests, p | agents | return | cost above the optimum |", "|---|---|---|---|"]
     return "\n".join([*head, *lines] if lines else [])
 
 
-def _rank_test(first: Sequence[Score], second: Sequence[Score], name: str) -> str:
+def _rank_test(pair: Sequence[Sequence[Score]], name: str) -> str:
     """The p-value of a Mann-Whitney test, to two digits; a dash if a sample is too small."""
-    samples = [[s[name] for s in own if math.isfinite(s[name])] for own in (first, second)]
-    if min(map(len, samples)) < _FEWEST:
+    first, second = ([s[name] for s in own if math.isfinite(s[name])] for own in pair)
+    if min(len(first), len(second)) < _FEWEST:
         return "–"
-    return f"{mannwhitneyu(*samples).pvalue:.2g}"
+    return f"{mannwhitneyu(first, second).pvalue:.2g}"
 
 
 def falls(scores: Sequence[Score]) -> str:
