@@ -21,7 +21,7 @@ from tqdm import tqdm
 from agents import envs
 from agents.config import ALGORITHMS, ConfigError, configure, presets
 from agents.files import read_json
-from agents.learner import load_policy
+from agents.learner import LearnedPolicy, load_policy
 from agents.training import Run
 from gym_passive_walker import GaitNotFound
 from gym_passive_walker.control import optimal
@@ -51,6 +51,12 @@ ROUGHNESS = 0.01
 
 MAX_STRIDES = 300
 """Largest number of strides of a walk over rough ground."""
+
+LASTING = 0.5
+"""Least share of walks to the time limit for which a cost is reported.
+
+Strides before a fall use up the energy of the initial state.
+"""
 
 EVALUATIONS = 4
 """Evaluations during training, besides the early ones."""
@@ -110,59 +116,75 @@ def suits(agent: str, scene: str) -> bool:
     return True
 
 
-def run(folder: Path, todo: Sequence[Unit], *, budget: float = 1.0, progress: bool = True) -> None:
+def run(
+    folder: Path,
+    todo: Sequence[Unit],
+    *,
+    budget: float = 1.0,
+    last: bool = False,
+    progress: bool = True,
+) -> None:
     """Run the units that have no scores yet.
 
     Args:
         folder: Folder of scores and trainings.
         todo: The units.
         budget: Steps of each training, as a share of its preset's steps.
+        last: Whether to evaluate the last policy of a training, not the best.
         progress: Whether to show a progress bar.
     """
-    left = [unit for unit in todo if not score_path(folder, unit).is_file()]
+    left = [unit for unit in todo if not score_path(folder, unit, last=last).is_file()]
     bar = tqdm(left, disable=not progress, unit="agent", dynamic_ncols=True)
     for unit in bar:
         bar.set_postfix_str(str(unit))
-        score = measure(folder, unit, budget)
-        with replacing(score_path(folder, unit)) as path:
+        score = measure(folder, unit, budget, last=last)
+        with replacing(score_path(folder, unit, last=last)) as path:
             path.write_text(json.dumps(score, indent=1), encoding="utf-8")
 
 
-def score_path(folder: Path, unit: Unit) -> Path:
+def scores_folder(folder: Path, *, last: bool = False) -> Path:
+    """Folder of the scores in a benchmark's folder: of best policies, or of last policies."""
+    return folder / ("scores-last" if last else "scores")
+
+
+def score_path(folder: Path, unit: Unit, *, last: bool = False) -> Path:
     """Path of a unit's scores."""
-    return folder / "scores" / f"{unit}.json"
+    return scores_folder(folder, last=last) / f"{unit}.json"
 
 
-def load_scores(folder: Path) -> list[dict[str, Any]]:
+def load_scores(folder: Path, *, last: bool = False) -> list[dict[str, Any]]:
     """All scores in a benchmark's folder, each with its scene, agent and seed."""
-    paths = sorted((folder / "scores").glob("*.json"))
+    paths = sorted(scores_folder(folder, last=last).glob("*.json"))
     return [read_json(path) for path in paths]
 
 
-def measure(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
-    """Train an agent if it learns, and return its scores."""
+def measure(folder: Path, unit: Unit, budget: float, *, last: bool = False) -> dict[str, Any]:
+    """Train an agent if it learns, and return the scores of its best or last policy."""
     if unit.agent not in ALGORITHMS:
         policy = BASELINES[unit.agent](make_scene(unit.scene))
         return {**unit._asdict(), **scores_of(policy, unit.scene)}
     run_folder = folder / "runs" / str(unit)
-    progress = _learn(run_folder, unit, budget)
-    return {**unit._asdict(), **scores_of(load_policy(run_folder), unit.scene), **progress}
-
-
-def _learn(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
-    """Train, or resume an interrupted training; returns how many steps and seconds it took."""
-    preset = configure(unit.agent, unit.scene, seed=unit.seed)
-    steps = max(1, round(preset.steps * budget))
-    training = Run(replace(preset, steps=steps, every=max(1, steps // EVALUATIONS)), folder)
-    if not training.train(progress=False):
-        raise KeyboardInterrupt  # an unfinished training has no scores; it is resumed later
+    training = _learn(run_folder, unit, budget)
+    policy = LearnedPolicy(training.model, unit.agent) if last else load_policy(run_folder)
     walked = training.first_to_walk or {"steps": math.nan, "seconds": math.nan}
     return {
+        **unit._asdict(),
+        **scores_of(policy, unit.scene),
         "learning_steps": training.steps,
         "learning_seconds": training.notes["seconds"],
         "steps_to_hundred": walked["steps"],
         "seconds_to_hundred": walked["seconds"],
     }
+
+
+def _learn(folder: Path, unit: Unit, budget: float) -> Run:
+    """Train, or resume an interrupted training; returns the finished training."""
+    preset = configure(unit.agent, unit.scene, seed=unit.seed)
+    steps = max(1, round(preset.steps * budget))
+    training = Run(replace(preset, steps=steps, every=max(1, steps // EVALUATIONS)), folder)
+    if not training.train(progress=False):
+        raise KeyboardInterrupt  # an unfinished training has no scores; it is resumed later
+    return training
 
 
 def scores_of(policy: Policy, name: str) -> dict[str, Any]:
@@ -262,10 +284,9 @@ def rough_strides(policy: Policy, scene: Scene, *, walkers: int = 100, seed: int
 def _above_optimum(scene: str, walks: Walks, speed: float, cost: float) -> float:
     """Cost of transport above the optimum at the walks' speed, as a share of the optimum.
 
-    NaN if no optimum is known, or if most walks end in a fall: strides before a fall use up the
-    energy of the initial state.
+    NaN if no optimum is known, or if most walks end in a fall.
     """
-    if walks.endings.count(TIME_LIMIT) < 0.5 * len(walks):
+    if walks.endings.count(TIME_LIMIT) < LASTING * len(walks):
         return math.nan
     try:
         return cost / optimal.least_cost(scene, speed) - 1.0

@@ -196,7 +196,10 @@ def run_benchmark(arguments: Sequence[str]) -> int:
         metavar="DIR",
         help="output folder (%(default)s)",
     )
-    add("--tables", action="store_true", help="only print existing results")
+    add("--last", action="store_true", help="evaluate the last policy of each training, not the "
+        "best; its scores are kept apart")  # fmt: skip
+    add("--tables", nargs="?", const=True, metavar="CSV", help="only print existing results: those "
+        "of the output folder, or raw scores such as docs/agents-scores.csv")  # fmt: skip
     add("--document", type=Path, metavar="MD", help="write the tables between the markers of this "
         "file, and the raw scores and pictures beside it")  # fmt: skip
     add("--quiet", action="store_true", help="no progress bar")
@@ -206,19 +209,28 @@ def run_benchmark(arguments: Sequence[str]) -> int:
     todo = benchmark.units(args.scenes, args.agents, args.seeds)
     from agents import results  # imported late: no other command draws a benchmark
 
+    from_file = args.tables not in (None, True)
+    if from_file and args.document is not None:
+        raise ConfigError("--document requires the scores of --out: raw scores lack the falls")
     if args.document is not None:
         try:
             results.around_tables(args.document)  # raise an error now, not after the benchmark
         except (OSError, ValueError) as error:
             raise ConfigError(str(error)) from None
+    if from_file:
+        print(results.tables(results.read_csv(Path(args.tables))))
+        return 0
     if not args.tables:
-        benchmark.run(args.out, todo, budget=args.budget, progress=not args.quiet)
-    scores = benchmark.load_scores(args.out)
+        benchmark.run(
+            args.out, todo, budget=args.budget, last=args.last, progress=not args.quiet
+        )  # fmt: skip
+    scores = benchmark.load_scores(args.out, last=args.last)
     if not scores:
         raise ConfigError(f"there are no scores in {args.out} yet: leave out --tables")
     text = results.tables(scores)
     print(text)
-    results.write_csv(args.out / "scores.csv", scores)
+    kept = benchmark.scores_folder(args.out, last=args.last)
+    results.write_csv(kept.with_suffix(".csv"), scores)
     if args.document is not None:
         folder = args.document.parent
         made = results.provenance(shlex.join(["python", "train.py", "benchmark", *arguments]))
