@@ -21,7 +21,7 @@ from tqdm import tqdm
 from agents import envs
 from agents.config import ALGORITHMS, ConfigError, configure, presets
 from agents.files import read_json
-from agents.learner import LearnedPolicy, load_policy
+from agents.learner import load_policy
 from agents.training import Run
 from gym_passive_walker import GaitNotFound
 from gym_passive_walker.control import optimal
@@ -116,60 +116,46 @@ def suits(agent: str, scene: str) -> bool:
     return True
 
 
-def run(
-    folder: Path,
-    todo: Sequence[Unit],
-    *,
-    budget: float = 1.0,
-    last: bool = False,
-    progress: bool = True,
-) -> None:
+def run(folder: Path, todo: Sequence[Unit], *, budget: float = 1.0, progress: bool = True) -> None:
     """Run the units that have no scores yet.
 
     Args:
         folder: Folder of scores and trainings.
         todo: The units.
         budget: Steps of each training, as a share of its preset's steps.
-        last: Whether to evaluate the last policy of a training, not the best.
         progress: Whether to show a progress bar.
     """
-    left = [unit for unit in todo if not score_path(folder, unit, last=last).is_file()]
+    left = [unit for unit in todo if not score_path(folder, unit).is_file()]
     bar = tqdm(left, disable=not progress, unit="agent", dynamic_ncols=True)
     for unit in bar:
         bar.set_postfix_str(str(unit))
-        score = measure(folder, unit, budget, last=last)
-        with replacing(score_path(folder, unit, last=last)) as path:
+        score = measure(folder, unit, budget)
+        with replacing(score_path(folder, unit)) as path:
             path.write_text(json.dumps(score, indent=1), encoding="utf-8")
 
 
-def scores_folder(folder: Path, *, last: bool = False) -> Path:
-    """Folder of the scores in a benchmark's folder: of best policies, or of last policies."""
-    return folder / ("scores-last" if last else "scores")
-
-
-def score_path(folder: Path, unit: Unit, *, last: bool = False) -> Path:
+def score_path(folder: Path, unit: Unit) -> Path:
     """Path of a unit's scores."""
-    return scores_folder(folder, last=last) / f"{unit}.json"
+    return folder / "scores" / f"{unit}.json"
 
 
-def load_scores(folder: Path, *, last: bool = False) -> list[dict[str, Any]]:
+def load_scores(folder: Path) -> list[dict[str, Any]]:
     """All scores in a benchmark's folder, each with its scene, agent and seed."""
-    paths = sorted(scores_folder(folder, last=last).glob("*.json"))
+    paths = sorted((folder / "scores").glob("*.json"))
     return [read_json(path) for path in paths]
 
 
-def measure(folder: Path, unit: Unit, budget: float, *, last: bool = False) -> dict[str, Any]:
-    """Train an agent if it learns, and return the scores of its best or last policy."""
+def measure(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
+    """Train an agent if it learns, and return the scores of the kept policy."""
     if unit.agent not in ALGORITHMS:
         policy = BASELINES[unit.agent](make_scene(unit.scene))
         return {**unit._asdict(), **scores_of(policy, unit.scene)}
     run_folder = folder / "runs" / str(unit)
     training = _learn(run_folder, unit, budget)
-    policy = LearnedPolicy(training.model, unit.agent) if last else load_policy(run_folder)
     walked = training.first_to_walk or {"steps": math.nan, "seconds": math.nan}
     return {
         **unit._asdict(),
-        **scores_of(policy, unit.scene),
+        **scores_of(load_policy(run_folder), unit.scene),
         "learning_steps": training.steps,
         "learning_seconds": training.notes["seconds"],
         "steps_to_hundred": walked["steps"],

@@ -196,8 +196,6 @@ def run_benchmark(arguments: Sequence[str]) -> int:
         metavar="DIR",
         help="output folder (%(default)s)",
     )
-    add("--last", action="store_true", help="evaluate the last policy of each training, not the "
-        "best; its scores are kept apart")  # fmt: skip
     add("--tables", nargs="?", const=True, metavar="CSV", help="only print existing results: those "
         "of the output folder, or raw scores such as docs/agents-scores.csv")  # fmt: skip
     add("--document", type=Path, metavar="MD", help="write the tables between the markers of this "
@@ -221,16 +219,13 @@ def run_benchmark(arguments: Sequence[str]) -> int:
         print(results.tables(results.read_csv(Path(args.tables))))
         return 0
     if not args.tables:
-        benchmark.run(
-            args.out, todo, budget=args.budget, last=args.last, progress=not args.quiet
-        )  # fmt: skip
-    scores = benchmark.load_scores(args.out, last=args.last)
+        benchmark.run(args.out, todo, budget=args.budget, progress=not args.quiet)
+    scores = benchmark.load_scores(args.out)
     if not scores:
         raise ConfigError(f"there are no scores in {args.out} yet: leave out --tables")
     text = results.tables(scores)
     print(text)
-    kept = benchmark.scores_folder(args.out, last=args.last)
-    results.write_csv(kept.with_suffix(".csv"), scores)
+    results.write_csv(args.out / "scores.csv", scores)
     if args.document is not None:
         folder = args.document.parent
         made = results.provenance(shlex.join(["python", "train.py", "benchmark", *arguments]))

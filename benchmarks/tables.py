@@ -60,14 +60,11 @@ TABLES = {name: f"python -m benchmarks.{script}" for name, script in SCRIPTS.ite
 GROUPS = {"learning": (
     "agents/random guesses",  # the optima that all costs are compared with
     "python train.py benchmark --scenes level rolling lab --agents ppo",
-    "python train.py benchmark --scenes level --agents sac shac ppo-fast",
+    "python train.py benchmark --scenes level --agents sac shac shac-learned ppo-fast",
     "python train.py benchmark --scenes rough pushed push-off commanded --agents passive constant "
     "lqr deadbeat optimal ppo --seeds 3 --budget 0.2",
     "benchmarks-agents/benchmark",
-    "python train.py benchmark --scenes level --agents shac --last",
-    "python train.py benchmark --scenes level --agents shac --last --budget 0.3333 "
-    "--out runs/third",
-    "python train.py benchmark --scenes level --agents shac-learned --last --out runs/learned",
+    "python train.py benchmark --scenes level --agents shac --budget 0.3333 --out runs/third",
     "python -m benchmarks.defaults --id PassiveWalkerEasy-v0",
     "python -m benchmarks.defaults --id PassiveWalker-v0",
     "python -m benchmarks.defaults --algo sac --steps 50000 "

@@ -50,7 +50,7 @@ def test_nonsense_is_refused(scenes, agents, seeds, words):
 def test_what_is_done_is_not_done_again(tmp_path, monkeypatch):
     measured = []
 
-    def measure(folder, unit, budget, *, last):
+    def measure(folder, unit, budget):
         measured.append(unit)
         if len(measured) == 2:
             raise KeyboardInterrupt
@@ -212,21 +212,6 @@ def test_the_published_tables_are_those_of_the_published_scores():
     for text in (results.rank_tests(scores), results.equal_speeds(scores)):
         assert text in page
     assert "-0.0000" not in page and "-0%" not in page
-
-
-def test_the_last_policy_has_scores_of_its_own(tmp_path, monkeypatch):
-    """The last policy is the model at the end of the training, not that of the best evaluation."""
-    run = SimpleNamespace(model="last", first_to_walk=None, steps=1, notes={"seconds": 2.0})
-    monkeypatch.setattr(benchmark, "_learn", lambda *_: run)
-    monkeypatch.setattr(benchmark, "load_policy", lambda _: "best")
-    monkeypatch.setattr(
-        benchmark, "scores_of", lambda policy, _: {"of": getattr(policy, "model", policy)}
-    )
-    todo = [Unit("level", "shac", 0)]
-    for last, of in ((False, "best"), (True, "last")):
-        benchmark.run(tmp_path, todo, last=last, progress=False)
-        (found,) = benchmark.load_scores(tmp_path, last=last)
-        assert found["of"] == of and found["learning_seconds"] == 2.0
 
 
 def test_the_tables_name_agents_seeds_and_falls():

@@ -590,11 +590,9 @@ def test_every_option_of_a_benchmark_is_heard(capsys, tmp_path, monkeypatch):
     monkeypatch.setattr(
         benchmark,
         "run",
-        lambda folder, todo, *, budget, last, progress: found.append(
-            (folder, todo, budget, last, progress)
-        ),
+        lambda folder, todo, *, budget, progress: found.append((folder, todo, budget, progress)),
     )
-    monkeypatch.setattr(benchmark, "load_scores", lambda folder, *, last: [(folder, last)])
+    monkeypatch.setattr(benchmark, "load_scores", lambda folder: [folder])
     monkeypatch.setattr(results, "read_csv", lambda path: [path])
     monkeypatch.setattr(results, "tables", str)
     monkeypatch.setattr(results, "write_csv", lambda path, scores: written.append(path))
@@ -605,19 +603,16 @@ def test_every_option_of_a_benchmark_is_heard(capsys, tmp_path, monkeypatch):
     printed(
         f"benchmark --scenes lab --agents passive ppo --seeds 2 --budget 0.5 --quiet {here}", capsys
     )
-    folder, todo, budget, last, progress = found.pop()
-    assert (folder, budget, last, progress) == (tmp_path, 0.5, False, False)
+    folder, todo, budget, progress = found.pop()
+    assert (folder, budget, progress) == (tmp_path, 0.5, False)
     assert [str(unit) for unit in todo] == ["lab-passive-0", "lab-ppo-0", "lab-ppo-1"]
     assert written == [tmp_path / "scores.csv"]
     printed(f"benchmark {here}", capsys)
-    _, todo, budget, _, progress = found.pop()
+    _, todo, budget, progress = found.pop()
     assert budget == 1.0 and progress and {unit.seed for unit in todo} == set(range(10))
     printed(f"benchmark --tables {here}", capsys)
     assert not found
     written.clear()
-    said = printed(f"benchmark --last {here}", capsys)
-    assert found.pop()[3] and said == f"{[(tmp_path, True)]}\n"
-    assert written.pop() == tmp_path / "scores-last.csv" and not written
     assert printed(f"benchmark --tables some.csv {here}", capsys) == f"{[Path('some.csv')]}\n"
     assert not found and not written
     page = tmp_path / "docs" / "page.md"
