@@ -52,6 +52,12 @@ ROUGHNESS = 0.01
 MAX_STRIDES = 300
 """Largest number of strides of a walk over rough ground."""
 
+LASTING = 0.5
+"""Least share of walks to the time limit for which a cost is reported.
+
+Strides before a fall use up the energy of the initial state.
+"""
+
 EVALUATIONS = 4
 """Evaluations during training, besides the early ones."""
 
@@ -140,29 +146,31 @@ def load_scores(folder: Path) -> list[dict[str, Any]]:
 
 
 def measure(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
-    """Train an agent if it learns, and return its scores."""
+    """Train an agent if it learns, and return the scores of the kept policy."""
     if unit.agent not in ALGORITHMS:
         policy = BASELINES[unit.agent](make_scene(unit.scene))
         return {**unit._asdict(), **scores_of(policy, unit.scene)}
     run_folder = folder / "runs" / str(unit)
-    progress = _learn(run_folder, unit, budget)
-    return {**unit._asdict(), **scores_of(load_policy(run_folder), unit.scene), **progress}
-
-
-def _learn(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
-    """Train, or resume an interrupted training; returns how many steps and seconds it took."""
-    preset = configure(unit.agent, unit.scene, seed=unit.seed)
-    steps = max(1, round(preset.steps * budget))
-    training = Run(replace(preset, steps=steps, every=max(1, steps // EVALUATIONS)), folder)
-    if not training.train(progress=False):
-        raise KeyboardInterrupt  # an unfinished training has no scores; it is resumed later
+    training = _learn(run_folder, unit, budget)
     walked = training.first_to_walk or {"steps": math.nan, "seconds": math.nan}
     return {
+        **unit._asdict(),
+        **scores_of(load_policy(run_folder), unit.scene),
         "learning_steps": training.steps,
         "learning_seconds": training.notes["seconds"],
         "steps_to_hundred": walked["steps"],
         "seconds_to_hundred": walked["seconds"],
     }
+
+
+def _learn(folder: Path, unit: Unit, budget: float) -> Run:
+    """Train, or resume an interrupted training; returns the finished training."""
+    preset = configure(unit.agent, unit.scene, seed=unit.seed)
+    steps = max(1, round(preset.steps * budget))
+    training = Run(replace(preset, steps=steps, every=max(1, steps // EVALUATIONS)), folder)
+    if not training.train(progress=False):
+        raise KeyboardInterrupt  # an unfinished training has no scores; it is resumed later
+    return training
 
 
 def scores_of(policy: Policy, name: str) -> dict[str, Any]:
@@ -262,10 +270,9 @@ def rough_strides(policy: Policy, scene: Scene, *, walkers: int = 100, seed: int
 def _above_optimum(scene: str, walks: Walks, speed: float, cost: float) -> float:
     """Cost of transport above the optimum at the walks' speed, as a share of the optimum.
 
-    NaN if no optimum is known, or if most walks end in a fall: strides before a fall use up the
-    energy of the initial state.
+    NaN if no optimum is known, or if most walks end in a fall.
     """
-    if walks.endings.count(TIME_LIMIT) < 0.5 * len(walks):
+    if walks.endings.count(TIME_LIMIT) < LASTING * len(walks):
         return math.nan
     try:
         return cost / optimal.least_cost(scene, speed) - 1.0

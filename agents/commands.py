@@ -196,7 +196,8 @@ def run_benchmark(arguments: Sequence[str]) -> int:
         metavar="DIR",
         help="output folder (%(default)s)",
     )
-    add("--tables", action="store_true", help="only print existing results")
+    add("--tables", nargs="?", const=True, metavar="CSV", help="only print existing results: those "
+        "of the output folder, or raw scores such as docs/agents-scores.csv")  # fmt: skip
     add("--document", type=Path, metavar="MD", help="write the tables between the markers of this "
         "file, and the raw scores and pictures beside it")  # fmt: skip
     add("--quiet", action="store_true", help="no progress bar")
@@ -206,11 +207,17 @@ def run_benchmark(arguments: Sequence[str]) -> int:
     todo = benchmark.units(args.scenes, args.agents, args.seeds)
     from agents import results  # imported late: no other command draws a benchmark
 
+    from_file = args.tables not in (None, True)
+    if from_file and args.document is not None:
+        raise ConfigError("--document requires the scores of --out: raw scores lack the falls")
     if args.document is not None:
         try:
             results.around_tables(args.document)  # raise an error now, not after the benchmark
         except (OSError, ValueError) as error:
             raise ConfigError(str(error)) from None
+    if from_file:
+        print(results.tables(results.read_csv(Path(args.tables))))
+        return 0
     if not args.tables:
         benchmark.run(args.out, todo, budget=args.budget, progress=not args.quiet)
     scores = benchmark.load_scores(args.out)

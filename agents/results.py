@@ -8,16 +8,18 @@ import subprocess
 from collections import Counter
 from collections.abc import Sequence
 from datetime import date
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import bootstrap, trim_mean
+from scipy.stats import bootstrap, mannwhitneyu, trim_mean
 
-from agents.benchmark import AGENTS, SCORES, Unit
+from agents.benchmark import AGENTS, LASTING, SCORES, Unit
 from agents.config import ALGORITHMS
 from agents.evaluation import write_rows
+from agents.files import reading
 from gym_passive_walker import GaitFamily, gait_family
 from gym_passive_walker.control import optimal
 from gym_passive_walker.envs.scene import SCENES
@@ -30,6 +32,7 @@ BEGIN, END = "<!-- benchmark -->", "<!-- end of benchmark -->"
 
 ROWS = (
     ("distance", "distance / l", ".1f"),
+    ("reward", "return of a walk", ".1f"),
     ("speed", "speed / √(gl)", ".3f"),
     ("cost_of_transport", "cost of transport, absolute work", ".4f"),
     ("positive_hip_cost", "  of which positive hip work", ".4f"),
@@ -46,8 +49,10 @@ ROWS = (
     ("seconds_to_hundred", "  seconds of training", ".1f"),
     ("learning_steps", "steps of training in all", ",.0f"),
 )
+_RANKED = ("reward", "above_optimum")
 _CURVE = ("steps", "reward", "speed", "cost_of_transport")  # columns of a learning curve
-_FEWEST = 3  # smallest number of seeds for an interval
+_COSTS = ("cost_of_transport", "positive_hip_cost", "net_hip_cost", "gravity_cost")
+_FEWEST = 3  # smallest number of seeds for an interval or a rank test
 _RESAMPLES = 2000
 
 Score = dict[str, Any]
@@ -76,9 +81,16 @@ def cell(values: Sequence[float], form: str) -> str:
     known = np.array([value for value in values if value is not None and math.isfinite(value)])
     if not len(known):
         return "–"
+    form = f"z{form}"  # no sign before a rounded zero
     text = f"{middle(known):{form}}"
     low, high = interval(known)
     return text if math.isnan(low) else f"{text} [{low:{form}}, {high:{form}}]"
+
+
+def shown(score: Score, name: str) -> float:
+    """A value of a score; NaN for a cost if most walks end in a fall."""
+    falling = name in _COSTS and score["reached_time_limit"] < LASTING
+    return math.nan if falling else score.get(name, math.nan)
 
 
 def by_agent(scores: Sequence[Score]) -> dict[str, list[Score]]:
@@ -88,12 +100,13 @@ def by_agent(scores: Sequence[Score]) -> dict[str, list[Score]]:
 
 
 def walking_on_level_ground(scores: Sequence[Score]) -> dict[str, list[Score]]:
-    """Scores on level ground, by agent, with at least one walk that reached the time limit."""
-    return by_agent([s for s in scores if s["scene"] == "level" and s["reached_time_limit"] > 0.0])
+    """Scores on level ground, by agent, for which costs are shown."""
+    level = [score for score in scores if score["scene"] == "level"]
+    return by_agent([score for score in level if score["reached_time_limit"] >= LASTING])
 
 
 def tables(scores: Sequence[Score]) -> str:
-    """A Markdown table for each scene, agents side by side."""
+    """Markdown tables: one for each scene, rank tests, and costs on level ground."""
     pieces = []
     for scene in (name for name in SCENES if any(s["scene"] == name for s in scores)):
         columns = by_agent([score for score in scores if score["scene"] == scene])
@@ -103,12 +116,37 @@ def tables(scores: Sequence[Score]) -> str:
         ]
         lines = ["| " + " | ".join([f"`{scene}`", *heads]) + " |", "|---" * (len(heads) + 1) + "|"]
         for name, label, form in ROWS:
-            cells = [cell([s.get(name, math.nan) for s in own], form) for own in columns.values()]
+            cells = [cell([shown(s, name) for s in own], form) for own in columns.values()]
             if any(text != "–" for text in cells):
                 lines.append("| " + " | ".join([label, *cells]) + " |")
-        lines.append("| " + " | ".join(["falls", *map(falls, columns.values())]) + " |")
+        if all("endings" in score for own in columns.values() for score in own):
+            lines.append("| " + " | ".join(["falls", *map(falls, columns.values())]) + " |")
         pieces.append("\n".join(lines))
-    return "\n\n".join([*pieces, equal_speeds(scores)])
+    return "\n\n".join(filter(None, [*pieces, rank_tests(scores), equal_speeds(scores)]))
+
+
+def rank_tests(scores: Sequence[Score]) -> str:
+    """A Markdown table of two-sided Mann-Whitney tests between trained agents; empty without any.
+
+    Each sample is the agent's seeds in a scene.
+    """
+    lines = []
+    for scene in SCENES:
+        columns = by_agent([s for s in scores if s["scene"] == scene and s["agent"] in ALGORITHMS])
+        for pair in combinations(columns, 2):
+            tested = [_rank_test([columns[agent] for agent in pair], name) for name in _RANKED]
+            if any(text != "–" for text in tested):
+                lines.append(f"| `{scene}` | {' and '.join(pair)} | {' | '.join(tested)} |")
+    head = ["| rank tests, p | agents | return | cost above the optimum |", "|---|---|---|---|"]
+    return "\n".join([*head, *lines] if lines else [])
+
+
+def _rank_test(pair: Sequence[Sequence[Score]], name: str) -> str:
+    """The p-value of a Mann-Whitney test, to two digits; a dash if a sample is too small."""
+    first, second = ([s[name] for s in own if math.isfinite(s[name])] for own in pair)
+    if min(len(first), len(second)) < _FEWEST:
+        return "–"
+    return f"{mannwhitneyu(first, second).pvalue:.2g}"
 
 
 def falls(scores: Sequence[Score]) -> str:
@@ -165,6 +203,20 @@ def write_csv(path: Path, scores: Sequence[Score]) -> None:
         )
 
 
+def read_csv(path: Path) -> list[Score]:
+    """The scores in a file of `write_csv`, which has no termination reasons.
+
+    Raises:
+        ConfigError: if the file is missing, or is not such a file.
+    """
+    with reading(path), path.open(encoding="utf-8") as file:
+        return [
+            {"scene": row["scene"], "agent": row["agent"], "seed": int(row["seed"])}
+            | {name: float(row[name] or "nan") for name in SCORES}
+            for row in csv.DictReader(file)
+        ]
+
+
 def around_tables(path: Path) -> tuple[str, str]:
     """Text of a document before and after the tables between `BEGIN` and `END`.
 
@@ -205,7 +257,7 @@ def draw(path: Path, scores: Sequence[Score]) -> None:
     ax.plot(family.froude_speed, np.sin(family.slope), "--", color=GREY, label="passive, slope")
     speeds = [g.speed for g in gaits]
     costs = [g.cost_of_transport for g in gaits]
-    ax.plot(speeds, costs, color=BLACK, label="optimal, level ground")
+    ax.plot(speeds, costs, color=BLACK, label="optimal gaits, level ground")
     for index, (agent, walked) in enumerate(walking_on_level_ground(scores).items()):
         speeds = [s["speed"] for s in walked]
         costs = [s["cost_of_transport"] for s in walked]

@@ -24,6 +24,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.utils import seeding
+from numpy.typing import NDArray
 
 import gym_passive_walker as gpw
 from benchmarks.report import machine, seconds, table
@@ -53,6 +54,7 @@ _TURN = 25  # bodies of one policy, before those of the next
 _SLOPE, _SPEED = 100.0, 30.0  # of slope and speed, in the distance between two gaits
 _DRAWS = DRAWS + len(make_scene("anywhere").domain_randomization) + 1  # the last is a key
 _MANY = 100_000  # resets of an environment
+_RESAMPLES = 10_000  # of the bodies, for an interval
 _KEPT = 128  # control steps at the end of a walk that hold its last stride
 
 
@@ -260,14 +262,15 @@ def show(out: Path, _: argparse.Namespace) -> None:
         middle, most = np.percentile(gaps, [50, 95]) if len(gaps) else (np.nan, np.nan)
         lines.append((
             name, f"{lasts.sum()} of {counted.sum()}", int((~counted).sum()), len(gaps),
-            f"{middle:.1%}", f"{most:.1%}",
+            f"{middle:.1%}{interval(gaps, 50)}", f"{most:.1%}{interval(gaps, 95)}",
             int((lasts & searched & ~np.isfinite(least)).sum()),
         ))  # fmt: skip
         print(name, Counter(rows[i]["ending"] for i in np.flatnonzero(counted & ~lasts)))
         if name != SHIPPED:
             curve.append((name, 100.0 * middle, 100.0 * most))
-    heads = ["policy", "walk to the end", "dropped: no gait found", "optima found", "median gap",
-             "95th percentile", "optimum not found"]  # fmt: skip
+    heads = ["policy", "walk to the end", "dropped: no gait found", "optima found",
+             "median gap, 95 % interval", "95th percentile, 95 % interval",
+             "optimum not found"]  # fmt: skip
     text = table(heads, lines)
     drew = [
         f"{name} {bodies_drawn(out / name):,}"
@@ -279,6 +282,15 @@ def show(out: Path, _: argparse.Namespace) -> None:
     keep("anywhere", f"{text}\n\n{begins} {machine()}.", DOCS / "anywhere.md")
     if curve:
         draw(curve)
+
+
+def interval(gaps: NDArray, percent: float) -> str:
+    """The 95 % bootstrap interval of a percentile over bodies, as text; empty without bodies."""
+    if not len(gaps):
+        return ""
+    again = np.random.default_rng(0).choice(gaps, (_RESAMPLES, len(gaps)))
+    low, high = np.percentile(np.percentile(again, percent, axis=1), [2.5, 97.5])
+    return f" ({low:.1%} to {high:.1%})"
 
 
 def bodies_drawn(run: Path) -> int:

@@ -33,10 +33,10 @@ BESIDE = (
     ("constant", "level"), ("lqr", "level"), ("deadbeat", "level"), ("optimal", "level"),
     ("passive", "steep"), ("lqr", "steep"), ("deadbeat", "steep"), ("optimal", "steep"),
     ("passive", "lab"), ("constant", "lab"), ("lqr", "lab"), ("deadbeat", "lab"),
-    ("optimal", "lab"), ("passive", "rough"), ("constant", "rough"), ("lqr", "rough"),
-    ("deadbeat", "rough"),
+    ("optimal", "lab"),
+    ("passive", "rough"), ("constant", "rough"), ("lqr", "rough"), ("deadbeat", "rough"),
 )  # fmt: skip
-"""Controllers without training, and their scenes: all that have a gait there."""
+"""Controllers without training, and scenes in which they have a gait."""
 
 ROUGHNESS = 0.004
 """Standard deviation of footholds' heights in leg lengths, for the first passage."""

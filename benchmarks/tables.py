@@ -1,14 +1,17 @@
 """Tables of results in the documentation, and the commands that make them.
 
     python -m benchmarks.tables [NAME...]     List all tables, or make these again.
+    python -m benchmarks.tables learning      Make all results of learning again: hours; resumable.
 
 A table stands between the comments `<!-- NAME -->` and `<!-- end of NAME -->` of its page. The
-list calls it PAGE/NAME; NAME is enough if only one page has it.
+list calls it PAGE/NAME; NAME is enough if only one page has it. A group is a series of tables and
+commands. It skips what the present code has made, and keeps what commands print in `runs/tables`.
 """
 
 from __future__ import annotations
 
 import argparse
+import re
 import shlex
 import subprocess
 import sys
@@ -54,6 +57,31 @@ TABLES = {name: f"python -m benchmarks.{script}" for name, script in SCRIPTS.ite
 }
 """Commands by PAGE/NAME of the table that they write."""
 
+GROUPS = {"learning": (
+    "agents/random guesses",  # the optima that all costs are compared with
+    "python train.py benchmark --scenes level rolling lab --agents ppo",
+    "python train.py benchmark --scenes level --agents sac shac shac-learned ppo-fast",
+    "python train.py benchmark --scenes rough pushed push-off commanded --agents passive constant "
+    "lqr deadbeat optimal ppo --seeds 3 --budget 0.2",
+    "benchmarks-agents/benchmark",
+    "python train.py benchmark --scenes level --agents shac --budget 0.3333 --out runs/third",
+    "python -m benchmarks.defaults --id PassiveWalkerEasy-v0",
+    "python -m benchmarks.defaults --id PassiveWalker-v0",
+    "python -m benchmarks.defaults --algo sac --steps 50000 "
+    "--marks 2000 5000 10000 15000 20000 30000 40000",
+    "python train.py gait level-ppo --out docs/images/gait-level-ppo.png",
+    "robustness/first passage",
+    "robustness/gauntlet",
+    "policies/policies",  # with the gauntlet's measures
+    "python -m benchmarks.anywhere train walk optima",
+    "anywhere/anywhere",
+)}  # fmt: skip
+"""Tables and commands by the name of their group, each after those that it depends on."""
+
+CODE = ("gym_passive_walker", "agents", "benchmarks", "train.py")
+RECORDS = DOCS.parent / "runs" / "tables"
+"""Folder of what the commands of groups print, if they write no table."""
+
 
 def commit() -> str:
     """The present commit, with a "+" if code has changed since."""
@@ -61,7 +89,7 @@ def commit() -> str:
     def git(*words: str) -> str:
         return subprocess.check_output(["git", *words], cwd=DOCS.parent, text=True)
 
-    changed = git("status", "--porcelain", "gym_passive_walker", "agents", "benchmarks")
+    changed = git("status", "--porcelain", *CODE)
     return git("rev-parse", "--short=7", "HEAD").strip() + "+" * bool(changed)
 
 
@@ -77,22 +105,74 @@ def keep(name: str, text: str, page: Path) -> None:
     page.write_text(before + f"{first}\n\n{text}\n\n{last}" + rest.split(last)[1], "utf-8")
 
 
+def record(command: str) -> Path:
+    """The file with what a command of a group has printed."""
+    return RECORDS / f"{re.sub('[^a-zA-Z0-9]+', '-', command.partition(' ')[2]).strip('-')}.md"
+
+
+def made(step: str) -> bool:
+    """Whether the present code made a table, or what a command prints: no commit changed it."""
+    page, _, name = step.partition("/")
+    path = DOCS / f"{page}.md" if step in TABLES else record(step)
+    text = path.read_text(encoding="utf-8") if path.is_file() else ""
+    if step in TABLES:
+        text = text.partition(f"<!-- {name} -->")[2].partition(f"<!-- end of {name} -->")[0]
+    commits = re.findall(r"`([0-9a-f]{7,}\+?)`", text.rstrip().rpartition("\n")[2])
+    unchanged = ["git", "diff", "--quiet"]  # "+" is a commit that no repository has
+    return bool(commits) and not any(
+        subprocess.run(
+            [*unchanged, each, "--", *CODE], cwd=DOCS.parent, stderr=subprocess.DEVNULL
+        ).returncode
+        for each in commits
+    )
+
+
+def run(step: str, *, kept: bool = False) -> int:
+    """Run the command of a table, or a command; returns its exit status.
+
+    Args:
+        step: PAGE/NAME of a table, or a command.
+        kept: Whether to keep what it prints in its file of `RECORDS`, if it succeeds.
+    """
+    command = TABLES.get(step, step)
+    print(f"$ {command}", flush=True)
+    words = [sys.executable, *shlex.split(command)[1:]]
+    if not kept:
+        return subprocess.run(words, cwd=DOCS.parent).returncode
+    lines = []
+    with subprocess.Popen(
+        words, cwd=DOCS.parent, stdout=subprocess.PIPE, text=True, encoding="utf-8"
+    ) as job:
+        for line in job.stdout or ():
+            print(line, end="", flush=True)
+            lines.append(line)
+    if not job.returncode:
+        RECORDS.mkdir(parents=True, exist_ok=True)
+        said = f"{''.join(lines)}\n*`{command}`, commit `{commit()}`*\n"
+        record(command).write_text(said, encoding="utf-8")
+    return job.returncode
+
+
 def main() -> int:
     """Run from the command line; returns the exit status of the first command that fails."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("names", nargs="*", metavar="NAME", help="tables to make again")
+    which = f"tables to make again, or a group: {', '.join(GROUPS)}"
+    parser.add_argument("names", nargs="*", metavar="NAME", help=which)
     names = parser.parse_args().names
-    chosen = [[key for key in TABLES if name in (key, key.partition("/")[2])] for name in names]
-    for name, found in zip(names, chosen, strict=True):
-        if len(found) != 1:
+    chosen = {}
+    for name in names:
+        found = [key for key in TABLES if name in (key, key.partition("/")[2])]
+        if len(found) != 1 and name not in GROUPS:
             parser.error(f"{name!r} is {' or '.join(found) or 'not in the list of tables'}")
+        chosen[name] = GROUPS.get(name, found)
     for key in [] if names else sorted(TABLES):
         print(f"{key:<{max(map(len, TABLES))}}  {TABLES[key]}")
-    for (key,) in chosen:
-        print(f"$ {TABLES[key]}", flush=True)
-        words = [sys.executable, *shlex.split(TABLES[key])[1:]]
-        if status := subprocess.run(words, cwd=DOCS.parent).returncode:
-            return status
+    for name, steps in chosen.items():
+        for step in steps:
+            if name in GROUPS and made(step):
+                print(f"already made: {TABLES.get(step, step)}", flush=True)
+            elif status := run(step, kept=step not in TABLES):
+                return status
     return 0
 
 

@@ -2,11 +2,13 @@
 
 import json
 import math
+from pathlib import Path
 from types import SimpleNamespace
 
 import gymnasium
 import numpy as np
 import pytest
+import scipy.stats
 
 import train
 from agents import benchmark, results
@@ -23,7 +25,7 @@ from tests.control.in_environment import walked
 def score(agent="ppo", seed=0, scene="level", **changes):
     """An invented score."""
     values = {name: 0.1 for name in benchmark.SCORES}
-    values |= {"endings": {"reached the time limit": 9, "stalled": 1}}
+    values |= {"reached_time_limit": 0.9, "endings": {"reached the time limit": 9, "stalled": 1}}
     return {"scene": scene, "agent": agent, "seed": seed} | values | changes
 
 
@@ -149,6 +151,67 @@ def test_cells_show_what_is_known():
     assert results.cell([0.5], ".0%") == "50%"
     assert results.cell([math.nan, None], ".1f") == "–"
     assert results.cell([1.0, 1.0, 1.0], ".1f") == "1.0 [1.0, 1.0]"
+
+
+def test_a_rounded_zero_has_no_sign():
+    assert results.cell([-0.001], ".0%") == "0%"
+    assert results.cell([-1e-6, -2e-6, -3e-6], ".4f") == "0.0000 [0.0000, 0.0000]"
+    assert results.cell([-0.01], ".0%") == "-1%"
+
+
+def test_walks_that_mostly_end_in_a_fall_have_no_cost():
+    """Their strides use up the energy of the initial state: costs can be negative."""
+    energy = {"cost_of_transport": -0.0012, "gravity_cost": -0.0012, "speed": 0.0383}
+    for share, cost in ((0.0, "–"), (0.49, "–"), (0.5, "-0.0012")):
+        scores = [score("passive", reached_time_limit=share, **energy)]
+        rows = dict(line.split(" | ") for line in results.tables(scores).splitlines()[2:7])
+        assert rows["| speed / √(gl)"] == "0.038 |"
+        assert rows.get("| cost of transport, absolute work", "– |") == f"{cost} |"
+        assert bool(results.walking_on_level_ground(scores)) == (cost != "–")
+
+
+def test_rank_tests_are_those_of_scipy_for_each_pair_of_trained_agents():
+    draws = np.random.default_rng(0).normal(size=(2, 2, 6))
+    scores = [
+        score(agent, seed, reward=draws[0, i, seed], above_optimum=draws[1, i, seed])
+        for i, agent in enumerate(("ppo", "shac"))
+        for seed in range(6)
+    ]
+    *_, row = results.rank_tests([*scores, score("lqr")]).splitlines()
+    p, beside = (scipy.stats.mannwhitneyu(*draws[i]).pvalue for i in (0, 1))
+    assert row == f"| `level` | ppo and shac | {p:.2g} | {beside:.2g} |"
+    assert p != beside and row in results.tables(scores)
+    for each in scores[:4]:
+        each["above_optimum"] = math.nan  # two are left
+    assert results.rank_tests(scores).endswith(f"| {p:.2g} | – |")
+    assert results.rank_tests([s for s in scores if s["seed"] < 2]) == ""
+
+
+def test_raw_scores_are_read_as_they_were_written(tmp_path, capsys):
+    scores = [score("passive"), score("ppo", 3, reward=1.23456, above_optimum=math.nan)]
+    results.write_csv(tmp_path / "scores.csv", scores)
+    first, second = results.read_csv(tmp_path / "scores.csv")
+    assert (second["scene"], second["agent"], second["seed"]) == ("level", "ppo", 3)
+    assert second["reward"] == 1.23456 and math.isnan(second["above_optimum"])
+    assert first.keys() == scores[0].keys() - {"endings"}
+    line = ["benchmark", "--tables", str(tmp_path / "scores.csv")]
+    assert train.main(line) == 0
+    assert capsys.readouterr().out == results.tables([first, second]) + "\n"
+    page = tmp_path / "page.md"
+    page.write_text(f"{results.BEGIN}\n{results.END}\n")
+    assert train.main([*line, "--document", str(page)]) == 2
+    assert "--document requires" in capsys.readouterr().err
+    (tmp_path / "scores.csv").write_text("scene,agent\nlevel,ppo\n")
+    assert train.main(line) == 2 and "scores.csv is damaged" in capsys.readouterr().err
+
+
+def test_the_published_tables_are_those_of_the_published_scores():
+    docs = Path(__file__).parents[2] / "docs"
+    page = (docs / "benchmarks-agents.md").read_text(encoding="utf-8")
+    scores = results.read_csv(docs / "agents-scores.csv")
+    for text in (results.rank_tests(scores), results.equal_speeds(scores)):
+        assert text in page
+    assert "-0.0000" not in page and "-0%" not in page
 
 
 def test_the_tables_name_agents_seeds_and_falls():

@@ -152,11 +152,6 @@ def test_baselines_are_what_their_names_say():
     assert Passive(both).predict(np.zeros(8))[0].tolist() == [0.0, 0.0]
 
 
-def closing(scene, slope, steps):
-    """The stride map of a gait's torques by numbers, from its own environment's ticks."""
-    return gpw.stride_map(controller=steps, scene=scene, slope=slope)
-
-
 @pytest.mark.parametrize("pieces", [1, 2])
 @pytest.mark.parametrize("method", ["lqr", "deadbeat"])
 def test_the_closed_loop_is_the_derivative_of_the_map_under_the_feedback(pieces, method):

@@ -6,10 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
 from benchmarks import tables
+from benchmarks.anywhere import interval
 from tests.docs.test_names import need
 from tests.docs.test_shell import parse, parse_only, words_of  # noqa: F401  (a fixture)
 
@@ -104,6 +106,19 @@ def test_each_module_and_public_name_in_a_table_exists(key):
             importlib.import_module(f"gym_passive_walker.{first}.{rest[0]}")
 
 
+def test_the_interval_of_a_percentile_is_narrower_with_more_bodies():
+    draws = np.random.default_rng(1).normal(1.0, 0.2, 900)
+    widths = []
+    for count in (30, 900):
+        low, high = (float(x) / 100.0 for x in re.findall(r"[\d.]+", interval(draws[:count], 50)))
+        assert low < 1.0 < high
+        widths.append(high - low)
+    # The standard error of a normal sample's median is 1.253 σ / √n.
+    assert widths[1] == pytest.approx(2 * 1.96 * 1.253 * 0.2 / 30.0, rel=0.2)
+    assert widths[0] > 3.0 * widths[1]
+    assert interval(draws[:0], 50) == ""
+
+
 def test_the_list_is_printed_and_an_unknown_name_is_an_error(capsys, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["tables"])
     assert tables.main() == 0
@@ -129,6 +144,59 @@ def test_tables_are_made_again_by_their_commands(monkeypatch, capsys):
     assert [words[1:] for words in ran] == [
         ["-m", "benchmarks.work_precision", "ticks"], ["-m", "benchmarks.performance", "strides"],
     ]  # fmt: skip
+
+
+def test_each_command_of_a_group_exists_and_keeps_a_file_of_its_own(parse_only, pytestconfig):  # noqa: F811
+    for steps in tables.GROUPS.values():
+        commands = [step for step in steps if step not in tables.TABLES]
+        assert all("/" not in step.split()[0] for step in commands)
+        assert len({tables.record(command) for command in commands}) == len(commands)
+        for command in commands:
+            parse(words_of(command), pytestconfig)
+
+
+def test_a_group_skips_what_the_present_code_made_and_goes_on_where_it_failed(
+    tmp_path, monkeypatch, capsys
+):
+    git = ["git", "-c", "user.name=a", "-c", "user.email=a@b", "-C", str(tmp_path)]
+    page, code = tmp_path / "docs" / "page.md", tmp_path / "agents" / "code.py"
+    for path in (page, code):
+        path.parent.mkdir()
+    code.write_text("print('row')\n")
+    (tmp_path / "fails.py").write_text("raise SystemExit(3)\n")
+
+    def commits(text):
+        code.write_text(text)
+        subprocess.run([*git, "add", "."], check=True)
+        subprocess.run([*git, "commit", "-qm", "a"], check=True)
+        return tables.commit()
+
+    subprocess.run(["git", "init", "-q", tmp_path], check=True)
+    monkeypatch.setattr(tables, "DOCS", tmp_path / "docs")
+    monkeypatch.setattr(tables, "RECORDS", tmp_path / "runs" / "tables")
+    monkeypatch.setattr(tables, "TABLES", {"page/one": "python agents/code.py"})
+    steps = ["python agents/code.py", "page/one", "python fails.py"]
+    monkeypatch.setattr(tables, "GROUPS", {"all": steps})
+    monkeypatch.setattr(sys, "argv", ["tables", "all"])
+    first = commits("print('row')\n")
+
+    def ran():
+        assert tables.main() == 3  # the last step fails, so it is never made
+        return [line[2:] for line in capsys.readouterr().out.splitlines() if line[:2] == "$ "]
+
+    page.write_text("<!-- one -->\nold\n<!-- end of one -->\n*commit `abc`*\n")
+    assert ran() == [steps[0], "python agents/code.py", steps[2]]
+    assert tables.record(steps[0]).read_text() == f"row\n\n*`{steps[0]}`, commit `{first}`*\n"
+    assert not tables.record(steps[2]).exists()
+    page.write_text(f"<!-- one -->\n*`a`, commits `{first}` and `{first}`*\n<!-- end of one -->\n")
+    assert ran() == [steps[2]]
+    second = commits("print('other')\n")
+    assert ran() == [steps[0], "python agents/code.py", steps[2]]  # the code has changed
+    page.write_text(f"<!-- one -->\n*`a`, commits `{second}` and `{first}`*\n<!-- end of one -->\n")
+    assert ran() == ["python agents/code.py", steps[2]]
+    code.write_text("print('not committed')\n")
+    assert ran() == [steps[0], "python agents/code.py", steps[2]]
+    assert ran() == [steps[0], "python agents/code.py", steps[2]]  # its commit has a "+"
 
 
 def test_a_table_is_written_between_its_markers(tmp_path, monkeypatch, capsys):

@@ -504,7 +504,17 @@ def test_every_option_of_every_command_is_tested(monkeypatch):
         "evaluate": {"run", "policy", "episodes", "seed"},
         "optimal": {"scene", "again"},
         "gait": {"policy", "scene", "slope", "period", "out"},
-        "benchmark": {"scenes", "agents", "seeds", "budget", "out", "tables", "document", "quiet"},
+        "benchmark": {
+            "scenes",
+            "agents",
+            "seeds",
+            "budget",
+            "out",
+            "last",
+            "tables",
+            "document",
+            "quiet",
+        },
         "export": {"run", "output", "onnx"},
     }
 
@@ -583,6 +593,7 @@ def test_every_option_of_a_benchmark_is_heard(capsys, tmp_path, monkeypatch):
         lambda folder, todo, *, budget, progress: found.append((folder, todo, budget, progress)),
     )
     monkeypatch.setattr(benchmark, "load_scores", lambda folder: [folder])
+    monkeypatch.setattr(results, "read_csv", lambda path: [path])
     monkeypatch.setattr(results, "tables", str)
     monkeypatch.setattr(results, "write_csv", lambda path, scores: written.append(path))
     monkeypatch.setattr(results, "write_document", lambda path, text: written.append(path))
@@ -602,6 +613,8 @@ def test_every_option_of_a_benchmark_is_heard(capsys, tmp_path, monkeypatch):
     printed(f"benchmark --tables {here}", capsys)
     assert not found
     written.clear()
+    assert printed(f"benchmark --tables some.csv {here}", capsys) == f"{[Path('some.csv')]}\n"
+    assert not found and not written
     page = tmp_path / "docs" / "page.md"
     page.parent.mkdir()
     page.write_text(f"{results.BEGIN}\n{results.END}\n")

@@ -180,7 +180,7 @@ OPTIONS = {
             strides=50,
             walkers=To(64, dict(strides=50, accuracy=1e-6)),
             kind=To("short", refused="falls at slope"),
-            accuracy=2e-4,
+            accuracy=1e-7,
             tolerance=1e-4,
         ),
     ),
