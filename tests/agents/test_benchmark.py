@@ -65,6 +65,13 @@ def test_what_is_done_is_not_done_again(tmp_path, monkeypatch):
     assert len(benchmark.load_scores(tmp_path)) == 3
 
 
+@pytest.mark.parametrize("progress", [True, False])
+def test_a_benchmark_shows_its_progress_unless_it_is_quiet(progress, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(benchmark, "measure", lambda folder, unit, budget: score(unit.agent))
+    benchmark.run(tmp_path, [Unit("lab", "passive", 0)], progress=progress)
+    assert ("lab-passive-0" in capsys.readouterr().err) == progress
+
+
 def test_a_training_that_was_stopped_is_not_evaluated(tmp_path, monkeypatch):
     monkeypatch.setattr(benchmark.Run, "train", lambda *_, **__: False)
     with pytest.raises(KeyboardInterrupt):

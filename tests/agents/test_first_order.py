@@ -1,5 +1,7 @@
 """Learning by exact gradients: the backward sweep, and its use."""
 
+import inspect
+
 import numpy as np
 import pytest
 import torch
@@ -140,6 +142,14 @@ def test_an_update_moves_actions_up_their_gradients():
     model.learn(16 * config.hyperparams["n_steps"])
     moved = (model.action(reported["seen"]) - reported["before"]).detach().numpy()
     assert np.corrcoef(moved.reshape(-1), reported["gains"].reshape(-1))[0, 1] > 0.3
+
+
+def test_without_arguments_it_has_the_numbers_of_its_preset():
+    preset = configure("shac", "lab").hyperparams
+    given = {name: x.default for name, x in inspect.signature(SHAC).parameters.items()}
+    shared = set(given) & set(preset) - {"policy", "policy_kwargs", "learning_rate"}
+    assert {name: given[name] for name in shared} == {name: preset[name] for name in shared}
+    assert preset["learning_rate"] == f"lin_{given['learning_rate']:.0e}".replace("e-0", "e-")
 
 
 @pytest.mark.learning

@@ -10,6 +10,7 @@ import gym_passive_walker as gpw
 from gym_passive_walker.envs import frames
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
+from gym_passive_walker.render import ground as drawn_ground
 from gym_passive_walker.render import tiled
 from tests.modeling.statements import DRIVEN
 
@@ -18,6 +19,8 @@ pytest.importorskip("pygame")
 
 class Listener:
     """A screen that keeps what it was asked to draw."""
+
+    seen = 1.0
 
     def draw(self, state, slope, contact_x, strides, **given):
         """Keep it."""
@@ -258,3 +261,14 @@ def test_the_ground_in_a_picture_is_the_one_that_was_walked_on(name):
             -np.tan(contact.tilt), abs=1e-6
         )
     assert len({*places}) >= 3
+
+
+def test_the_ground_ahead_is_as_far_as_usual_steps_lead(monkeypatch):
+    """A usual step is that of the stance angle with which the stride began."""
+    asked = []
+    monkeypatch.setattr(drawn_ground, "profile", lambda *given: asked.append(given[-1]))
+    env, *_ = walked(3, scene="rough")
+    angle = env.batch.records["start"][0, 0, 0]
+    heard_of(env)
+    assert asked[-1] == pytest.approx(2.0 * env.walker.leg_length * abs(float(angle)), rel=1e-12)
+    assert asked[-1] > 0.1 * env.walker.leg_length
