@@ -27,7 +27,7 @@ EXAM_SEED = 1_000_000
 """Seed of the evaluations during training; the final evaluation has other episodes."""
 
 KEEPS_LAST = ("shac", "shac-learned")
-"""Algorithms whose last policy is kept, and not that of the best evaluation.
+"""Algorithms of which the last policy is kept, and not that of the best evaluation.
 
 A return counts control steps, and a heelstrike ends one. So of policies of equal cost the best
 evaluation has the gait of whole control steps.
