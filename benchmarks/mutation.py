@@ -246,6 +246,7 @@ def main() -> None:
     add("--seed", type=int, default=1, help="seed of their order")
     add("--blind", action="store_true", help="faults by someone who had not read the tests")
     add("--unseen", action="store_true", help="those of them that were not tried before")
+    add("--sample", type=Path, metavar="JSON", help="those of `benchmarks.cosmic_ray_sample`")
     add("--packages", nargs="+", metavar="PACKAGE", help="only these packages")
     add("--again", action="store_true", help="repeat faults that were not noticed")
     add("--tried", action="store_true", help="only report results so far")
@@ -255,6 +256,9 @@ def main() -> None:
     pool = sample(list(CHANGED), options.seed)
     folder = UNSEEN if options.unseen else BLIND if options.blind else FAULTS
     thought_up, gone = faults(folder)
+    if options.sample:
+        drawn = json.loads(options.sample.read_text(encoding="utf-8"))
+        thought_up, gone = [Mutant(**each) for each in drawn], []
     chosen = pool[: options.changes] or thought_up
     if options.packages:
         chosen = [mutant for mutant in chosen if mutant.package in options.packages]
