@@ -10,6 +10,7 @@ pytest.importorskip("matplotlib")
 from gym_passive_walker.render import figures
 from gym_passive_walker.render.diagram import walker_diagram
 from gym_passive_walker.render.figures import FIGURES, draw, families
+from gym_passive_walker.render.strobe import LEGS
 from gym_passive_walker.walkers import WALKERS, Walker, interpolate, tune
 
 
@@ -65,3 +66,13 @@ def test_de_tuning_s_upper_curve_is_found_beside_the_lower_one():
 @pytest.mark.parametrize("name", [name for name in FIGURES if name != "4.5"])
 def test_every_figure_is_drawn(name, tmp_path):
     assert draw(name, tmp_path).stat().st_size > 10_000
+
+
+def test_the_legs_of_the_diagram_have_the_colours_of_legs():
+    """The stance leg is drawn first; each leg is a line from the hip over the knee to its tip."""
+    (ax,) = walker_diagram().axes
+    legs = [line for line in ax.lines if line.get_linewidth() == 2.5]
+    assert [line.get_color() for line in legs] == list(LEGS) and LEGS[0] != LEGS[1]
+    stance, swing = (line.get_xydata() for line in legs)
+    np.testing.assert_array_equal(stance[0], swing[0])
+    assert stance[2, 1] < swing[2, 1]  # the swing foot is in the air

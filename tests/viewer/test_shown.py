@@ -276,3 +276,11 @@ def test_the_trail_holds_evenly_spaced_samples_of_the_latest_strides():
 
 def test_the_window_has_its_size(player):
     assert View().draw(player).get_size() == SIZE == (1280, 720)
+
+
+@pytest.mark.parametrize("name", ["lab", "E"])
+def test_sliders_lie_one_below_the_other_between_the_head_and_the_message(name):
+    rows = [slider.row for slider in sliders_of(Setup(WALKERS[name], 0.01))]
+    assert rows[0].top == PANEL.top + 34 and rows[-1].bottom <= PANEL.bottom - 64
+    for above, below in pairwise(rows):
+        assert below.top == above.bottom and below.left == PANEL.left
