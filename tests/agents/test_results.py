@@ -209,14 +209,13 @@ def test_the_picture_of_costs_shows_each_seed_at_its_speed_and_both_curves(drawn
     (ax,) = figure.axes
     lines = lines_of(ax)
     own = results.by_agent(LEVEL)
-    assert set(lines) == {
-        "passive, slope", "optimal, level ground", *(f"{agent}, level ground" for agent in own)
-    }  # fmt: skip
+    curves = {"passive, slope", "optimal gaits, level ground"}
+    assert set(lines) == curves | {f"{agent}, level ground" for agent in own}
     for agent, scores in own.items():
         points = [[s["speed"], s["cost_of_transport"]] for s in scores]
         np.testing.assert_allclose(lines[f"{agent}, level ground"], points)
     gaits = [[g.speed, g.cost_of_transport] for g in optimal.load("level")]
-    np.testing.assert_allclose(lines["optimal, level ground"], gaits)
+    np.testing.assert_allclose(lines["optimal gaits, level ground"], gaits)
     for speed, cost in lines["passive, slope"][::7]:
         assert results._cost_at(results._passive(), speed) == pytest.approx(cost)
     assert ax.get_yscale() == "log" and "speed" in ax.get_xlabel() and "cost" in ax.get_ylabel()

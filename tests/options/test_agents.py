@@ -510,7 +510,6 @@ def test_every_option_of_every_command_is_tested(monkeypatch):
             "seeds",
             "budget",
             "out",
-            "last",
             "tables",
             "document",
             "quiet",
