@@ -1,8 +1,8 @@
 """Draw random changes of the package that cosmic-ray makes, for `benchmarks.mutation --sample`.
 
     pip install cosmic-ray
-    python -m benchmarks.cosmic_ray_sample 120 --seed 20261126 > build/sample.json
-    python -m benchmarks.mutation --sample build/sample.json
+    python -m benchmarks.cosmic_ray_sample 120 --seed 20261126 > sample.json
+    python -m benchmarks.mutation --sample sample.json
 
 A place in the source is drawn first, then one of the changes there. Annotations of types are left
 out, since they have no effect, and so are `physics` and `engine`: `mutation --changes` has these.

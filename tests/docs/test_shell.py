@@ -59,8 +59,8 @@ FILES = {
 }
 """Files that a page prints, by their names."""
 
-USERS_OWN = ("own.yaml",)
-"""Files that a page leaves to the user."""
+USERS_OWN = ("own.yaml", "sample.json")
+"""Files that a page leaves to the user, or that a long command before writes."""
 
 ONLY_PARSED = {
     r"passive-walker video": "videos take a minute",
