@@ -1,7 +1,7 @@
 """Draw random changes of the package that cosmic-ray makes, for `benchmarks.mutation --sample`.
 
     pip install cosmic-ray
-    python -m benchmarks.cosmic_ray_sample 120 --seed 20261126 > sample.json
+    python -m benchmarks.cosmic_ray_sample 120 --seed 20261126 --out sample.json
     python -m benchmarks.mutation --sample sample.json
 
 A place in the source is drawn first, then one of the changes there. Annotations of types are left
@@ -16,6 +16,7 @@ import difflib
 import json
 import random
 from collections.abc import Iterator
+from pathlib import Path
 
 from benchmarks.mutants import BESIDE, PACKAGE, ROOT
 
@@ -117,12 +118,13 @@ def sample(count: int, seed: int) -> list[dict]:
 
 
 def main() -> None:
-    """Print a sample as JSON."""
+    """Write a sample as JSON."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("count", type=int, help="number of changes")
     parser.add_argument("--seed", type=int, default=1, help="seed of the draw")
+    parser.add_argument("--out", type=Path, default=Path("sample.json"), help="file to write")
     options = parser.parse_args()
-    print(json.dumps(sample(options.count, options.seed)))
+    options.out.write_text(json.dumps(sample(options.count, options.seed)), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -70,7 +70,7 @@ def test_every_program_prints_in_any_encoding():
         path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in SOURCES
     }
     programs = {name: text for name, text in programs.items() if begins.search(text)}
-    # Two print JSON for another process, with whichever package is there; others print nothing.
+    # One prints JSON for another process, with whichever package is there; others print nothing.
     silent = {
         "benchmarks/cosmic_ray_sample.py",
         "benchmarks/regress_work.py",
