@@ -529,3 +529,11 @@ def test_a_controller_that_never_acts_is_the_passive_walker():
     assert expected.alive.all()
     np.testing.assert_array_equal(passage.outcomes, expected.outcomes)
     np.testing.assert_allclose(passage.ends, expected.ends, atol=1e-9)
+
+
+def test_a_search_for_a_gait_begins_on_both_sides_of_the_start_of_walks():
+    strides = gpw.stride_map(controller="lqr", scene="level")
+    begun = strides.beginning(0.0)[0]
+    beside = strides.likely(0.0)[-15:] / begun - 1.0
+    assert np.all(beside.min(axis=0) < -0.02) and np.all(beside.max(axis=0) > 0.02)
+    assert np.abs(beside).max() <= 0.1
