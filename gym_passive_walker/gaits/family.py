@@ -362,8 +362,8 @@ def _made_family(
     low, high = number(low, "low"), number(high, "high")
     if not isinstance(parameter, str) or parameter in ("", "slope", "point", "state"):
         raise ValueError(
-            "parameter must be a name for what the function varies, other than 'slope', 'point' and "
-            f"'state', not {shown(parameter)}"
+            "parameter must be a name for what the function varies, other than 'slope', 'point' "
+            f"and 'state', not {shown(parameter)}"
         )
     if not low < high:
         raise ValueError(f"give low < high, not {low:g} and {high:g}")
