@@ -146,31 +146,29 @@ def load_scores(folder: Path) -> list[dict[str, Any]]:
 
 
 def measure(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
-    """Train an agent if it learns, and return the scores of the kept policy."""
+    """Train an agent if it learns, and return its scores."""
     if unit.agent not in ALGORITHMS:
         policy = BASELINES[unit.agent](make_scene(unit.scene))
         return {**unit._asdict(), **scores_of(policy, unit.scene)}
     run_folder = folder / "runs" / str(unit)
-    training = _learn(run_folder, unit, budget)
-    walked = training.first_to_walk or {"steps": math.nan, "seconds": math.nan}
-    return {
-        **unit._asdict(),
-        **scores_of(load_policy(run_folder), unit.scene),
-        "learning_steps": training.steps,
-        "learning_seconds": training.notes["seconds"],
-        "steps_to_hundred": walked["steps"],
-        "seconds_to_hundred": walked["seconds"],
-    }
+    progress = _learn(run_folder, unit, budget)
+    return {**unit._asdict(), **scores_of(load_policy(run_folder), unit.scene), **progress}
 
 
-def _learn(folder: Path, unit: Unit, budget: float) -> Run:
-    """Train, or resume an interrupted training; returns the finished training."""
+def _learn(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
+    """Train, or resume an interrupted training; returns how many steps and seconds it took."""
     preset = configure(unit.agent, unit.scene, seed=unit.seed)
     steps = max(1, round(preset.steps * budget))
     training = Run(replace(preset, steps=steps, every=max(1, steps // EVALUATIONS)), folder)
     if not training.train(progress=False):
         raise KeyboardInterrupt  # an unfinished training has no scores; it is resumed later
-    return training
+    walked = training.first_to_walk or {"steps": math.nan, "seconds": math.nan}
+    return {
+        "learning_steps": training.steps,
+        "learning_seconds": training.notes["seconds"],
+        "steps_to_hundred": walked["steps"],
+        "seconds_to_hundred": walked["seconds"],
+    }
 
 
 def scores_of(policy: Policy, name: str) -> dict[str, Any]:

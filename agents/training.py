@@ -143,10 +143,8 @@ class Run:
         for name in ("reward", "distance", "strides"):  # beside the library's rollout/ep_rew_mean
             self.model.logger.record(f"eval/{name}", row[name])
         best = self.notes["best"]
-        better = best is None or row["reward"] >= best
-        if better:
+        if best is None or row["reward"] >= best or self.config.algo in KEEPS_LAST:
             self.notes["best"] = row["reward"]
-        if better or self.config.algo in KEEPS_LAST:
             policy.save(self.folder)
         with replacing(self.folder / "learning_curve.csv") as path:
             write_rows(path, self.notes["curve"])

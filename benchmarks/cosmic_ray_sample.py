@@ -15,7 +15,6 @@ import ast
 import difflib
 import json
 import random
-from collections.abc import Iterator
 from pathlib import Path
 
 from benchmarks.mutants import BESIDE, PACKAGE, ROOT
@@ -69,24 +68,22 @@ def places() -> dict[tuple[str, tuple[int, int]], list[tuple[str, int]]]:
     return found
 
 
-def positions_of(operator, tree) -> Iterator[tuple[int, int]]:
+def positions_of(operator, tree) -> list[tuple[int, int]]:
     """Where an operator of cosmic-ray changes a syntax tree, in order."""
     from cosmic_ray.ast import Visitor
 
-    class Counting(Visitor):
-        """Visits all nodes."""
+    found = []
 
-        found: list = []  # noqa: RUF012
+    class Noting(Visitor):
+        """Visits all nodes, and changes none."""
 
         def visit(self, node):
             """Note the positions in a node."""
-            self.found.extend(begin for begin, _ in operator.mutation_positions(node))
+            found.extend(begin for begin, _ in operator.mutation_positions(node))
             return node
 
-    counting = Counting()
-    counting.found = []
-    counting.walk(tree)
-    yield from counting.found
+    Noting().walk(tree)
+    return found
 
 
 def sample(count: int, seed: int) -> list[dict]:

@@ -275,6 +275,7 @@ def main() -> None:
     text = "\n\n".join([share, found, f"{machine('scipy')}."])
     if options.write:
         faulty = "faults" if folder == FAULTS else f"{folder.name} faults"
+        faulty = "sample" if options.sample else faulty
         keep("mutation" if options.changes else faulty, text, PAGE)
     else:
         print(f"\n{text}")

@@ -81,6 +81,11 @@ class VariedMap(StrideMap):
         """The parameter; a family varies no other."""
         return {str(self.parameter): self.bounds[0]}
 
+    @property
+    def hold(self) -> float:
+        """Time for which torques are held, as in the first map."""
+        return self.maps[0].hold
+
     @cached_property
     def units(self) -> Units:
         """Each walker's units, arrays (n,)."""

@@ -136,3 +136,17 @@ def test_what_no_family_can_be_made_of_is_refused(make, parameter, low, high, me
 def test_a_range_without_a_gait_is_said_to_have_none():
     with pytest.raises(gpw.GaitNotFound, match=r"at any of 9 values from 1 to 1\.5"):
         gpw.parameter_family(lambda x: gpw.stride_map("E", x), "x", 1.0, 1.5)
+
+
+def test_torques_are_held_as_by_the_maps_of_the_function():
+    policy = gpw.load_policy("level-ppo")
+    held = {}
+    for name, controller in (("policy", policy), ("passive", None)):
+        own = gpw.stride_map("C", 0.0, controller=controller)
+        made = VariedMap(
+            walker=own.walker, parameter="x", values=np.array([0.5]), bounds=(0.0, 1.0),
+            make=lambda x, own=own: own,
+        )  # fmt: skip
+        held[name] = made.hold
+        assert made.hold == own.hold
+    assert held["policy"] == policy.scene.tick and held["passive"] == np.inf
