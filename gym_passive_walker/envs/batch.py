@@ -188,7 +188,8 @@ class Batch:
     def starts_alike(self) -> bool:
         """Whether compiled code can begin episodes: all walkers have the same initial states."""
         alike = self._alike_starts and not self.scene.domain_randomization
-        return alike and not self.disturbances and not self.custom
+        native = not self.custom or self.custom.native
+        return alike and native and not self.disturbances
 
     def _connect(self) -> None:
         """Set compiled phases, engine options, one thread's workspace, and the entry point."""
@@ -230,10 +231,12 @@ class Batch:
         where = np.array(lanes, np.int64)
         if not len(where):
             return
+        plain = observations if self._plain is None else self._plain
         if self.starts_alike and not options:
             self._prepare()
-            self.entry_point.kernels.begin_alike(self.entry_point.address, where, observations)
-            self._write_proportions(observations)
+            self.entry_point.kernels.begin_alike(self.entry_point.address, where, plain)
+            self._write_proportions(plain)
+            self._write_observations(observations, where)
             return
         states, asked = self._asked(options) if options else (None, None)
         draws = self.drawn(where)
@@ -250,7 +253,6 @@ class Batch:
             draws[:] = 0.5  # no change
         if varied:
             self._embody(where, list(varied.values()))
-        plain = observations if self._plain is None else self._plain
         self.entry_point.kernels.begin(self.entry_point.address, where, slopes, gaits, draws, plain)
         if self.disturbances:
             self.disturbances.begin(where, self.randoms, self.records, self.ledger)

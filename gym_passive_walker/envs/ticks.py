@@ -172,6 +172,11 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
             states, gaits = gaits, view(stack(numbers), (count, size), _NUMBER)
             interpolate(nodes, states, slopes, gaits)
         begin_near(where, lanes, slopes, gaits, draws, observations)
+        if custom:
+            _, records, _, ledger, phases = found(where, 0, _ALL)
+            transitions.begin(
+                records, ledger, phases, lanes, view(here.notes, (here.of_notes,), note)
+            )
 
     @within(Kernel)
     def begin_alike(where, lanes, observations):
