@@ -134,6 +134,23 @@ def test_torques_after_the_heelstrike_have_no_effect(level):
     assert np.all(np.abs(walked.by_torque[:, :taken]).max(axis=0) > 0.0)
 
 
+@pytest.mark.parametrize("longest", [1.0, 0.9])
+def test_a_stride_that_lasts_as_long_as_allowed_has_no_further_control_step(level, longest):
+    """Whether the longest time is a multiple of a control step, or not."""
+    walkers, tick = Walkers(walker=WALKER), 0.25
+    state = Section(walker=WALKER).state(level)
+    records = new_records(state[None], 0.0)
+
+    def nothing(chosen, found, number):
+        return ticks.Choice(np.zeros((len(chosen), 1)))
+
+    steps = ticks.follow(
+        walkers, records, nothing, motors=("hip_torque",), tick=tick, max_stride_time=longest
+    )
+    assert steps.numbers.tolist() == [0, 1, 2, 3]
+    assert steps.after["time"][-1, 0] == longest
+
+
 @pytest.mark.parametrize("name", ["lab", "lab-straight"])
 def test_a_section_point_is_its_state(name):
     walker = gpw.WALKERS[name]

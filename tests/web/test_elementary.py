@@ -53,6 +53,19 @@ def test_the_fused_sum_of_special_numbers_is_the_processors():
     assert not _differ(*map(np.ascontiguousarray, (a, b, c)))
 
 
+def _values(function, given):
+    """Results of a function that only compiled code can call."""
+
+    @numba.njit(error_model="numpy")
+    def each(given, found):
+        for i in range(len(given)):
+            found[i] = function(given[i])
+
+    found = np.empty_like(given)
+    each(given, found)
+    return found
+
+
 @pytest.mark.parametrize(
     ("function", "exact", "bounds"),
     [
@@ -69,13 +82,33 @@ def test_the_fused_sum_of_special_numbers_is_the_processors():
     ],
 )
 def test_an_elementary_function_is_the_nearest_number(function, exact, bounds):
-    @numba.njit(error_model="numpy")
-    def each(given, found):
-        for i in range(len(given)):
-            found[i] = function(given[i])
-
     given = np.random.default_rng(0).uniform(*bounds, 2000)
-    found = np.empty_like(given)
-    each(given, found)
+    found = _values(function, given)
     with mpmath.workprec(200):
         assert [float(exact(mpmath.mpf(x))) for x in given.tolist()] == found.tolist()
+
+
+@pytest.mark.parametrize(
+    ("function", "own"),
+    [
+        (elementary.sine, np.sin),
+        (elementary.cosine, np.cos),
+        (elementary.logarithm, np.log),
+        (elementary.arcsine, np.arcsin),
+        (elementary.exponential, np.exp),
+        (elementary.hyperbolic_tangent, np.tanh),
+    ],
+)
+def test_zero_and_what_lies_beyond_the_numbers_give_what_the_processor_gives(function, own):
+    given = {
+        np.sin: [0.0, -0.0],
+        np.cos: [0.0, -0.0],
+        np.log: [0.0, 1.0],
+        np.arcsin: [0.0, -0.0, 1.0, -1.0, 1.5, -1.5, math.nan],
+    }.get(own, [0.0, -0.0, 800.0, -800.0, math.inf, -math.inf, math.nan])
+    with np.errstate(all="ignore"):
+        expected = own(np.array(given))
+    found = _values(function, np.array(given))
+    np.testing.assert_array_equal(found, expected)
+    number = ~np.isnan(expected)
+    np.testing.assert_array_equal(np.signbit(found)[number], np.signbit(expected)[number])
