@@ -273,6 +273,33 @@ def test_an_observation_of_ones_own_has_its_space_and_begins_without_actions():
     np.testing.assert_array_equal(seen[:, 4], [0.0, 0.5, 0.5])
 
 
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_an_episode_begins_without_the_actions_of_the_one_before(mode):
+    """Of any motor, wherever the episode begins: in `reset`, or as the one before ends."""
+
+    def acted(step):
+        return *step.last_action, *step.action
+
+    scene = make_scene(
+        walker="E", slope=0.009, actions=("hip", "ankle", "push_off"), observation=acted
+    )
+    envs = PassiveWalkerVectorEnv(4, scene, autoreset_mode=mode)
+    envs.reset(seed=0)
+    given, begun = np.tile([0.5, -1.0, 1.0], (4, 1)), np.zeros(4, bool)
+    for _ in range(200):
+        seen, _, terminated, truncated, _ = envs.step(given)
+        over = terminated | truncated
+        if mode == "SameStep":
+            begun = over
+        np.testing.assert_array_equal(seen[begun], 0.0)
+        np.testing.assert_array_equal(seen[~begun, 3:], given[~begun])
+        if begun.any():
+            break
+        begun = over
+    assert begun.any()
+    np.testing.assert_array_equal(envs.reset()[0], 0.0)
+
+
 def changes(step):
     """A reward that remembers the action before."""
     return -((step.action[0] - step.last_action[0]) ** 2)

@@ -8,10 +8,11 @@ from gym_passive_walker import (
     Outcome,
     basin_of_attraction,
     find_gait,
+    find_gaits,
     largest_push,
     stride,
 )
-from gym_passive_walker.gaits.basin import FELL, UNSETTLED
+from gym_passive_walker.gaits.basin import FELL, UNSETTLED, other_attractors
 from gym_passive_walker.gaits.stride_map import StrideMap
 
 
@@ -135,6 +136,15 @@ def test_two_stable_gaits_share_a_basin_s_picture():
     basin = basin_of_attraction("D", 0.0125, stance_angles=angles, stance_rates=rates)
     assert [gait.period for gait in basin.gaits] == [1, 3]
     assert np.any(basin.settled == 0) and np.any(basin.settled == 1)
+
+
+@pytest.mark.parametrize(("slope", "period"), [(0.009, 1), (0.0165, 2)])
+def test_a_gait_that_nobody_knows_is_found_by_walks_that_settle_on_it(slope, period):
+    stride_map = StrideMap.of("D")
+    gait = next(x for x in find_gaits("D", slope, period=period) if x.stable)
+    found = other_attractors(stride_map, slope, 1.0001 * gait.point.values, [])
+    assert [x.period for x in found] == [period]
+    np.testing.assert_allclose(found[0].stride.step_length.sum(), gait.stride.step_length.sum())
 
 
 def test_a_slice_may_be_laid_by_given_ratios():

@@ -31,6 +31,14 @@ def test_a_strobe_picture_has_one_posture_for_each_flash():
     assert len(hips(ax)) == 2 * 5 - 1  # the heelstrike between them is one posture
 
 
+def test_both_legs_are_heavy_at_heelstrikes_and_at_both_ends():
+    ax = strobe("lab", SLOPE, GAIT, strides=2, flashes=4)
+    legs = [line for line in ax.lines if line.get_ls() == "-" and len(line.get_xdata()) == 3]
+    widths = [[x.get_lw() for x in legs if np.allclose(x.get_xydata()[0], hip)] for hip in hips(ax)]
+    heavy, light = [2.0, 2.0], [1.0, 1.0]
+    assert widths == [heavy, light, light, heavy, light, light, heavy]
+
+
 def test_a_strobe_picture_stands_on_its_slope():
     ax = strobe("lab", SLOPE, GAIT, strides=1, flashes=3)
     walk = simulate("lab", SLOPE, GAIT, samples=3)
