@@ -9,7 +9,7 @@ import pytest
 from agents import envs
 from agents.config import configure
 from agents.envs import training_envs
-from agents.evaluation import in_words, write_rows
+from agents.evaluation import evaluate_policy, in_words, write_rows
 from agents.learner import LearnedPolicy, build, moments
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import Passive
@@ -92,6 +92,13 @@ def test_an_evaluation_is_summed_up_in_words():
     assert "No optimal gait" in in_words(config, made_up(**lasting, duration=way), walks)[1]
     for scene in ("rolling", "pushed"):
         assert "No optimal gaits" in in_words(configure("ppo", scene), walks, walks)[1]
+
+
+@pytest.mark.parametrize("given", [{"episodes": 0}, {"seed": -1}])
+def test_an_evaluation_refuses_no_episodes_and_a_negative_seed(given):
+    (name,) = given
+    with pytest.raises(ValueError, match=name):
+        evaluate_policy("level-ppo", **given)
 
 
 def test_rows_hold_every_episode(tmp_path):

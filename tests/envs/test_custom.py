@@ -300,6 +300,23 @@ def test_an_episode_begins_without_the_actions_of_the_one_before(mode):
     np.testing.assert_array_equal(envs.reset()[0], 0.0)
 
 
+GIVEN = ("before", "state", "knee_locked", "slope", "height_change", "slope_change", "command")
+"""Fields of a transition that are not zero when an episode begins."""
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_nothing_has_happened_when_an_episode_begins(name):
+    def happened(step):
+        return everything(step._replace(**dict.fromkeys(GIVEN, 0.0)))
+
+    envs = PassiveWalkerVectorEnv(COUNT, scene_of(name, observation=happened))
+    for _ in range(2):
+        np.testing.assert_array_equal(envs.reset(seed=0)[0], 0.0)
+        for _ in range(STEPS):
+            seen, *_ = envs.step(np.full(envs.action_space.shape, 0.3))
+        assert (seen != 0.0).any(axis=0).sum() > 5
+
+
 def changes(step):
     """A reward that remembers the action before."""
     return -((step.action[0] - step.last_action[0]) ** 2)
