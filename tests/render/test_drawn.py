@@ -12,8 +12,10 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -24,7 +26,10 @@ from matplotlib import colors  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
 import gym_passive_walker as gpw  # noqa: E402
+from agents import pictures, results  # noqa: E402
+from gym_passive_walker.control import optimal  # noqa: E402
 from gym_passive_walker.control.baselines import LinearFeedback  # noqa: E402
+from gym_passive_walker.envs.scene import make_scene  # noqa: E402
 from gym_passive_walker.render import strobe  # noqa: E402
 from gym_passive_walker.render.axes import OWN  # noqa: E402
 from gym_passive_walker.render.brush import Brush  # noqa: E402
@@ -113,7 +118,14 @@ def of_axes(ax: Any) -> Iterator[str]:
     for side in (ax.xaxis, ax.yaxis):
         yield f" ticks {told(side.get_ticklocs())} {[x.get_text() for x in side.get_ticklabels()]}"
     if ax.get_legend():
-        yield f" legend {[text.get_text() for text in ax.get_legend().get_texts()]}"
+        yield from of_legend(ax.get_legend())
+
+
+def of_legend(legend: Any) -> Iterator[str]:
+    """A legend in a line."""
+    texts = [text.get_text() for text in legend.get_texts()]
+    at = legend.get_bbox_to_anchor().transformed(legend.figure.transFigure.inverted())
+    yield f" legend {texts} in {legend._ncols} columns at {told(at.min)}"  # no public name
 
 
 def of_figure(drawn: Any) -> list[str]:
@@ -123,7 +135,7 @@ def of_figure(drawn: Any) -> list[str]:
     for ax in figure.axes:
         lines += of_axes(ax)
     for legend in figure.legends:
-        lines.append(f"legend {[text.get_text() for text in legend.get_texts()]}")
+        lines += of_legend(legend)
     return lines
 
 
@@ -217,6 +229,35 @@ def _strides() -> gpw.Stride:
     return gpw.stride("lab", 0.036, gait.state * np.array([[0.99], [1.0], [1.3]]))
 
 
+def of_agents(name: str) -> Figure:
+    """A picture of invented results of agents."""
+    gaits, walk = optimal.load("level"), make_scene("level")
+    scores: list[Any] = [
+        {"scene": "level", "agent": agent, "seed": seed, "reached_time_limit": 1.0, "reward": 40.0,
+         "learning_steps": 1e5 * (seed + 2), "above_optimum": 0.1 * seed + 0.05,
+         "speed": gaits[seed].speed, "cost_of_transport": 0.01 * (seed + 1)}
+        for seed in range(3) for agent in ("ppo", "sac", "linear")
+    ]  # fmt: skip
+    rows = [{"steps": 2e5 * i, "seconds": 9.0 * i, "distance": 3.0 * i, "strides": 2.0 * i,
+             "speed": 0.1, "cost_of_transport": 0.1 / (1 + i)} for i in range(3)]  # fmt: skip
+    found: list[Figure] = []
+    with pytest.MonkeyPatch.context() as patch, TemporaryDirectory() as folder:
+        for module in (pictures, results):
+            patch.setattr(module, "save", lambda figure, path: found.append(figure))
+        path = Path(folder)
+        if name == "costs":
+            results.draw(path, scores)
+        elif name == "runs":
+            results.draw_learning(path, path, scores)
+        elif name == "curve":
+            pictures.learning_curve(path, rows, rows[0], "a title")
+        else:
+            world = gym.make("PassiveWalker-v0", scene=walk)
+            policy = gpw.load_policy("level-ppo")
+            pictures.gait(path, policy, world, seed=0, title="a gait")
+    return found[0]
+
+
 FIGURES: dict[str, Callable[[], Any]] = {
     "walker": lambda: gpw.WALKERS["lab"].plot(OWN),
     "diagram": walker_diagram,
@@ -239,6 +280,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
         terrain=gpw.footholds([0.0] * 3, [0.0, 0.01, -0.01]),
     ),
     "transition": transition,
+    **{f"agents-{x}": lambda x=x: of_agents(x) for x in ("costs", "runs", "curve", "gait")},
 }  # fmt: skip
 FRAMES: dict[str, Callable[[], list[str]]] = {
     "frame-lab": lambda: of_screen(
