@@ -1,10 +1,14 @@
 """Every analysis of everything that walks: pair by pair it works, or an error says why not.
 
-`docs/analyses.md` shows the table; ``python -m tests.control.test_matrix`` writes it.
+`docs/analyses.md` shows the table; ``python -m tests.control.test_matrix`` writes it, and the file
+`matrix.json` beside this one: the results of each pair, and how many strides it integrated.
 """
 
 from __future__ import annotations
 
+import json
+import math
+from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
 
@@ -13,7 +17,10 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.control.baselines import LinearFeedback
+from gym_passive_walker.gaits.flow import Flow
+from tests.numbers import told
 
+KEPT = Path(__file__).with_name("matrix.json")
 PAGE = Path(__file__).parents[2] / "docs" / "analyses.md"
 BEGIN, END = "<!-- pairs -->", "<!-- end of pairs -->"
 LAB = {"walker": "lab", "slope": 0.036}
@@ -85,7 +92,7 @@ def of(name):
 
 
 ANALYSES = {
-    "gait, multipliers": gait,
+    "gait, multipliers": lambda n: gpw.find_gait(WALKS[n]()),
     "family in slope": lambda n: gpw.gait_family(
         of(n), gait(n).slope - 1e-3, gait(n).slope + 1e-3, start=gait(n), resolution=0.5
     ),
@@ -134,14 +141,49 @@ ANALYSES = {
 }
 
 
+def numbers_in(found, path="", depth=0):
+    """The numbers of a result, in short, by the names of its fields."""
+    if hasattr(found, "detach"):
+        found = found.detach().numpy()
+    if isinstance(found, np.ndarray | float | int | complex) and not isinstance(found, np.bool_):
+        values = np.asarray(found)
+        if values.dtype.kind == "c":
+            values = np.sort(np.abs(values))
+        if values.dtype.kind in "bif":
+            yield path, told(values)
+    elif isinstance(found, list | tuple) and not hasattr(found, "_fields"):
+        for i, each in enumerate(found[:3]):
+            yield from numbers_in(each, f"{path}[{i}]", depth)
+    elif (is_dataclass(found) or hasattr(found, "_fields")) and depth < 2:
+        names = getattr(found, "_fields", None) or [field.name for field in fields(found)]
+        for name in names:
+            if "error" not in name and name not in NO_RESULTS:
+                yield from numbers_in(getattr(found, name), f"{path}.{name}".lstrip("."), depth + 1)
+
+
+NO_RESULTS = {"walker", "stride_map", "walk", "body", "controller", "scene", "motion"}
+"""Fields of results that were given, or are made of others."""
+
+
 def tried(analysis, name):
-    """A cell of the table: whether it works, or why not."""
+    """What a pair reports: why it does not work, or its numbers and its work."""
+    work, integrate = [0, 0], Flow.integrate
+
+    def counted(self, *given):
+        work[0] += 1
+        work[1] += len(self.records)
+        return integrate(self, *given)
+
     try:
-        result = ANALYSES[analysis](name)
+        gait(name)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Flow, "integrate", counted)
+            result = ANALYSES[analysis](name)
     except (ValueError, gpw.GaitNotFound) as error:
-        return str(error)
+        return str(error), {}
     assert result is not None
-    return ""
+    numbers = {} if analysis == "pictures" else dict(numbers_in(result))
+    return "", {"calls of the engine": str(work[0]), "walkers in them": str(work[1]), **numbers}
 
 
 REASONS = {
@@ -151,7 +193,7 @@ REASONS = {
 
 
 def cell(analysis, name):
-    said = ANALYSES_CACHE.setdefault((analysis, name), tried(analysis, name))
+    said, _ = reported(analysis, name)
     if not said:
         return "yes"
     known = [mark for words, mark in REASONS.items() if words in said]
@@ -159,13 +201,25 @@ def cell(analysis, name):
     return "yes" if known[0] == "works" else known[0]
 
 
-ANALYSES_CACHE: dict = {}
+@cache
+def reported(analysis, name):
+    return tried(analysis, name)
 
 
 @pytest.mark.parametrize("name", WALKS)
 @pytest.mark.parametrize("analysis", [a for a in ANALYSES if a != "torch"])
-def test_every_analysis_takes_everything_that_walks(analysis, name):
+def test_every_analysis_takes_everything_that_walks_and_finds_what_it_did(analysis, name):
+    """A change of a result, or of the work for it, is meant and stands in the changelog."""
     assert cell(analysis, name) == "yes"
+    kept = json.loads(KEPT.read_text("utf-8"))[f"{analysis}, {name}"]
+    _, found = reported(analysis, name)
+    assert kept.keys() == found.keys()
+    for field, before in kept.items():
+        worked = field in ("calls of the engine", "walkers in them")
+        for old, new in zip(before.split(), found[field].split(), strict=True):
+            if old != new:
+                near = {"rel_tol": 0.02} if worked else {"rel_tol": 1e-5, "abs_tol": 5e-6}
+                assert math.isclose(float(old), float(new), **near), f"{field}: {before}"
 
 
 def table() -> str:
@@ -187,3 +241,5 @@ if __name__ == "__main__":
     text = PAGE.read_text(encoding="utf-8")
     before, rest = text.split(BEGIN)
     PAGE.write_text(f"{before}{BEGIN}\n{table()}\n{END}{rest.split(END)[1]}", encoding="utf-8")
+    pairs = {f"{a}, {n}": reported(a, n)[1] for a in ANALYSES for n in WALKS if a != "torch"}
+    KEPT.write_text(json.dumps(pairs, indent=0, ensure_ascii=False) + "\n", "utf-8")

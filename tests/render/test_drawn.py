@@ -41,23 +41,10 @@ from gym_passive_walker.render.screen import Screen  # noqa: E402
 from gym_passive_walker.viewer.player import Player  # noqa: E402
 from gym_passive_walker.viewer.view import View  # noqa: E402
 from gym_passive_walker.viewer.walk import LiveWalk, Setup  # noqa: E402
+from tests.numbers import told  # noqa: E402
 
 FOLDER = Path(__file__).parent / "drawn"
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]\d+)?")
-
-
-def told(values: Any) -> str:
-    """Numbers, in short: those of a few, else the number, means, squares and slopes of many."""
-    rows = np.asarray(np.ma.filled(np.ma.asarray(values, float), np.nan))
-    shape = "x".join(str(n) for n in rows.shape)
-    rows = rows.reshape(-1, rows.shape[-1] if rows.ndim > 1 and rows.shape[-1] < 4 else 1)
-    start = ""
-    if rows.size > 12:
-        weights = np.linspace(-1.0, 1.0, len(rows))[:, None]
-        start = f"({shape}, {int(np.isnan(rows).sum())} nan) "
-        rows = np.array([np.nanmean(x, axis=0) for x in (rows, rows**2, weights * rows)])
-    each = rows.ravel().tolist()
-    return start + " ".join("nan" if math.isnan(x) else f"{x + 0.0:.6g}" for x in each)
 
 
 def tint(colour: Any) -> str:
