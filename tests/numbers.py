@@ -1,6 +1,7 @@
-"""Numbers in short, for files that tests compare with."""
+"""Numbers in short, and texts with numbers, for files that tests compare with."""
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -18,3 +19,15 @@ def told(values: Any) -> str:
         rows = np.array([np.nanmean(x, axis=0) for x in (rows, rows**2, weights * rows)])
     each = rows.ravel().tolist()
     return start + " ".join("nan" if math.isnan(x) else f"{x + 0.0:.6g}" for x in each)
+
+
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+def alike(one: str, other: str, rel_tol: float, abs_tol: float) -> bool:
+    """Whether two texts differ in no more than the rounding of their numbers."""
+    if _NUMBER.sub("#", one) != _NUMBER.sub("#", other):
+        return False
+    pairs = zip(_NUMBER.findall(one), _NUMBER.findall(other), strict=True)
+    near = {"rel_tol": rel_tol, "abs_tol": abs_tol}
+    return all(x == y or math.isclose(float(x), float(y), **near) for x, y in pairs)

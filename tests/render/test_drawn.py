@@ -5,9 +5,7 @@ python -m tests.render.test_drawn [NAME...]     Write the files again, for chang
 
 from __future__ import annotations
 
-import math
 import os
-import re
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -41,10 +39,9 @@ from gym_passive_walker.render.screen import Screen  # noqa: E402
 from gym_passive_walker.viewer.player import Player  # noqa: E402
 from gym_passive_walker.viewer.view import View  # noqa: E402
 from gym_passive_walker.viewer.walk import LiveWalk, Setup  # noqa: E402
-from tests.numbers import told  # noqa: E402
+from tests.numbers import alike, told  # noqa: E402
 
 FOLDER = Path(__file__).parent / "drawn"
-_NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]\d+)?")
 
 
 def tint(colour: Any) -> str:
@@ -289,10 +286,7 @@ def test_a_picture_is_drawn_as_it_was(name: str, monkeypatch: pytest.MonkeyPatch
     before = (FOLDER / f"{name}.txt").read_text("utf-8").splitlines()
     again = f"run python -m tests.render.test_drawn {name}, and look at the picture"
     for old, new in zip(before, DRAWN[name](), strict=True):
-        assert _NUMBER.sub("#", old) == _NUMBER.sub("#", new), again
-        numbers = ([float(x) for x in _NUMBER.findall(line)] for line in (old, new))
-        for one, other in zip(*numbers, strict=True):
-            assert math.isclose(one, other, rel_tol=1e-4, abs_tol=2e-5), f"{old}\n{new}\n{again}"
+        assert alike(old, new, 1e-4, 2e-5), f"{old}\n{new}\n{again}"
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ pygame = pytest.importorskip("pygame")
 
 from gym_passive_walker.viewer.player import FPS, KEYS, PUSH, SCENE, SIZE, Player  # noqa: E402
 from gym_passive_walker.viewer.sliders import PANEL, sliders_of  # noqa: E402
-from gym_passive_walker.viewer.view import GAIT, LEGEND, View  # noqa: E402
+from gym_passive_walker.viewer.view import GAIT, LEGEND, PORTRAIT, View  # noqa: E402
 
 SLOPE = 0.036
 LAB = WALKERS["lab"]
@@ -142,6 +142,14 @@ def test_a_torque_and_a_search_are_named(player, shown):
     gait, known = player.gait
     verdict = "no gait found" if gait is None else "stable" if gait.stable else "unstable (ring)"
     assert known and verdict in texts
+
+
+def test_the_parts_of_the_window_fill_it_side_by_side():
+    parts = [SCENE, PORTRAIT, GAIT, PANEL, LEGEND]
+    assert pygame.Rect(0, 0, 0, 0).unionall(parts).size == SIZE
+    assert sum(part.width * part.height for part in parts) == SIZE[0] * SIZE[1]
+    assert not any(part.collidelistall(parts[:i]) for i, part in enumerate(parts))
+    assert min(part.left for part in parts) == min(part.top for part in parts) == 0
 
 
 def test_notes_say_whether_time_stands_still_how_fast_it_passes_and_what_is_drawn(player, shown):

@@ -11,7 +11,8 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.web.build import KINDS, PACKAGE
+from gym_passive_walker.web.build import DATA, KINDS, PACKAGE
+from tests.numbers import alike
 
 COMPRESSED = """
 import { readFileSync } from "node:fs";
@@ -122,10 +123,15 @@ def test_the_published_folder_is_what_build_writes(package):
     pinned = (published.parent / "constraints.txt").read_text(encoding="utf-8")
     if f"llvmlite=={llvmlite.__version__}\n" not in pinned:
         names = {name for name in names if not name.endswith(".wasm")}  # another LLVM, other code
-    stale = [
-        name for name in sorted(names)
-        if not (published / name).is_file()
-        or (published / name).read_bytes() != (package / name).read_bytes()
-    ]  # fmt: skip
+
+    def same(name):
+        if not (published / name).is_file():
+            return False
+        old, new = (folder / name for folder in (published, package))
+        if name == DATA:  # gaits, of which the last digits depend on the processor
+            return alike(old.read_text("utf-8"), new.read_text("utf-8"), 1e-11, 1e-13)
+        return old.read_bytes() == new.read_bytes()
+
+    stale = [name for name in sorted(names) if not same(name)]
     assert len(names) > 10
     assert not stale, f'run gym_passive_walker.web.build("passive-walker"): {stale} are stale'
