@@ -90,6 +90,26 @@ def test_a_stiff_leg_through_the_ground_is_allowed_only_without_the_rule():
         assert problem.allowed(problem.begun_at(optimal.load("level")[5]))
 
 
+@pytest.mark.parametrize("end_on_toe_stub", [True, False])
+def test_a_search_for_a_clear_toe_keeps_a_gait_that_clears_and_refuses_one_that_stubs(
+    end_on_toe_stub, monkeypatch
+):
+    """Of the gait that the minimisation ends with."""
+    gait = optimal.load("level")[5]
+    scene = make_scene("level", end_on_toe_stub=end_on_toe_stub)
+    problem = Problem(scene, gait.speed, len(gait.torques), len(gait.point))
+    problem.clears = True
+    z = problem.begun_at(gait)
+    monkeypatch.setattr(problem, "_minimised", lambda z, *_: (z, ""))
+    np.testing.assert_allclose(problem.solve(z), z, atol=1e-8)
+    monkeypatch.setattr(problem, "_stubs", lambda z: True)
+    if end_on_toe_stub:
+        with pytest.raises(gpw.GaitNotFound, match="toe clears"):
+            problem.solve(z)
+    else:
+        np.testing.assert_allclose(problem.solve(z), z, atol=1e-8)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("point", STIFF)
 def test_the_toe_clears_the_ground_where_the_scene_asks_for_it(point):
