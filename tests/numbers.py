@@ -1,10 +1,20 @@
-"""Numbers in short, and texts with numbers, for files that tests compare with."""
+"""Results in short, and the work for them, for files that tests compare with."""
 
 import math
 import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
+import pytest
+
+from gym_passive_walker.gaits.flow import Flow
+
+NO_RESULTS = {"walker", "stride_map", "walk", "body", "controller", "scene", "motion"}
+"""Fields of results that were given, or are made of others."""
+WORK = ("calls of the engine", "walkers in them")
 
 
 def told(values: Any) -> str:
@@ -31,3 +41,47 @@ def alike(one: str, other: str, rel_tol: float, abs_tol: float) -> bool:
     pairs = zip(_NUMBER.findall(one), _NUMBER.findall(other), strict=True)
     near = {"rel_tol": rel_tol, "abs_tol": abs_tol}
     return all(x == y or math.isclose(float(x), float(y), **near) for x, y in pairs)
+
+
+def numbers_in(found: Any, path: str = "", depth: int = 0) -> Iterator[tuple[str, str]]:
+    """The numbers of a result, in short, by the names of its fields."""
+    if hasattr(found, "detach"):
+        found = found.detach().numpy()
+    if isinstance(found, np.ndarray | float | int | complex) and not isinstance(found, np.bool_):
+        values = np.asarray(found)
+        if values.dtype.kind == "c":
+            values = np.sort(np.abs(values))
+        if values.dtype.kind in "bif":
+            yield path, told(values)
+    elif isinstance(found, list | tuple) and not hasattr(found, "_fields"):
+        for i, each in enumerate(found[:3]):
+            yield from numbers_in(each, f"{path}[{i}]", depth)
+    elif (is_dataclass(found) or hasattr(found, "_fields")) and depth < 2:
+        names = getattr(found, "_fields", None) or [field.name for field in fields(found)]
+        for name in names:
+            if "error" not in name and name not in NO_RESULTS:
+                yield from numbers_in(getattr(found, name), f"{path}.{name}".lstrip("."), depth + 1)
+
+
+@contextmanager
+def work() -> Iterator[dict[str, str]]:
+    """Count the calls of the engine, and the walkers that they integrate, by the names of WORK."""
+    counts, found, integrate = [0, 0], {}, Flow.integrate
+
+    def counted(self: Flow, *given: Any) -> Flow:
+        counts[0] += 1
+        counts[1] += len(self.records)
+        return integrate(self, *given)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Flow, "integrate", counted)
+        yield found
+    found |= dict(zip(WORK, map(str, counts), strict=True))
+
+
+def compare(kept: Mapping[str, str], found: Mapping[str, str]) -> None:
+    """Check that results and the work for them are those of a file."""
+    assert kept.keys() == found.keys()
+    for field, before in kept.items():
+        near = (0.02, 0.0) if field in WORK else (1e-5, 5e-6)
+        assert alike(before, found[field], *near), f"{field}: {before}, now {found[field]}"

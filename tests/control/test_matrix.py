@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
 
@@ -16,8 +15,7 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.control.baselines import LinearFeedback
-from gym_passive_walker.gaits.flow import Flow
-from tests.numbers import alike, told
+from tests.numbers import compare, numbers_in, work
 
 KEPT = Path(__file__).with_name("matrix.json")
 PAGE = Path(__file__).parents[2] / "docs" / "analyses.md"
@@ -140,49 +138,16 @@ ANALYSES = {
 }
 
 
-def numbers_in(found, path="", depth=0):
-    """The numbers of a result, in short, by the names of its fields."""
-    if hasattr(found, "detach"):
-        found = found.detach().numpy()
-    if isinstance(found, np.ndarray | float | int | complex) and not isinstance(found, np.bool_):
-        values = np.asarray(found)
-        if values.dtype.kind == "c":
-            values = np.sort(np.abs(values))
-        if values.dtype.kind in "bif":
-            yield path, told(values)
-    elif isinstance(found, list | tuple) and not hasattr(found, "_fields"):
-        for i, each in enumerate(found[:3]):
-            yield from numbers_in(each, f"{path}[{i}]", depth)
-    elif (is_dataclass(found) or hasattr(found, "_fields")) and depth < 2:
-        names = getattr(found, "_fields", None) or [field.name for field in fields(found)]
-        for name in names:
-            if "error" not in name and name not in NO_RESULTS:
-                yield from numbers_in(getattr(found, name), f"{path}.{name}".lstrip("."), depth + 1)
-
-
-NO_RESULTS = {"walker", "stride_map", "walk", "body", "controller", "scene", "motion"}
-"""Fields of results that were given, or are made of others."""
-
-
 def tried(analysis, name):
     """What a pair reports: why it does not work, or its numbers and its work."""
-    work, integrate = [0, 0], Flow.integrate
-
-    def counted(self, *given):
-        work[0] += 1
-        work[1] += len(self.records)
-        return integrate(self, *given)
-
     try:
         gait(name)
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(Flow, "integrate", counted)
+        with work() as counts:
             result = ANALYSES[analysis](name)
     except (ValueError, gpw.GaitNotFound) as error:
         return str(error), {}
     assert result is not None
-    numbers = {} if analysis == "pictures" else dict(numbers_in(result))
-    return "", {"calls of the engine": str(work[0]), "walkers in them": str(work[1]), **numbers}
+    return "", counts | ({} if analysis == "pictures" else dict(numbers_in(result)))
 
 
 REASONS = {
@@ -212,11 +177,7 @@ def test_every_analysis_takes_everything_that_walks_and_finds_what_it_did(analys
     assert cell(analysis, name) == "yes"
     kept = json.loads(KEPT.read_text("utf-8"))[f"{analysis}, {name}"]
     _, found = reported(analysis, name)
-    assert kept.keys() == found.keys()
-    for field, before in kept.items():
-        worked = field in ("calls of the engine", "walkers in them")
-        near = (0.02, 0.0) if worked else (1e-5, 5e-6)
-        assert alike(before, found[field], *near), f"{field}: {before}, now {found[field]}"
+    compare(kept, found)
 
 
 def table() -> str:
