@@ -25,7 +25,8 @@ def told(values: Any) -> str:
     start = ""
     if rows.size > 12:
         weights = np.linspace(-1.0, 1.0, len(rows))[:, None]
-        start = f"({shape}, {int(np.isnan(rows).sum())} nan) "
+        start = f"({shape}, {int(np.isnan(rows).sum())} nan, {int(np.isinf(rows).sum())} inf) "
+        rows = np.where(np.isinf(rows), np.nan, rows)
         rows = np.array([np.nanmean(x, axis=0) for x in (rows, rows**2, weights * rows)])
     each = rows.ravel().tolist()
     return start + " ".join("nan" if math.isnan(x) else f"{x + 0.0:.6g}" for x in each)
@@ -45,7 +46,7 @@ def alike(one: str, other: str, rel_tol: float, abs_tol: float) -> bool:
 
 def numbers_in(found: Any, path: str = "", depth: int = 0) -> Iterator[tuple[str, str]]:
     """The numbers of a result, in short, by the names of its fields."""
-    if hasattr(found, "detach"):
+    if hasattr(found, "detach") and hasattr(found, "numpy"):
         found = found.detach().numpy()
     if isinstance(found, np.ndarray | float | int | complex) and not isinstance(found, np.bool_):
         values = np.asarray(found)

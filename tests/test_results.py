@@ -1,0 +1,200 @@
+"""Results are those that they were, and take no more work: in `tests/results.json`.
+
+python -m tests.test_results     Write the file again, for results that were meant to change.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from agents.config import ALGORITHMS, configure
+from examples.driven_torso import DRIVEN_TORSO
+from examples.five_links import FIVE_LINKS
+from examples.rimless_wheel import RIMLESS_WHEEL
+from examples.torso import TORSO
+from gym_passive_walker.control import optimal
+from gym_passive_walker.control.baselines import LinearFeedback, Optimal
+from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.policies import shipped_policies
+from tests.numbers import compare, numbers_in, work
+
+KEPT = Path(__file__).with_name("results.json")
+SLOPES = {"A": 0.03, "B": 0.03, "C": 0.02, "D": 0.009, "E": 0.009, "F": 0.009}
+
+
+def walked(name: str, **changes: Any) -> dict[str, Any]:
+    """Sums over some steps of a scene, with actions, ends and further episodes."""
+    envs = PassiveWalkerVectorEnv(6, make_scene(name, **changes), autoreset_mode="SameStep")
+    seen, infos = [envs.reset(seed=3)[0]], []
+    rng, rewards, ends = np.random.default_rng(0), [], []
+    for _ in range(60):
+        actions = rng.uniform(-0.6, 0.8, envs.action_space.shape)
+        observation, reward, terminated, truncated, info = envs.step(actions)
+        seen.append(observation), rewards.append(reward), ends.append(terminated | truncated)
+        infos += [np.asarray(x, float).ravel() for x in info.values() if np.ndim(x) == 1
+                  and np.asarray(x).dtype.kind in "bif"]  # fmt: skip
+    return {"seen": np.array(seen), "rewards": np.array(rewards), "ends": np.array(ends, float),
+            "infos": np.concatenate(infos)}  # fmt: skip
+
+
+def policy(name: str) -> gpw.Gait:
+    loaded = gpw.load_policy(name)
+    return gpw.closed_loop_gait(loaded, loaded.scene)
+
+
+def held(scene: Any, **given: Any) -> dict[str, Any]:
+    feedback = LinearFeedback(scene, **given)
+    return {
+        "gait": feedback.gait,
+        "closed": feedback.closed_loop,
+        "rows": feedback.rows,
+        "actions": feedback.actions,
+        "robust": gpw.robustness(feedback, walkers=8, strides=8),
+    }
+
+
+def gauntlet_of(name: str) -> dict[str, Any]:
+    found = gpw.gauntlet(name, walkers=4)
+    numbers = {key: np.asarray(x, float) for key, x in found.columns().items()
+               if np.asarray(x).dtype.kind in "bif"}  # fmt: skip
+    return numbers | {"score": found.score}
+
+
+def differentiated(scene: Any, actions: int, sees: int) -> dict[str, Any]:
+    """Returns of walks on tensors, and their gradient by a policy's weights."""
+    torch = pytest.importorskip("torch")
+    from gym_passive_walker.torch import rollout
+
+    torch.manual_seed(0)
+    policy = torch.nn.Linear(sees, actions).double()
+    with torch.no_grad():
+        policy.weight *= 0.2
+    walks = rollout(policy, make_scene(scene, reset_noise_scale=0.02), 60, count=5, seed=1)
+    walks.returns.sum().backward()
+    return {"walks": walks, "by": policy.weight.grad}
+
+
+def configured() -> dict[str, Any]:
+    """The numbers of all presets."""
+
+    def numbers(given: Any, name: str) -> Any:
+        if isinstance(given, dict):
+            for key, value in given.items():
+                yield from numbers(value, f"{name}.{key}")
+        elif isinstance(given, int | float):
+            yield name, float(given)
+
+    presets = {f"{a} {s}": asdict(configure(a, s)) for a in ALGORITHMS for s in ("level", "steep")}
+    return dict(numbers(presets, ""))
+
+
+def at_speed(scene: Any, speed: float, **given: Any) -> dict[str, Any]:
+    found = gpw.optimal_gait(scene, speed, **given)
+    return {"cost": found.motor_cost, "torques": np.array(found.torques), "point": found.point}
+
+
+RESULTS: dict[str, Callable[[], Any]] = {
+    **{f"gaits of {w}": lambda w=w, s=s: gpw.find_gaits(w, s) for w, s in SLOPES.items()},
+    "gaits of period 2": lambda: gpw.find_gaits("D", 0.0165, period=2),
+    "gaits of period 3": lambda: gpw.find_gaits("D", 0.0125, period=3),
+    "gaits uphill": lambda: gpw.find_gaits(
+        gpw.stride_map("E", -0.01, controller=gpw.Actuation(push_off=0.15, hip_torque=0.1))
+    ),
+    **{f"gaits of {x.name}": lambda x=x: gpw.find_gaits(x, 0.03, guess=x.start)
+       for x in (TORSO, FIVE_LINKS, DRIVEN_TORSO)},
+    "gait of rimless wheel": lambda: gpw.find_gait(RIMLESS_WHEEL, 0.08),
+    "family of the torso": lambda: gpw.gait_family(TORSO, 0.02, 0.04),
+    "family of lab": lambda: gpw.gait_family("lab", 0.005, 0.1),
+    "family of D": lambda: gpw.gait_family("D", 0.001, 0.0175),
+    "short family of D": lambda: gpw.gait_family("D", 0.001, 0.02, kind="short"),
+    "family in a mass": lambda: gpw.parameter_family("lab", "shank_mass", 0.6, 1.4, slope=0.036),
+    "doublings": lambda: gpw.doubling_cascade("D", 0.01, 0.02, doublings=3),
+    "crisis": lambda: gpw.crisis_slope(
+        "D", 0.017, 0.022, strides=200, walkers=16, accuracy=1e-5
+    ),
+    "exponents": lambda: gpw.lyapunov_exponents("D", [0.009, 0.0165], strides=100),
+    "diagram": lambda: gpw.bifurcation_diagram("D", [0.014, 0.0165], n_transient=300),
+    "basin": lambda: gpw.basin_of_attraction("D", 0.009, resolution=24),
+    "push": lambda: gpw.largest_push("lab", 0.036),
+    "first passage": lambda: gpw.robustness(gpw.find_gait("D", 0.009), walkers=64, starts=8),
+    "sensitivities": lambda: gpw.stride_jacobian(
+        "lab", 0.036, wrt=("state", "slope", "hip_torque", "shank_mass", "foot_radius", "gravity")
+    ),
+    "Jacobian uphill": lambda: gpw.stride_jacobian(
+        "E", 0.009, wrt=("state", "ankle_torque", "push_off")
+    ),
+    "check": lambda: gpw.reality_check("lab", 0.036),
+    "walk": lambda: gpw.simulate("C", 0.02, strides=3, samples=30),
+    "rough walk": lambda: gpw.simulate("lab", 0.036, strides=5, terrain=gpw.rough(0.002)),
+    "stairs": lambda: gpw.simulate("lab", 0.036, strides=4, terrain=gpw.stairs(0.001)),
+    "waves": lambda: gpw.simulate("lab", 0.036, strides=4, terrain=gpw.waves(0.002, 3)),
+    "collisions": lambda: gpw.collision_matrix("lab", 0.036),
+    "tuned": lambda: gpw.tuning_errors(gpw.tune("lab")),
+    "between": lambda: gpw.tuning_errors(gpw.interpolate("C", "lab", 0.3)),
+    "optimum": lambda: at_speed("level", 0.1),
+    "optimum from afar": lambda: at_speed("level", 0.12, start=optimal.load("level")[3]),
+    "optimum with push-off": lambda: at_speed("push-off", 0.12),
+    "optimum uphill": lambda: at_speed(make_scene("steep", slope=-0.005), 0.1),
+    **{f"policy {name}": lambda name=name: policy(name) for name in shipped_policies()
+       if name != "anywhere-ppo"},
+    **{f"scene {name}": lambda name=name: walked(name) for name in SCENES},
+    **{f"level, {name}": lambda name=name, x=x: walked("level", **{name: x}) for name, x in {
+        "slope": (0.0, 0.03), "control": "stride", "tick": 0.17, "actions": ("push_off", "hip"),
+        "max_hip_torque": 0.07, "energy_weight": 3.0, "energy": "net", "end_on_toe_stub": False,
+        "reset_noise_scale": 0.03, "domain_randomization": {"shank_mass": 0.1}, "tolerance": 1e-6,
+        "observe_body": ("foot_radius",), "max_stride_time": 2.0,
+        "observation_noise": 0.02, "action_noise": 0.1, "action_delay": 3, "command": 0.15,
+        "command_weight": 3.0, "terrain": gpw.rough(0.001, 0.002), "max_episode_steps": 7,
+        "pushes": {"rate": 1.0, "impulse": 0.01}, "reward": {"distance": 2.0, "alive": 0.1},
+        "constraints": {"friction": "end", "scuffing": "report"}, "reward_terms": True,
+    }.items() if name in Scene.__dataclass_fields__},
+    **{f"feedback, {name}": lambda x=x: held(**x) for name, x in {
+        "level": {"scene": "level"}, "deadbeat": {"scene": "steep", "method": "deadbeat"},
+        "two": {"scene": "level", "pieces": 2}, "weight": {"scene": "lab", "torque_weight": 3.0},
+    }.items()},
+    "optimal feedback": lambda: gpw.closed_loop_gait(Optimal("level"), "level"),
+    "gauntlet": lambda: gauntlet_of("level-ppo"),
+    "robustness of a policy": lambda: gpw.robustness("push-off-ppo", walkers=8, strides=10),
+    "rollout": lambda: differentiated("level", 1, 8),
+    "rollout with push-off": lambda: differentiated("push-off", 1, 8),
+    "presets": configured,
+    "level, a pool of walkers": lambda: walked(
+        "level", domain_randomization={"shank_mass": 0.1}, randomization_pool=2
+    ),
+    "scene with everything": lambda: walked(
+        "level", slope=(-0.01, 0.02), pushes={"rate": 0.5, "impulse": (-0.02, 0.02)},
+        observation_noise=0.01, action_noise=0.02, action_delay=1, command=(0.1, 0.2),
+        terrain=gpw.rough(0.001), terrain_lookahead=2, actions=("hip", "push_off"),
+        constraints=dict.fromkeys(("contact", "friction", "scuffing"), "report"),
+        domain_randomization={"hip_mass": 0.02}, energy="positive",
+    ),
+}  # fmt: skip
+
+
+def found(name: str) -> dict[str, str]:
+    """The numbers of a result, and the work for it."""
+    with work() as counts:
+        result = RESULTS[name]()
+    fields = result if isinstance(result, dict) else {"": result}
+    if "seen" in fields:
+        counts = {}  # gaits from which an environment starts are kept from one to the next
+    return counts | dict(x for key, value in fields.items() for x in numbers_in(value, key))
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_a_result_is_what_it_was_for_no_more_work(name: str) -> None:
+    compare(json.loads(KEPT.read_text("utf-8"))[name], found(name))
+
+
+if __name__ == "__main__":
+    kept = {name: found(name) for name in RESULTS}
+    KEPT.write_text(json.dumps(kept, indent=0, ensure_ascii=False) + "\n", "utf-8")
