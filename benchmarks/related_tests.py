@@ -174,6 +174,11 @@ _SINGLE = {
     "math": "envs/test_custom modeling/test_limits modeling/test_numbers",
 }
 """All tests of modules outside packages, where tests have other names."""
+_KEPT: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(("agents", "viewer"), ("tests/render/test_drawn.py",)),
+    **dict.fromkeys(("cli", "gpu", "render", "sweeps", "validation", "web"), ()),
+}
+"""Tests by package that compare with a file of results, instead of `tests/test_results.py`."""
 _EVERYWHERE = "permutations streams conformance/conformance"
 """Tests that concern every module of `envs`; they run after the module's own."""
 
@@ -181,7 +186,8 @@ _EVERYWHERE = "permutations streams conformance/conformance"
 def tests_of(file: str) -> list[str]:
     """The tests that concern a module, those most likely to detect a fault first.
 
-    Tests listed for the module come first, then tests of options, then all others of its package.
+    Tests listed for the module come first, then those that compare with a file of results, then
+    tests of options, then all others of its package.
     """
     if file in CHANGED:
         return CHANGED[file]
@@ -199,7 +205,8 @@ def tests_of(file: str) -> list[str]:
     # List single files: pytest orders the files of a folder differently.
     rest = [] if file == package else _tests_in(f"tests/{package}")
     rest = rest or [f"tests/test_{package}.py"]  # of a package without a folder of tests
-    return list(dict.fromkeys([*tests, *options, *rest]))
+    kept = _KEPT.get(package, ("tests/test_results.py",))
+    return list(dict.fromkeys([*tests, *kept, *options, *rest]))
 
 
 def _tests_in(folder: str) -> list[str]:
