@@ -20,7 +20,6 @@ from examples.driven_torso import DRIVEN_TORSO
 from examples.five_links import FIVE_LINKS
 from examples.rimless_wheel import RIMLESS_WHEEL
 from examples.torso import TORSO
-from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import LinearFeedback, Optimal
 from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
@@ -141,7 +140,6 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "tuned": lambda: gpw.tuning_errors(gpw.tune("lab")),
     "between": lambda: gpw.tuning_errors(gpw.interpolate("C", "lab", 0.3)),
     "optimum": lambda: at_speed("level", 0.1),
-    "optimum from afar": lambda: at_speed("level", 0.12, start=optimal.load("level")[3]),
     "optimum with push-off": lambda: at_speed("push-off", 0.12),
     "optimum uphill": lambda: at_speed(make_scene("steep", slope=-0.005), 0.1),
     **{f"policy {name}": lambda name=name: policy(name) for name in shipped_policies()

@@ -53,6 +53,8 @@ MEASURES = {
 
 _CELLS, _STRIDES = 61, 100  # resolution and strides of the basin of a controlled gait
 
+_NO_TORQUE = 1e-6  # range of torques / (m g l) below which they are drawn as none
+
 _OWN_UNITS = {
     "mass": "mass",
     "torque": ("torque", "stiffness"),
@@ -377,6 +379,8 @@ def _torques(ax: Axes, walk: Trajectory, gait: Gait, optimum: Any) -> None:
         label = f"optimal at speed {optimum.speed:.3f} √(g l)"
         ax.step(edges, held, where="post", color=BLACK, linestyle="--", label=label)
     ax.axhline(0.0, color=GREY, linewidth=0.4)
+    if np.ptp(ax.get_ylim()) < _NO_TORQUE:  # no picture of rounding
+        ax.set_ylim(-_NO_TORQUE, _NO_TORQUE)
     ax.set(xlabel=TIME, ylabel="hip torque τ / (m g l)")
     legend(ax, columns=2)
 
