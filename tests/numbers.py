@@ -86,6 +86,6 @@ def compare(kept: Mapping[str, str], found: Mapping[str, str]) -> None:
     """Check that results and the work for them are those of a file."""
     assert kept.keys() == found.keys()
     for field, before in kept.items():
-        # Rounding, which depends on the processor, moves the end of some searches.
+        # Rounding, which depends on the CPU, moves the end of some searches.
         near = (0.1, 8.0) if field in WORK else (1e-5, 5e-6)
         assert alike(before, found[field], *near), f"{field}: {before}, now {found[field]}"

@@ -94,7 +94,7 @@ def test_a_stiff_leg_through_the_ground_is_allowed_only_without_the_rule():
 def test_a_search_for_a_clear_toe_keeps_a_gait_that_clears_and_refuses_one_that_stubs(
     end_on_toe_stub, monkeypatch
 ):
-    """Of the gait that the minimisation ends with."""
+    """Of the gait with which the search ends."""
     gait = optimal.load("level")[5]
     scene = make_scene("level", end_on_toe_stub=end_on_toe_stub)
     problem = Problem(scene, gait.speed, len(gait.torques), len(gait.point))

@@ -128,7 +128,7 @@ def test_the_published_folder_is_what_build_writes(package):
         if not (published / name).is_file():
             return False
         old, new = (folder / name for folder in (published, package))
-        if name == DATA:  # gaits, of which the last digits depend on the processor
+        if name == DATA:  # gaits, of which the last digits depend on the CPU
             return alike(old.read_text("utf-8"), new.read_text("utf-8"), 1e-11, 1e-13)
         return old.read_bytes() == new.read_bytes()
 
