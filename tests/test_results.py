@@ -24,6 +24,7 @@ from gym_passive_walker.control.baselines import LinearFeedback, Optimal
 from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.policies import shipped_policies
+from gym_passive_walker.render.ground import ground_under
 from tests.numbers import compare, numbers_in, work
 
 KEPT = Path(__file__).with_name("results.json")
@@ -43,6 +44,11 @@ def walked(name: str, **changes: Any) -> dict[str, Any]:
                   and np.asarray(x).dtype.kind in "bif"]  # fmt: skip
     return {"seen": np.array(seen), "rewards": np.array(rewards), "ends": np.array(ends, float),
             "infos": np.concatenate(infos)}  # fmt: skip
+
+
+def on_waves() -> Any:
+    """A stride map over three footholds."""
+    return gpw.stride_map("lab", 0.036, terrain=gpw.waves(0.001, 3))
 
 
 def policy(name: str) -> gpw.Gait:
@@ -112,6 +118,13 @@ RESULTS: dict[str, Callable[[], Any]] = {
        for x in (TORSO, FIVE_LINKS, DRIVEN_TORSO)},
     "gait of rimless wheel": lambda: gpw.find_gait(RIMLESS_WHEEL, 0.08),
     "family of the torso": lambda: gpw.gait_family(TORSO, 0.02, 0.04),
+    **{f"{what} on waves": lambda do=do: do(on_waves()) for what, do in {
+        "gaits": gpw.find_gaits,
+        "stride": lambda waves: waves.stride(gpw.find_gait("lab", 0.036).state),
+        "strides": lambda waves: gpw.simulate(waves, strides=4, samples=5),
+        "Jacobian": lambda waves: gpw.stride_jacobian(gpw.find_gait(waves), wrt=("state", "slope")),
+        "family": lambda waves: gpw.gait_family(waves, 0.035, 0.037),
+    }.items()},
     "family of lab": lambda: gpw.gait_family("lab", 0.005, 0.1),
     "family of D": lambda: gpw.gait_family("D", 0.001, 0.0175),
     "short family of D": lambda: gpw.gait_family("D", 0.001, 0.02, kind="short"),
@@ -134,6 +147,9 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "check": lambda: gpw.reality_check("lab", 0.036),
     "walk": lambda: gpw.simulate("C", 0.02, strides=3, samples=30),
     "rough walk": lambda: gpw.simulate("lab", 0.036, strides=5, terrain=gpw.rough(0.002)),
+    "ground under a rough walk": lambda: ground_under(
+        gpw.simulate("lab", 0.036, strides=3, terrain=gpw.rough(0.002, 0.01)), 3.0
+    ),
     "stairs": lambda: gpw.simulate("lab", 0.036, strides=4, terrain=gpw.stairs(0.001)),
     "waves": lambda: gpw.simulate("lab", 0.036, strides=4, terrain=gpw.waves(0.002, 3)),
     "collisions": lambda: gpw.collision_matrix("lab", 0.036),

@@ -172,9 +172,9 @@ def _check_links(checks: Checks, state: Any) -> None:
         raise checks.error("links", f"must give a list of gpw.Link, not {links!r}")
     for link in links:
         each = checks.tried("links", lambda link: Link(*link), link)
-        mass, *_, inertia, _ = checks.numbers("links", each, 5)
-        if mass < 0.0 or inertia < 0.0:
-            raise checks.error("links", f"must have no negative mass or inertia, as {each} has")
+        plain = Link(*checks.numbers("links", each, 5).tolist())
+        if plain.mass < 0.0 or plain.inertia < 0.0:
+            raise checks.error("links", f"must have no negative mass or inertia, as {plain} has")
 
 
 def _check_functions(checks: Checks, state: Any) -> None:

@@ -1,8 +1,14 @@
-"""What is wrong with a statement is said in one sentence that names the function."""
+"""What is wrong with a statement is said in one sentence that names the function.
 
+python -m tests.modeling.test_statements     Write the sentences, `sentences.json`, again.
+"""
+
+import json
 import math
 import pickle
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +18,9 @@ import gym_passive_walker as gpw
 from examples.torso import TORSO
 from gym_passive_walker.math import cos, sin
 from tests.modeling.statements import COMPASS, State, links
+from tests.numbers import alike
+
+SENTENCES = Path(__file__).with_name("sentences.json")
 
 
 class Nothing(NamedTuple):
@@ -89,6 +98,24 @@ def test_a_statement_that_is_wrong_is_refused_by_the_name_of_its_function(name, 
         replace(COMPASS, **{name: wrong})
     assert said in str(error.value) and name in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def sentences():
+    """What is said of each wrong statement."""
+    found = {}
+    for name, several in WRONG.items():
+        for what, (wrong, _) in several.items():
+            with pytest.raises(gpw.StatementError) as error:
+                replace(COMPASS, **{name: wrong})
+            found[f"{name}: {what}"] = re.sub(r" at 0x\w+", "", str(error.value))
+    return found
+
+
+def test_sentences_and_the_numbers_in_them_are_as_they_were():
+    kept = json.loads(SENTENCES.read_text("utf-8"))
+    for what, said in sentences().items():
+        assert alike(kept.pop(what), said, 1e-4, 1e-9), f"{what}: {said}"
+    assert not kept
 
 
 def test_a_body_varies_by_name():
@@ -175,3 +202,7 @@ def test_a_walk_is_sampled_in_the_system_s_own_coordinates():
 
 def test_the_named_tuple_of_a_link_has_a_point_mass_by_default():
     assert gpw.Link(1.0, 2.0, 3.0) == (1.0, 2.0, 3.0, 0.0, 0.0)
+
+
+if __name__ == "__main__":
+    SENTENCES.write_text(json.dumps(sentences(), indent=0, ensure_ascii=False) + "\n", "utf-8")
