@@ -199,7 +199,7 @@ def found(name: str) -> dict[str, str]:
     with work() as counts:
         result = RESULTS[name]()
     fields = result if isinstance(result, dict) else {"": result}
-    if "seen" in fields:
+    if "seen" in fields or "robust" in fields or isinstance(result, gpw.Robustness):
         counts = {}  # gaits from which an environment starts are kept from one to the next
     return counts | dict(x for key, value in fields.items() for x in numbers_in(value, key))
 
