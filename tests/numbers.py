@@ -5,10 +5,12 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import scipy
 
 from gym_passive_walker.gaits.flow import Flow
 
@@ -16,6 +18,8 @@ NO_RESULTS = {
     "walker", "stride_map", "walk", "body", "controller", "scene", "motion", "period_response"
 }  # fmt: skip
 """Fields of results that were given, or are made of others; the last one's digits are few."""
+_PINS = (Path(__file__).parents[1] / "constraints.txt").read_text("utf-8").splitlines()
+_PINNED = {f"numpy=={np.__version__}", f"scipy=={scipy.__version__}"} <= {*_PINS}
 WORK = ("calls of the engine", "walkers in them")
 
 
@@ -86,6 +90,8 @@ def compare(kept: Mapping[str, str], found: Mapping[str, str]) -> None:
     """Check that results and the work for them are those of a file."""
     assert kept.keys() == found.keys()
     for field, before in kept.items():
+        if field in WORK and not _PINNED:
+            continue  # other versions may search otherwise
         # Rounding, which depends on the CPU, moves the end of some searches.
         near = (0.1, 8.0) if field in WORK else (1e-5, 5e-6)
         assert alike(before, found[field], *near), f"{field}: {before}, now {found[field]}"

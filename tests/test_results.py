@@ -51,6 +51,11 @@ def on_waves() -> Any:
     return gpw.stride_map("lab", 0.036, terrain=gpw.waves(0.001, 3))
 
 
+def lean(observation: np.ndarray) -> np.ndarray:
+    """A torque as a function of the stance angle."""
+    return 0.1 * observation[:, :1]
+
+
 def policy(name: str) -> gpw.Gait:
     loaded = gpw.load_policy(name)
     return gpw.closed_loop_gait(loaded, loaded.scene)
@@ -104,7 +109,7 @@ def configured() -> dict[str, Any]:
 
 def at_speed(scene: Any, speed: float, **given: Any) -> dict[str, Any]:
     found = gpw.optimal_gait(scene, speed, **given)
-    return {"cost": found.motor_cost, "torques": np.array(found.torques), "point": found.point}
+    return {"cost": found.motor_cost, "period": found.step_period, "speed": found.speed}
 
 
 RESULTS: dict[str, Callable[[], Any]] = {
@@ -175,6 +180,9 @@ RESULTS: dict[str, Callable[[], Any]] = {
         "level": {"scene": "level"}, "deadbeat": {"scene": "steep", "method": "deadbeat"},
         "two": {"scene": "level", "pieces": 2}, "weight": {"scene": "lab", "torque_weight": 3.0},
     }.items()},
+    **{f"{w} under a function": lambda w=w: gpw.find_gait(gpw.stride_map(
+        controller=lean, scene={"walker": w, "slope": 0.02}
+    )) for w in ("A", "D", "E")},
     "optimal feedback": lambda: gpw.closed_loop_gait(Optimal("level"), "level"),
     "gauntlet": lambda: gauntlet_of("level-ppo"),
     "robustness of a policy": lambda: gpw.robustness("push-off-ppo", walkers=8, strides=10),

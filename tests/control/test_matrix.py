@@ -147,7 +147,7 @@ def tried(analysis, name):
     except (ValueError, gpw.GaitNotFound) as error:
         return str(error), {}
     assert result is not None
-    if analysis == "robustness":  # of an environment, whose initial gaits are kept
+    if analysis == "robustness":  # the initial gaits of an environment are kept
         counts = {}
     return "", counts | ({} if analysis == "pictures" else dict(numbers_in(result)))
 
