@@ -309,6 +309,13 @@ def test_nothing_has_happened_when_an_episode_begins(name):
     def happened(step):
         return everything(step._replace(**dict.fromkeys(GIVEN, 0.0)))
 
+    def knee(step):
+        return gpw.math.where(step.knee_locked, 1.0, 0.0), *step.state
+
+    envs = PassiveWalkerVectorEnv(COUNT, scene_of(name, observation=knee))
+    locked, *state = envs.reset(seed=0)[0].T
+    np.testing.assert_array_equal(locked, not envs.scene.walker.knees)
+    np.testing.assert_allclose(state, envs.get_state()["records"]["state"][:, 0].T, rtol=1e-6)
     envs = PassiveWalkerVectorEnv(COUNT, scene_of(name, observation=happened))
     for _ in range(2):
         np.testing.assert_array_equal(envs.reset(seed=0)[0], 0.0)
