@@ -192,7 +192,7 @@ def after(
     results are applied here to `rewards` and `terminated`, each (n,), rather than in `enter`.
     Returns the number of episodes that end.
     """
-    count, endings = rules[0].actions, 0
+    count = rules[0].actions
     for i in range(len(records)):
         record, row = records[i, 0], ledger[i]
         if record.outcome == RESTING:
@@ -228,25 +228,9 @@ def after(
             call(paid, entry(ledger, i), entry(notes, i), 0, 0, 0.0, 0.0)
         if ends != 0:
             call(ends, entry(ledger, i), entry(notes, i), 0, 0, 0.0, 0.0)
-        if at_once:
-            endings += enter_one(row, note, i, paid != 0, ends != 0, rewards, terminated)
-    return endings
-
-
-@inlined
-def enter_one(row, note, i, pays, stops, rewards, terminated):
-    """Apply the reward and termination in a walker's note; returns 1 if its episode ends, or 0."""
-    if pays:
-        row.total += note.paid - row.reward
-        row.reward = note.paid
-        rewards[i] = note.paid
-    if not stops or note.ends == 0.0 or row.ending != 0:
+    if not at_once:
         return 0
-    row.ending = STOPPED
-    if row.outcome == 0:
-        row.outcome = STOPPED
-    terminated[i] = True
-    return 1 - row.truncated
+    return enter(records, ledger, notes, paid != 0, ends != 0, rewards, terminated)
 
 
 @Kernel
@@ -254,8 +238,19 @@ def enter(records, ledger, notes, pays, stops, rewards, terminated):
     """Apply rewards and terminations in `notes`; returns the number of episodes that end."""
     endings = 0
     for i in range(len(ledger)):
-        if records[i, 0].outcome != RESTING:
-            endings += enter_one(ledger[i], notes[i], i, pays, stops, rewards, terminated)
+        if records[i, 0].outcome == RESTING:
+            continue
+        row, note = ledger[i], notes[i]
+        if pays:
+            row.total += note.paid - row.reward
+            row.reward = note.paid
+            rewards[i] = note.paid
+        if stops and note.ends != 0.0 and row.ending == 0:
+            row.ending = STOPPED
+            if row.outcome == 0:
+                row.outcome = STOPPED
+            terminated[i] = True
+            endings += 1 - row.truncated
     return endings
 
 
