@@ -24,7 +24,6 @@ from matplotlib import colors  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
 import gym_passive_walker as gpw  # noqa: E402
-from agents import pictures, results  # noqa: E402
 from gym_passive_walker.control import optimal  # noqa: E402
 from gym_passive_walker.control.baselines import LinearFeedback  # noqa: E402
 from gym_passive_walker.envs.scene import make_scene  # noqa: E402
@@ -215,6 +214,9 @@ def _strides() -> gpw.Stride:
 
 def of_agents(name: str) -> Figure:
     """A picture of invented results of agents."""
+    pytest.importorskip("stable_baselines3")
+    from agents import pictures, results
+
     gaits, walk = optimal.load("level"), make_scene("level")
     scores: list[Any] = [
         {"scene": "level", "agent": agent, "seed": seed, "reached_time_limit": 1.0, "reward": 40.0,
