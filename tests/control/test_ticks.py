@@ -186,6 +186,18 @@ def test_strides_of_a_batch_are_those_of_each_alone():
     assert np.isnan(together.by[3]).all() and np.isnan(together.end[3]).all()
 
 
+@pytest.mark.parametrize("together", [1, 3, 4, 7])
+def test_a_crowd_that_is_followed_in_parts_is_the_crowd(together, monkeypatch):
+    """With as many walkers at once as fit, fewer, or all."""
+    points, torques = many(7)
+    walkers = Walkers(walker=gpw.WALKERS["lab"])
+    whole = ticked_strides(walkers, 0.036, points, torques, tick=TICK)
+    monkeypatch.setattr(ticks, "_TOGETHER", (together, together))
+    parts = ticked_strides(walkers, 0.036, points, torques, tick=TICK)
+    for name in ("end", "duration", "length", "swing", "turn", "kneestrike", "by"):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))
+
+
 def test_under_one_torque_a_stride_in_ticks_has_the_stride_map_s_derivatives():
     """By the start, the torque, the slope and what the walker is made of, each walker its own."""
     points, _ = many(3)
