@@ -54,7 +54,7 @@ def numbers_in(found: Any, path: str = "", depth: int = 0) -> Iterator[tuple[str
     """The numbers of a result, in short, by the names of its fields."""
     if hasattr(found, "detach") and hasattr(found, "numpy"):
         found = found.detach().numpy()
-    if isinstance(found, np.ndarray | float | int | complex) and not isinstance(found, np.bool_):
+    if isinstance(found, np.ndarray | float | int | complex):
         values = np.asarray(found)
         if values.dtype.kind == "c":
             values = np.sort(np.abs(values))

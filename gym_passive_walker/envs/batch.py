@@ -186,7 +186,7 @@ class Batch:
 
     @property
     def starts_alike(self) -> bool:
-        """Whether compiled code can begin episodes: all walkers have the same initial states."""
+        """Whether compiled code can begin episodes: all start alike, and all rules are compiled."""
         alike = self._alike_starts and not self.scene.domain_randomization
         native = not self.custom or self.custom.native
         return alike and native and not self.disturbances

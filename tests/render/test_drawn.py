@@ -282,6 +282,10 @@ DRAWN: dict[str, Callable[[], list[str]]] = {
 }
 
 
+def test_the_folder_holds_these_pictures_and_no_others() -> None:
+    assert {path.stem for path in FOLDER.iterdir()} == DRAWN.keys()
+
+
 @pytest.mark.parametrize("name", DRAWN)
 def test_a_picture_is_drawn_as_it_was(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
