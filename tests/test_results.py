@@ -178,7 +178,9 @@ RESULTS: dict[str, Callable[[], Any]] = {
     }.items()},
     **{f"feedback, {name}": lambda x=x: held(**x) for name, x in {
         "level": {"scene": "level"}, "deadbeat": {"scene": "steep", "method": "deadbeat"},
-        "two": {"scene": "level", "pieces": 2}, "weight": {"scene": "lab", "torque_weight": 3.0},
+        "two": {"scene": "level", "pieces": 2},
+        "two, deadbeat": {"scene": "level", "method": "deadbeat", "pieces": 2},
+        "weight": {"scene": "lab", "torque_weight": 3.0},
     }.items()},
     **{f"{w} under a function": lambda w=w: gpw.find_gait(gpw.stride_map(
         controller=lean, scene={"walker": w, "slope": 0.02}

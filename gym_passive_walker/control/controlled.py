@@ -153,15 +153,19 @@ class ControlledMap(StrideMap):
     def likely(self, slope: float) -> NDArray[np.float64]:
         """Return points near which a gait may be: ends of walks from the start and beside it.
 
+        Walks begin at the gait that the controller holds too, if it holds one.
+
         Args:
             slope: Slope in rad.
 
         Returns:
-            Points (n, m); the start is one of them, as a gait may be unstable.
+            Points (n, m); the starts are among them, as a gait may be unstable.
         """
-        begun = self.beginning(slope)
+        begun, held = self.beginning(slope), getattr(self.agent, "point", None)
         off = np.random.default_rng(0).uniform(-_FAR, _FAR, (_BESIDE, self.dimension))
         points = np.concatenate([begun, begun * (1.0 + off)])
+        if np.shape(held) == points[0].shape:
+            points = np.concatenate([[held], points])
         settled = self.apply(points, slope, strides=_SETTLING).ends
         return np.concatenate([settled[np.isfinite(settled[:, 0])], points])
 

@@ -537,3 +537,5 @@ def test_a_search_for_a_gait_begins_on_both_sides_of_the_start_of_walks():
     beside = strides.likely(0.0)[-15:] / begun - 1.0
     assert np.all(beside.min(axis=0) < -0.02) and np.all(beside.max(axis=0) > 0.02)
     assert np.abs(beside).max() <= 0.1
+    held = strides.controller.point
+    assert (strides.likely(0.0) == held).all(axis=1).any() and not np.allclose(held, begun)
