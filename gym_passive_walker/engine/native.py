@@ -165,6 +165,33 @@ class Function:
         """Append code over single numbers; with `lane`, over one lane of the first memory."""
         self._emit(code, lane=lane)
 
+    def over_rows(self, code: Code) -> None:
+        """Append code over single numbers for `lane` rows of two arrays; the function's only code.
+
+        The layouts are those of the arrays' entries. There is at least one row.
+        """
+        begin, block, *_ = self.lines
+        ends = [f"%end{i} = add i64 %at{i}, {x.itemsize}" for i, x in enumerate(self.layouts)]
+        self.lines = [
+            begin,
+            block,
+            "br label %row",
+            "row:",
+            "%at0 = phi i64 [ %first, %b0 ], [ %end0, %row ]",
+            "%at1 = phi i64 [ %second, %b0 ], [ %end1, %row ]",
+            "%k = phi i64 [ 1, %b0 ], [ %n, %row ]",
+            "%p0 = inttoptr i64 %at0 to ptr",
+            "%p1 = inttoptr i64 %at1 to ptr",
+        ]
+        self._emit(code)
+        self.lines += [
+            *ends,
+            "%n = add i64 %k, 1",
+            "%m = icmp sle i64 %n, %lane",
+            "br i1 %m, label %row, label %last",
+            "last:",
+        ]
+
     def end(self) -> None:
         """Finish the function."""
         self.module.functions.append("\n".join([*self.lines, "ret void", "}"]))

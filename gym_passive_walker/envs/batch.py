@@ -469,10 +469,11 @@ class Batch:
         else:
             at_once = False
             strides, endings = self._step_in_parts(seen, *results)
-        self._write_proportions(seen)
-        if self.custom and not self.custom.native:
-            endings += self.custom.evaluate(self, *results[:2])
-        self._write_observations(observations)
+        if self._apart:
+            self._write_proportions(seen)
+            if self.custom and not self.custom.native:
+                endings += self.custom.evaluate(self, *results[:2])
+            self._write_observations(observations)
         if again and not at_once:
             self.start(np.flatnonzero(self.records["outcome"][:, 0] == RESTING), observations)
         return strides, endings

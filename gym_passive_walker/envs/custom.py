@@ -253,7 +253,7 @@ class Rule:
             self.noted = sum(1 << i for i, part in enumerate(parts) if read & {*part})
 
         function = module.function("rule", layouts)
-        function.once(code)
+        function.over_rows(code)
         function.end()
 
     def __call__(self, notes: NDArray) -> NDArray[np.float64]:

@@ -180,6 +180,16 @@ def note_ledger(note, row, struck):
     note.strides, note.steps, note.slope = row.strides, row.steps, row.slope
 
 
+@inlined
+def evaluate(ledger, notes, paid, ends, first, last):
+    """Evaluate compiled functions for the walkers from `first` to before `last`."""
+    if first < last:
+        if paid != 0:
+            call(paid, entry(ledger, first), entry(notes, first), last - first, 0, 0.0, 0.0)
+        if ends != 0:
+            call(ends, entry(ledger, first), entry(notes, first), last - first, 0, 0.0, 0.0)
+
+
 @Kernel
 def after(
     records, ledger, rules, phases, actions, notes, noted, paid, ends, at_once, rewards, terminated
@@ -192,10 +202,14 @@ def after(
     results are applied here to `rewards` and `terminated`, each (n,), rather than in `enter`.
     Returns the number of episodes that end.
     """
-    count = rules[0].actions
+    count, first = rules[0].actions, 0
     for i in range(len(records)):
         record, row = records[i, 0], ledger[i]
         if record.outcome == RESTING:
+            evaluate(ledger, notes, paid, ends, first, i)
+            first = i + 1
+            continue
+        if noted == 0:
             continue
         note, struck = notes[i], row.outcome == _HEELSTRIKE
         if noted & _LEDGER:
@@ -224,10 +238,7 @@ def after(
             note.time = row.clock + record.time
             lost = row.collision_cost * row.step_length if struck else record.knee_loss
             note.collision_loss = lost - note.lost
-        if paid != 0:
-            call(paid, entry(ledger, i), entry(notes, i), 0, 0, 0.0, 0.0)
-        if ends != 0:
-            call(ends, entry(ledger, i), entry(notes, i), 0, 0, 0.0, 0.0)
+    evaluate(ledger, notes, paid, ends, first, len(records))
     if not at_once:
         return 0
     return enter(records, ledger, notes, paid != 0, ends != 0, rewards, terminated)
@@ -257,5 +268,5 @@ def enter(records, ledger, notes, pays, stops, rewards, terminated):
 @Kernel
 def look(notes, function, numbers):
     """Write observations, (n, size), from a compiled function."""
-    for i in range(len(notes)):
-        call(function, entry(notes, i), address(numbers[i]), 0, 0, 0.0, 0.0)
+    if len(notes) > 0:
+        call(function, entry(notes, 0), address(numbers), len(notes), 0, 0.0, 0.0)

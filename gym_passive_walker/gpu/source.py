@@ -95,6 +95,10 @@ class _Function(Function):
         self.module.parts.append(part)
         self.lines = [*lines, f"{part}(first, second, x, y)"]
 
+    def over_rows(self, code: Code) -> None:
+        """Write code for the one walker of a thread."""
+        self._emit(code)
+
     def end(self) -> None:
         """Close the function."""
         self.module.functions.append(self._text(self.name))
