@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from functools import partial
 
 import gymnasium as gym
+import numba
 import numpy as np
 
 import gym_passive_walker as gpw
@@ -87,6 +89,27 @@ def analysis() -> str:
         ["one stride of lab, tolerance 1e-10", "µs", "× kernel"],
         [(name, time * 1e6, time / base) for name, time in times.items()],
     )
+
+
+def derivatives() -> str:
+    """Exact derivatives of a stride by the coordinates of the section, in strides a direction."""
+    numba.set_num_threads(1)
+    rows = []
+    for walker, slope in (("D", 0.009), ("A", 0.03), ("lab", 0.036)):
+        strides = gpw.stride_map(walker, slope)
+        gait = gpw.find_gait(strides)
+        for count in (64, 4096):
+            spread = np.random.default_rng(0).uniform(0.999, 1.001, (count, strides.dimension))
+            points = spread * strides.points_at(gait.state)
+            jobs: dict[str, Callable[[], object]] = {
+                "stride": partial(strides.apply, points),
+                "derivative": partial(strides.linearize, points),
+            }
+            times = by_turns(jobs)
+            stride, more = times["stride"], times["derivative"] - times["stride"]
+            rows.append((walker, count, stride / count * 1e6, more / strides.dimension / stride))
+    heads = ["walker", "at once", "µs a stride, tolerance 1e-13", "strides a direction"]
+    return table(heads, rows)
 
 
 def environments() -> str:
@@ -174,7 +197,7 @@ def rewards() -> str:
 def main() -> None:
     """Print the tables and write them to the page."""
     command(__doc__)
-    text = "\n\n".join([kinds(), analysis(), environments(), rewards()])
+    text = "\n\n".join([kinds(), analysis(), derivatives(), environments(), rewards()])
     keep("scene cost", f"{text}\n\nOne core. {machine('gymnasium')}.", SPEED)
 
 
