@@ -128,6 +128,12 @@ def test_the_limit_of_the_foots_angle_is_the_one_that_the_error_names():
         replace(LAB, foot_angle=limit + 1e-9)
 
 
+@pytest.mark.parametrize("angle", [0.5 * math.pi, -0.5 * math.pi])
+def test_no_foot_is_at_a_right_angle_however_long_the_shank(angle):
+    with pytest.raises(WalkerError, match=r"must be below 1\.57"):
+        replace(LAB, shank_length=3.0 * LAB.thigh_length, foot_angle=angle)
+
+
 def test_a_walker_has_mass():
     with pytest.raises(WalkerError, match="a walker needs mass"):
         replace(WALKERS["D"], hip_mass=0.0)

@@ -100,6 +100,20 @@ def test_optima_that_are_found_again_are_stored_at_the_grid_and_their_costs_betw
     assert [path.name for path in tmp_path.iterdir()] == ["lab.json"]
 
 
+@pytest.mark.parametrize("name", commands.GRIDS)
+def test_stored_gaits_and_costs_have_the_speeds_of_the_scene_s_grid(name):
+    first, last, apart = commands.GRIDS[name]
+    grid = np.linspace(first, last, round((last - first) / apart) + 1)
+    speeds = np.array([gait.speed for gait in optimal.load(name)])
+    missing = [speed for speed in grid if np.abs(speeds - speed).min() > 1e-9]
+    assert missing in ([], [first])  # the slowest may have no gait
+    others = [speed for speed in speeds if np.abs(grid - speed).min() > 1e-9]
+    assert len(others) == (name != "level")  # the passive gait's, where the walker has one
+    known = np.array(optimal.stored_costs(name))[:, 0]
+    assert first - 1e-9 <= known[0] < first + apart and known[-1] == pytest.approx(last)
+    assert np.median(np.diff(known)) == pytest.approx(apart / commands.FINER, rel=1e-6)
+
+
 def test_rows_of_former_evaluations_may_lack_columns(tmp_path):
     path = tmp_path / "rows.csv"
     write_rows(path, [{"a": 1}, {"a": 2, "b": "x, ü"}])

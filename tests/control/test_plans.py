@@ -208,6 +208,21 @@ def test_deadbeat_rests_after_as_few_steps_as_there_are_states_for_each_motor(si
     np.testing.assert_allclose(found, closed, atol=1e-7)
 
 
+@pytest.mark.parametrize("motors", [1, 2, 3])
+def test_deadbeat_does_not_answer_to_a_direction_that_a_stride_forgets(motors):
+    """It needs no stride more for it; torques act where strides end."""
+    random = np.random.default_rng(motors)
+    forgotten = random.normal(size=4)
+    forgotten /= np.linalg.norm(forgotten)
+    a = random.normal(size=(4, 4))
+    a -= np.outer(a @ forgotten, forgotten)
+    b = a @ random.normal(size=(4, motors))
+    found = gains(a, b, "deadbeat")
+    np.testing.assert_allclose(found @ forgotten, 0.0, atol=1e-9)
+    closed = np.linalg.matrix_power(a - b @ found, math.ceil(3 / motors))
+    np.testing.assert_allclose(closed, 0.0, atol=1e-9)
+
+
 @pytest.mark.parametrize("slope", [0.02, 0.001, 0.0, -0.003])
 def test_a_powered_gait_has_the_torque_that_replaces_gravity(slope):
     walker = gpw.WALKERS["E"]

@@ -7,6 +7,9 @@ import pytest
 from gymnasium.error import ResetNeeded
 
 from gym_passive_walker import WALKERS, interpolate
+from gym_passive_walker.engine.layout import NARROW, history_for, record_for
+from gym_passive_walker.envs.task import ledger_for, rules_for
+from gym_passive_walker.envs.transitions import note_for
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
 START = (0.3, -0.3, -0.3, -0.42, -0.25, -0.4)
@@ -217,3 +220,9 @@ def test_pictures_show_the_walker_of_the_episode(make):
         assert np.array_equal(own.render(), shown)
         own.close()
     env.close()
+
+
+@pytest.mark.parametrize("made", [record_for, history_for, ledger_for, rules_for, note_for])
+def test_the_type_of_a_layout_s_arrays_is_made_once(made):
+    """Compiled code would be looked up again for each new one."""
+    assert made(NARROW) is made(NARROW)

@@ -51,7 +51,8 @@ def test_two_real_multipliers_with_a_product_of_1_are_no_bifurcation():
     below, above = (np.diag([2.0, half, 0.1]) for half in (0.499999, 0.500001))
     tests = [neimark_sacker_test(point(m)) for m in (below, above)]
     assert tests[0] * tests[1] < 0.0
-    assert not on_the_unit_circle(point(np.diag([2.0, 0.5, 0.1])))
+    for real in ([2.0, 0.5, 0.1], [1.0, -1.0, 0.1]):
+        assert not on_the_unit_circle(point(np.diag(real)))
     turn = np.array([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 0.3]])
     assert on_the_unit_circle(point(turn))
     signs = [np.sign(neimark_sacker_test(point(size * turn))) for size in (0.99, 1.01)]

@@ -141,6 +141,9 @@ def test_it_takes_one_observation_or_many_and_goes_to_other_processes(tmp_path):
     assert policy.predict(seen[:0])[0].shape == (0, 1)
     there = pickle.loads(pickle.dumps(policy))
     assert np.array_equal(there.predict(seen)[0], actions) and there.scene == policy.scene
+    for each in (policy, there):  # more threads would only wait
+        options = each._session.get_session_options()
+        assert (options.intra_op_num_threads, options.inter_op_num_threads) == (1, 1)
     for shape in [(), (7,), (3, 9), (2, 2, 8)]:
         with pytest.raises(ValueError, match=r"policy.onnx takes observations .*\(n, 8\), not"):
             policy.predict(np.zeros(shape))

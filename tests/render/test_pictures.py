@@ -15,6 +15,7 @@ from matplotlib import colors
 from matplotlib.figure import Figure
 
 import gym_passive_walker as gpw
+from examples.five_links import FIVE_LINKS
 from gym_passive_walker.gaits.basin import FELL, UNSETTLED, Basin
 from gym_passive_walker.gaits.bifurcation import BifurcationDiagram
 from gym_passive_walker.gaits.doubling import Cascade
@@ -247,6 +248,14 @@ def test_the_portrait_and_the_angles_of_a_walk_are_dimensionless(gait):
     late = np.array(upright[":"]) - knees  # the line is at the next sample
     assert ((0.0 <= late) & (late <= gait.step_period / 29)).all()
     assert over_time.figure.get_suptitle().endswith("slope 0.036 rad, strides: 2")
+
+
+def test_each_coordinate_of_a_system_has_a_line_of_its_own():
+    parts = portrait.parts_of(FIVE_LINKS, "abcdefghi")
+    assert [name for name, _, _ in parts] == list("abcdefghi")
+    assert len({(colour, dash) for _, colour, dash in parts}) == 9
+    assert [part[1:] for part in parts[:3]] == [part[1:] for part in portrait.PARTS]
+    assert {colour for _, colour, _ in parts} == {colour for _, colour, _ in portrait.PARTS}
 
 
 @pytest.mark.parametrize(("strides", "drawn"), [(12, True), (13, False)])

@@ -347,6 +347,17 @@ def test_a_fall_has_no_gradient_and_a_warning():
     torch.testing.assert_close(states.grad[:1], alone.grad)
 
 
+def test_a_control_step_that_ends_in_a_fall_has_no_gradient():
+    slope, states = gait("lab")
+    with torch.no_grad():
+        states[1, 3] *= 0.3
+    moved = tick("lab", slope, states, 0.01, duration=6.0)
+    assert moved.outcome.tolist() == [Outcome.HEELSTRIKE, Outcome.FELL_BACKWARD]
+    for values in (moved.distance, moved.state.sum(dim=1)):
+        (grad,) = torch.autograd.grad(values.sum(), states, retain_graph=True)
+        assert (grad[0] != 0.0).any() and (grad[1] == 0.0).all()
+
+
 def test_strides_that_are_given_up_or_have_no_start_have_no_gradient():
     slope, states = gait("lab")
     stalled = stride("lab", slope, states, max_stride_time=0.5)
