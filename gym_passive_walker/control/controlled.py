@@ -161,7 +161,8 @@ class ControlledMap(StrideMap):
         Returns:
             Points (n, m); the starts are among them, as a gait may be unstable.
         """
-        begun, held = self.beginning(slope), getattr(self.agent, "point", None)
+        begun = self.beginning(slope)
+        held: Any = getattr(self.agent, "point", None)
         off = np.random.default_rng(0).uniform(-_FAR, _FAR, (_BESIDE, self.dimension))
         points = np.concatenate([begun, begun * (1.0 + off)])
         if np.shape(held) == points[0].shape:
