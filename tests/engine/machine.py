@@ -47,6 +47,7 @@ class Native:
         layouts: What stands there; for one over lanes, the first alone, a tile.
         lanes: Whether it is made for vectors.
         lane: Whether it is made for one lane of a tile.
+        over_rows: Whether it is made for the entries of two arrays; `lane` is then their number.
         cpu: One of `CPUS`.
         **options: Further arguments of `Function`.
     """
@@ -57,6 +58,7 @@ class Native:
         *layouts: np.dtype,
         lanes: bool = False,
         lane: bool = False,
+        over_rows: bool = False,
         cpu: str = "this",
         **options: Any,
     ) -> None:
@@ -64,6 +66,8 @@ class Native:
         function = Function(module, "code", layouts, **options)
         if lanes:
             function.over_lanes(code)
+        elif over_rows:
+            function.over_rows(code)
         else:
             function.once(code, lane=lane)
         function.end()

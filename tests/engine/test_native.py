@@ -73,6 +73,34 @@ def test_an_operation_does_what_python_does(name, cpu):
     np.testing.assert_array_equal(found, [plain(*xyz) for xyz in NUMBERS.T])
 
 
+@everywhere
+@pytest.mark.parametrize("count", [1, 7, 64])
+def test_code_over_rows_goes_through_two_arrays_and_no_further(count, cpu):
+    given = np.dtype([("x", "f8", (3,)), ("whole", "i8"), ("kept", "f8")])
+    made = np.dtype([("sum", "f8"), ("left", "f8"), ("larger", "f8")])
+
+    def code(first: Memory, second: Memory) -> None:
+        x, y, z = first.entries("x")
+        second["sum"] = x + y * z + first["whole"]
+        second["larger"] = choose(x > y, x, y)
+        first["whole"] = first["whole"] + 1.0
+
+    rng, extra = np.random.default_rng(5), 3
+    first, second = np.zeros(count + extra, given), np.zeros(count + extra, made)
+    first["x"], first["kept"] = rng.normal(size=(count + extra, 3)), rng.normal(size=count + extra)
+    first["whole"] = rng.integers(-9, 9, count + extra)
+    second["left"] = rng.normal(size=count + extra)
+    before, begun = first.copy(), second.copy()
+    Native(code, given, made, over_rows=True, cpu=cpu)(first, second, count)
+    x, y, z = before["x"][:count].T
+    np.testing.assert_allclose(second["sum"][:count], x + y * z + before["whole"][:count])
+    np.testing.assert_array_equal(second["larger"][:count], np.maximum(x, y))
+    before["whole"][:count] += 1
+    np.testing.assert_array_equal(first, before)
+    np.testing.assert_array_equal(second["left"], begun["left"])
+    np.testing.assert_array_equal(second[count:], begun[count:])
+
+
 def test_what_does_not_compare_is_neither_more_nor_less():
     nothing, one = np.full(8, np.nan), np.ones(8)
     found = in_lanes(
