@@ -194,11 +194,11 @@ class Rule:
                 failed = error
         else:
             raise SceneError(f"{name} fails: {failed}") from failed
-        warnings.warn(
+        _warn_of(
+            function,
             f"{name} cannot be compiled ({untraced}): after each step it is called "
             f"{'walker by walker' if self._each else 'with arrays'}, which takes longer; use "
             "gpw.math, and its where() instead of if",
-            stacklevel=2,
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -276,6 +276,16 @@ class Rule:
             for name in Transition._fields
         }
         return _numbers(self.function(self.shape.transition(parts)))
+
+
+def _warn_of(function: Callable[..., Any], said: str) -> None:
+    """Warn once of a user's function, with the line that defines it."""
+    code = getattr(function, "__code__", None)
+    if code is None:
+        warnings.warn(said, stacklevel=3)
+        return
+    known = function.__globals__.setdefault("__warningregistry__", {})
+    warnings.warn_explicit(said, UserWarning, code.co_filename, code.co_firstlineno, registry=known)
 
 
 def _numbers(found: Any, *, arrays: bool = False) -> list[Any]:

@@ -403,6 +403,14 @@ def test_what_cannot_be_compiled_is_called_and_says_so_once(rule, how):
         warnings.simplefilter("always")
         reported, _ = walked(scene)
     assert [how in str(warning.message) for warning in said] == [True]
+    (warning,) = said
+    where = rule.__code__.co_filename, rule.__code__.co_firstlineno
+    assert (warning.filename, warning.lineno) == where
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("default")
+        for _ in range(3):
+            PassiveWalkerVectorEnv(1, scene)
+    assert len(said) <= 1
     plain, _ = walked(make_scene())
     for (_, rewards, *_), (_, _, _, _, infos) in zip(reported[1:], plain[1:], strict=True):
         mine = infos["_distance"]
