@@ -93,7 +93,6 @@ def analysis() -> str:
 
 def derivatives() -> str:
     """Exact derivatives of a stride by the coordinates of the section, in strides a direction."""
-    numba.set_num_threads(1)
     rows = []
     for walker, slope in (("D", 0.009), ("A", 0.03), ("lab", 0.036)):
         strides = gpw.stride_map(walker, slope)
@@ -197,6 +196,7 @@ def rewards() -> str:
 def main() -> None:
     """Print the tables and write them to the page."""
     command(__doc__)
+    numba.set_num_threads(1)
     text = "\n\n".join([kinds(), analysis(), derivatives(), environments(), rewards()])
     keep("scene cost", f"{text}\n\nOne core. {machine('gymnasium')}.", SPEED)
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import shown
+from gym_passive_walker.control.baselines import StrideFeedback
 from gym_passive_walker.control.ticks import Choice, Steps, follow, hold, inputs_of
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.envs import rules
@@ -162,11 +163,12 @@ class ControlledMap(StrideMap):
             Points (n, m); the starts are among them, as a gait may be unstable.
         """
         begun = self.beginning(slope)
-        held: Any = getattr(self.agent, "point", None)
         off = np.random.default_rng(0).uniform(-_FAR, _FAR, (_BESIDE, self.dimension))
         points = np.concatenate([begun, begun * (1.0 + off)])
-        if np.shape(held) == points[0].shape:
-            points = np.concatenate([[held], points])
+        if isinstance(self.agent, StrideFeedback):
+            held = self.agent.point
+            if held.shape == points[0].shape and held.any():  # zero for constant controls
+                points = np.concatenate([[held], points])
         settled = self.apply(points, slope, strides=_SETTLING).ends
         return np.concatenate([settled[np.isfinite(settled[:, 0])], points])
 

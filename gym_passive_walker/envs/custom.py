@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
+from types import FunctionType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -280,11 +281,11 @@ class Rule:
 
 def _warn_of(function: Callable[..., Any], said: str) -> None:
     """Warn once of a user's function, with the line that defines it."""
-    code = getattr(function, "__code__", None)
-    if code is None:
+    plain = getattr(function, "__func__", function)  # of a method
+    if not isinstance(plain, FunctionType):
         warnings.warn(said, stacklevel=3)
         return
-    known = function.__globals__.setdefault("__warningregistry__", {})
+    code, known = plain.__code__, plain.__globals__.setdefault("__warningregistry__", {})
     warnings.warn_explicit(said, UserWarning, code.co_filename, code.co_firstlineno, registry=known)
 
 

@@ -1,6 +1,7 @@
 """The stride map under a controller: as the environment walks, with the controller's derivative."""
 
 import pickle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -539,3 +540,12 @@ def test_a_search_for_a_gait_begins_on_both_sides_of_the_start_of_walks():
     assert np.abs(beside).max() <= 0.1
     held = strides.controller.point
     assert (strides.likely(0.0) == held).all(axis=1).any() and not np.allclose(held, begun)
+
+
+@pytest.mark.parametrize("point", [np.full(4, 0.25), ["a"] * 4, None])
+def test_what_a_user_s_controller_calls_a_point_is_not_taken_for_a_gait(point):
+    given = gpw.load_policy("level-ppo")
+    mine = SimpleNamespace(predict=given.predict, point=point)
+    usual, found = (gpw.stride_map(controller=x, scene="level").likely(0.0)
+                    for x in (SimpleNamespace(predict=given.predict), mine))  # fmt: skip
+    np.testing.assert_array_equal(found, usual)
