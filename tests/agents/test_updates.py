@@ -52,14 +52,15 @@ def test_an_update_learns_from_each_step_once_an_epoch_in_shuffled_whole_rows():
     model, _ = made()
     numbers = torch.arange(48.0).view(12, 4)
     rows = Rollout(
-        seen=numbers[..., None] + torch.zeros(8), actions=numbers[..., None] + 1000.0,
-        chances=numbers + 2000.0, advantages=numbers + 3000.0, returns=numbers + 4000.0,
+        seen=numbers[..., None] + torch.zeros(8), means=numbers[..., None] + 1000.0,
+        actions=numbers[..., None] + 2000.0, chances=numbers + 3000.0,
+        advantages=numbers + 4000.0, returns=numbers + 5000.0,
     )  # fmt: skip
     batches, rates = [], []
 
-    def noted(seen, actions, before, gains, returns):
+    def noted(seen, means, actions, before, gains, returns):
         batches.append(seen[:, 0].clone())
-        parts = (actions, before, gains, returns)
+        parts = (means, actions, before, gains, returns)
         for k, part in enumerate(parts, 1):
             assert part.shape == (16, 1)
             assert torch.equal(part[:, 0] - 1000.0 * k, seen[:, 0])
@@ -80,8 +81,8 @@ def test_an_update_learns_from_each_step_once_an_epoch_in_shuffled_whole_rows():
     assert not torch.equal(epochs[0], epochs[1])
     assert rates == [pytest.approx(model.lr_schedule(0.75))] * 9
     logged = model.logger.name_to_value
-    assert logged["train/gain"] == pytest.approx(float(batches[-1].mean()) + 3000.0)
-    assert logged["train/value_loss"] == pytest.approx(float(batches[-1].mean()) + 4000.0)
+    assert logged["train/gain"] == pytest.approx(float(batches[-1].mean()) + 4000.0)
+    assert logged["train/value_loss"] == pytest.approx(float(batches[-1].mean()) + 5000.0)
     assert logged["train/std"] == pytest.approx(float(model.policy.log_std.detach().exp().mean()))
 
 
@@ -149,6 +150,63 @@ def test_observations_are_scaled_and_clipped_as_the_library_does():
     for normalize in (None, {"norm_obs": False}):
         plain, _ = made(normalize=normalize)
         assert torch.equal(plain._scaling()(found), found)
+
+
+@pytest.mark.parametrize("farthest", [0.5, 2.0])
+def test_an_advantage_counts_no_more_than_some_usual_ones(farthest):
+    """A fall, which is rare, does not set the scale of all others."""
+    model, callback = made(n_steps=100, batch_size=100, farthest=farthest)
+    rollout = model.walk(callback)
+    with torch.no_grad():
+        raw = rollout.returns - model.value(rollout.seen)
+    assert float(model.most) == pytest.approx(farthest * float(raw.abs().median()), rel=1e-5)
+    assert 0 < (raw.abs() > model.most).sum() < 400
+    near = raw.clamp(-model.most, model.most)
+    wanted = (near - near.mean()) / near.std()
+    torch.testing.assert_close(rollout.advantages, wanted, rtol=1e-3, atol=1e-4)
+
+
+def test_the_critic_moves_by_a_far_return_as_by_one_just_too_far():
+    model, _ = made()
+    seen, far = torch.randn(16, 8), torch.full((16, 1), 100.0)
+    model.most = torch.tensor(0.25)
+    with torch.no_grad():
+        near = model.critic.forward(seen).clone() + 0.25
+        found = []
+        for returns in (far, near):
+            model._differentiate_critic(seen, returns)
+            found.append(model.gradient.clone())
+    assert found[0].abs().sum() > 0.0
+    torch.testing.assert_close(*found, rtol=1e-4, atol=1e-6)
+
+
+def test_values_are_those_of_averaged_weights_also_from_a_checkpoint(tmp_path):
+    """After k steps, weights count by how many steps ago they were."""
+    model, callback = made(averaging=0.75, n_epochs=1)
+    first = model.weights.detach().clone()
+    assert torch.equal(model.averaged, first)
+    seen_weights = []
+    usual = model.policy.optimizer.step
+
+    def step():
+        usual()
+        seen_weights.append(model.weights.detach().clone())
+
+    model.policy.optimizer.step = step
+    rollout = model.walk(callback)
+    model.update(rollout)
+    assert len(seen_weights) == 3
+    wanted = 0.75**3 * first
+    for k, weights in enumerate(seen_weights):
+        wanted += 0.25 * 0.75 ** (2 - k) * weights
+    torch.testing.assert_close(model.averaged, wanted)
+    checkpoint.save(tmp_path / "kept", model, {"best": None, "seconds": 0.0, "curve": []})
+    other, _ = made()
+    checkpoint.restore(tmp_path / "kept", other)
+    with torch.no_grad():
+        assert torch.equal(other.value(rollout.seen), model.value(rollout.seen))
+        now = model.critic.forward(rollout.seen.flatten(0, 1)[:16])[:, 0]
+        assert not torch.allclose(now, model.value(rollout.seen).flatten()[:16], rtol=1e-5)
 
 
 def test_values_of_a_rollout_are_each_those_of_its_observation():
