@@ -11,11 +11,9 @@ takes almost none. Therefore:
   (`networks.Perceptron`). Autograd allocates memory for each batch, which takes longer than the
   arithmetic. Those of actor and critic are computed at the same time, in two threads.
 
-Three things are not in that PPO. A fall is rare, and its advantage is a hundred times the usual
-one. So that falls do not set the scale of all other advantages, and of the critic's errors, both
-are clipped at some medians (`farthest`). Values are those of a critic with averaged weights
-(`averaging`). And where a rollout says nothing about the action, a small weight of the divergence
-from the policy of the rollout keeps the action as it is (`kl_coef`).
+One thing is not in that PPO. A fall is rare, and its advantage is a hundred times the usual one. So
+that falls do not set the scale of all other advantages, and of the critic's errors, both are
+clipped at some medians (`farthest`).
 
 Rollouts, advantages and updates are below in the order in which they happen. The networks, the
 callbacks and the files are those of stable-baselines3, so that a run has the usual format. If there
@@ -26,7 +24,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from copy import deepcopy
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -48,7 +45,6 @@ class Rollout(NamedTuple):
     """T steps of n walkers, as tensors with the first axes (T, n)."""
 
     seen: Tensor  # normalized observations, (T, n, 8)
-    means: Tensor  # actions before noise was added, (T, n, actions)
     actions: Tensor  # (T, n, actions)
     chances: Tensor  # logarithm of the density with which the actions were drawn, (T, n)
     advantages: Tensor  # (T, n)
@@ -131,10 +127,8 @@ class FastPPO(BaseAlgorithm):
         gae_lambda: Weight of the later steps relative to the critic, in `advantages`.
         clip_range: Largest relative change of an action's probability density that still increases
             the objective.
-        kl_coef: Weight of the divergence from the policy of the rollout, of equal noise.
         farthest: Largest advantage, and largest error of the critic, that count in full; in medians
             of the magnitudes of a rollout's advantages.
-        averaging: Decay, for each optimizer step, of the critic's averaged weights.
         vf_coef: Weight of the critic's errors.
         max_grad_norm: Norm at which the gradient is clipped.
         stats_window_size: Episodes in the statistics of stable-baselines3.
@@ -163,9 +157,7 @@ class FastPPO(BaseAlgorithm):
         gamma: float = 0.995,
         gae_lambda: float = 0.99,
         clip_range: float = 0.2,
-        kl_coef: float = 0.3,
         farthest: float = 5.0,
-        averaging: float = 0.975,
         vf_coef: float = 0.5,
         max_grad_norm: float = 0.5,
         stats_window_size: int = 100,
@@ -186,10 +178,8 @@ class FastPPO(BaseAlgorithm):
                 f"{batch_size} does not"
             )
         self.n_steps, self.batch_size, self.n_epochs = n_steps, batch_size, n_epochs
-        self.gamma, self.gae_lambda = gamma, gae_lambda
-        self.clip_range, self.kl_coef = clip_range, kl_coef
-        self.farthest, self.averaging = farthest, averaging
-        self.vf_coef, self.max_grad_norm = vf_coef, max_grad_norm
+        self.gamma, self.gae_lambda, self.clip_range = gamma, gae_lambda, clip_range
+        self.farthest, self.vf_coef, self.max_grad_norm = farthest, vf_coef, max_grad_norm
         if _init_setup_model:
             self._setup_model()
 
@@ -214,25 +204,18 @@ class FastPPO(BaseAlgorithm):
         self.gradient = self.weights.grad = torch.zeros_like(self.weights)
         for part, slope in zip(each, self.gradient.split([x.numel() for x in each]), strict=True):
             part.grad = slope.view_as(part)
-        # Values are those of a critic with averaged weights.
-        calm = deepcopy(net)
-        self.averaged = self.weights.detach().clone()
-        nn.utils.vector_to_parameters(self.averaged, calm.parameters())
-        layers = [*calm.mlp_extractor.value_net, calm.value_net]
-        self.averaged_critic = Perceptron(layers, self.batch_size)
         net.optimizer = net.optimizer_class(
             [self.weights], lr=self.lr_schedule(1.0), **net.optimizer_kwargs
         )
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
-        return ["policy", "policy.optimizer"], ["averaged"]
+        return ["policy", "policy.optimizer"], []
 
     def _excluded_save_params(self) -> list[str]:
         return [
             *super()._excluded_save_params(),
             "actor",
             "critic",
-            "averaged_critic",
             "most",
             "weights",
             "gradient",
@@ -312,12 +295,12 @@ class FastPPO(BaseAlgorithm):
         self.most = self.farthest * gains.abs().median()
         gains = gains.clamp(-self.most, self.most)
         gains = (gains - gains.mean()) / (gains.std() + 1e-8)
-        return Rollout(seen, means, drawn, chances(drawn, means, net.log_std), gains, returns)
+        return Rollout(seen, drawn, chances(drawn, means, net.log_std), gains, returns)
 
     def value(self, seen: Tensor) -> Tensor:
-        """Averaged critic's values (T, n) of the observations (T, n, 8) of a rollout."""
+        """Critic's values (T, n) of the observations (T, n, 8) of a rollout."""
         batches = seen.flatten(0, 1).split(self.batch_size)
-        said = [self.averaged_critic.forward(batch).clone() for batch in batches]
+        said = [self.critic.forward(batch).clone() for batch in batches]
         return torch.cat(said).view(seen.shape[:-1])
 
     def _scaling(self) -> Callable[[Tensor], Tensor]:
@@ -363,19 +346,12 @@ class FastPPO(BaseAlgorithm):
                 gain, error = self.differentiate(*batch.split(widths, -1))
                 self.gradient *= (self.max_grad_norm / self.gradient.norm()).clamp(max=1.0)
                 net.optimizer.step()
-                self.averaged.lerp_(self.weights.detach(), 1.0 - self.averaging)
         self._n_updates += self.n_epochs
         for name, last in (("gain", gain), ("value_loss", error), ("std", net.log_std.exp())):
             self.logger.record(f"train/{name}", last.mean().item())
 
     def differentiate(
-        self,
-        seen: Tensor,
-        means: Tensor,
-        actions: Tensor,
-        before: Tensor,
-        gains: Tensor,
-        returns: Tensor,
+        self, seen: Tensor, actions: Tensor, before: Tensor, gains: Tensor, returns: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Compute the gradient of PPO's loss over a batch, in `gradient`.
 
@@ -389,16 +365,14 @@ class FastPPO(BaseAlgorithm):
         clipped = gains * ratio.clamp(1.0 - self.clip_range, 1.0 + self.clip_range)
         # Derivative by the logarithm of the density; it is 0 where the objective is clipped.
         slope = torch.where(gain <= clipped, gain, 0.0) / -rows
-        scale = torch.exp(-log_std)
-        strayed, moved = (actions - mean) * scale, (mean - means) * scale
-        # With equal noise, the divergence is half the square of the distance moved.
+        strayed = (actions - mean) * torch.exp(-log_std)
         torch.sum(slope * (strayed.square() - 1.0), 0, out=log_std.grad)
-        self.actor.backward((slope * strayed + (self.kl_coef / rows) * moved) * scale)
+        self.actor.backward(slope * strayed * torch.exp(-log_std))
         return torch.min(gain, clipped), critic.result()
 
     @torch.no_grad()
     def _differentiate_critic(self, seen: Tensor, returns: Tensor) -> Tensor:
-        """Compute the gradient of the critic's loss; returns the squared error of each row."""
+        """Compute the gradient of the critic's loss; returns the square of each clipped error."""
         errors = (self.critic.forward(seen) - returns).clamp(-self.most, self.most)
         self.critic.backward(errors * (2.0 * self.vf_coef / len(seen)))
         return errors.square()

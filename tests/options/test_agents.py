@@ -91,14 +91,7 @@ LEARNERS = {
     "FastPPO": Call(
         lambda **options: what(learned(FastPPO, **options)),
         TWO,
-        {
-            **SAME_OF_BOTH,
-            "clip_range": 0.01,
-            "kl_coef": 9.0,
-            "farthest": 0.5,
-            "averaging": 0.5,
-            "vf_coef": 0.01,
-        },
+        {**SAME_OF_BOTH, "clip_range": 0.01, "farthest": 0.5, "vf_coef": 0.01},
         ELSEWHERE,
         FastPPO,
     ),
