@@ -14,8 +14,18 @@ from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.files import read_arrays, read_json, reading
-from agents.learner import MODEL, moments, restore_moments, restore_weights, save_model
+from agents.config import Config, ConfigError
+from agents.envs import training_envs
+from agents.files import CONFIG, newest_checkpoint, read_arrays, read_json, reading
+from agents.learner import (
+    MODEL,
+    LearnedPolicy,
+    build,
+    moments,
+    restore_moments,
+    restore_weights,
+    save_model,
+)
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.files import replacing
 from gym_passive_walker.walkers import as_walker
@@ -100,6 +110,23 @@ def restore(path: Path, model: BaseAlgorithm) -> dict[str, Any]:
         np.random.set_state((kind, keys, place, *gauss))  # noqa: NPY002
         model.action_space.np_random.bit_generator.state = state["action_space"]
     return notes
+
+
+def last_policy(run: Path) -> tuple[Config, LearnedPolicy]:
+    """A run's configuration, and the policy of its newest checkpoint.
+
+    The policy that a run keeps is that of its best evaluation.
+
+    Raises:
+        ConfigError: if the folder is not a run, or has no checkpoint yet.
+    """
+    config, newest = Config.load(run / CONFIG), newest_checkpoint(run)
+    if newest is None:
+        raise ConfigError(f"{run} has no checkpoint yet")
+    model = build(config, training_envs(config))
+    with reading(newest):
+        restore(newest, model)
+    return config, LearnedPolicy(model, config.algo.upper())
 
 
 def _restore_arrays(model: BaseAlgorithm, arrays: dict[str, NDArray]) -> NDArray:

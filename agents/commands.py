@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from agents import benchmark, evaluation
+from agents.checkpoint import last_policy
 from agents.config import ConfigError
 from agents.learner import LearnedPolicy, export, export_onnx, learned
 from gym_passive_walker import GaitNotFound
@@ -243,8 +244,10 @@ def export_policy(arguments: Sequence[str]) -> int:
     add("run", help="folder of the run; for ONNX, also an exported folder or a shipped policy")
     add("output", type=Path, help="output folder, or an ONNX file (.onnx)")
     add("--onnx", action="store_true", help="write OUTPUT/policy.onnx if OUTPUT is a folder")
+    add("--last", action="store_true", help="the policy of the newest checkpoint, not of the best "
+        "evaluation")  # fmt: skip
     args = parser.parse_args(arguments)
-    config, policy = learned(args.run)
+    config, policy = last_policy(Path(args.run)) if args.last else learned(args.run)
     if args.onnx or args.output.suffix.lower() == ".onnx":
         file = args.output
         if file.suffix.lower() != ".onnx":

@@ -1,6 +1,7 @@
 """Training runs: uninterrupted, resumed, stopped, and with damaged files."""
 
 import dataclasses
+import math
 import os
 import pickle
 import signal
@@ -417,6 +418,21 @@ def test_an_exported_policy_acts_as_it_did(tmp_path):
         assert {path.suffix for path in (tmp_path / f"{algo}-exported").iterdir()} == {
             ".safetensors", ".json",
         }  # fmt: skip
+
+
+@pytest.mark.parametrize("algo", ["ppo-fast", "sac"])
+def test_the_last_policy_is_exported_although_an_earlier_one_is_kept(algo, tmp_path, capsys):
+    run, out = Run(small(algo), tmp_path / "run"), str(tmp_path / "last")
+    words = ["export", "--last", str(tmp_path / "run"), out]
+    assert train.main(words) != 0
+    assert "has no checkpoint yet" in capsys.readouterr().err
+    run.notes["best"] = math.inf  # no evaluation is as good, so no policy is kept
+    run.train(progress=False)
+    assert not (tmp_path / "run" / "model.zip").exists()
+    assert train.main(words) == 0
+    seen = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 8)).astype(np.float32)
+    own, found = LearnedPolicy(run.model, algo), gpw.load_policy(out)
+    assert own.predict(seen)[0] == pytest.approx(found.predict(seen)[0], abs=1e-6)
 
 
 @pytest.mark.parametrize("algo", ["ppo", "sac"])

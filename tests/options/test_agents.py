@@ -514,7 +514,7 @@ def test_every_option_of_every_command_is_tested(monkeypatch):
             "document",
             "quiet",
         },
-        "export": {"run", "output", "onnx"},
+        "export": {"run", "output", "onnx", "last"},
     }
 
 
