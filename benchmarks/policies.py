@@ -20,6 +20,7 @@ from benchmarks.report import command, machine, table
 from benchmarks.tables import DOCS, keep
 from gym_passive_walker import console
 from gym_passive_walker.policies import TrainedPolicy, shipped_policies
+from gym_passive_walker.render.video import video
 from gym_passive_walker.walkers import name_of
 
 STRIDES = 2
@@ -64,9 +65,9 @@ def described(name: str, found: Scores) -> str:
     assert isinstance(policy, TrainedPolicy)
     config, scene = Config(**policy.trained), policy.scene
     slopes = " to ".join(f"{bound:g}" for bound in np.atleast_1d(scene.slope))
-    video = f"policy-{name}.gif"
+    file = f"policy-{name}.gif"
     video(
-        gait.stride_map, gait.slope, gait.state, DOCS / "images" / video, strides=STRIDES, shrink=3
+        gait.stride_map, gait.slope, gait.state, DOCS / "images" / file, strides=STRIDES, shrink=3
     )
     multipliers = ", ".join(f"{size:.3f}" for size in np.abs(gait.multipliers))
     rows = [
@@ -83,7 +84,7 @@ def described(name: str, found: Scores) -> str:
         ("score of the gauntlet", found.score),
         (f"mean strides to a fall, heights with σ = {ROUGHNESS:g} l", found.lasts),
     ]  # fmt: skip
-    picture = f"![Two strides under {name}](images/{video})"
+    picture = f"![Two strides under {name}](images/{file})"
     return f"## {name}\n\n{picture}\n\n{table(['', name], rows)}"
 
 
