@@ -217,7 +217,7 @@ def test_errors_of_multipliers_by_differences_are_estimated():
 
     exact = gpw.find_gait(gpw.stride_map(controller=policy))
     assert exact.multipliers_error == 0.0 and "±" not in str(exact)
-    for controller, least, most in ((Outside(), 1e-4, 1e-2), (double, 1e-12, 1e-7)):
+    for controller, least, most in ((Outside(), 1e-4, 0.1), (double, 1e-12, 1e-7)):
         gait = gpw.find_gait(gpw.stride_map(controller=controller, scene=policy.scene))
         off = np.abs(np.abs(gait.multipliers) - np.abs(exact.multipliers)).max()
         assert least < gait.multipliers_error < most

@@ -249,7 +249,7 @@ OPTIONS = {
         of=gpw.Part,
     ),
     "TrainedPolicy.predict": Call(
-        lambda observation, **asked: gpw.load_policy("level-ppo").predict(observation, **asked),
+        lambda observation, **asked: gpw.load_policy("rolling-ppo").predict(observation, **asked),
         dict(observation=np.zeros(8)),
         dict(
             observation=np.full(8, 0.1),
@@ -266,7 +266,7 @@ OPTIONS = {
         of=gpw.TrainedPolicy.to_onnx,
     ),
     "TrainedPolicy.mean_actions": Call(
-        lambda observation: gpw.load_policy("level-ppo").mean_actions(observation),
+        lambda observation: gpw.load_policy("rolling-ppo").mean_actions(observation),
         dict(observation=np.zeros((1, 8))),
         dict(observation=np.full((1, 8), 0.1)),
         of=gpw.TrainedPolicy.mean_actions,
