@@ -45,7 +45,8 @@ def _name() -> str:
     """Return the name under which modules are cached: a hash of what they are made of."""
     digest = hashlib.sha256(sys.version.encode())
     for folder in ("web", "render", "walkers", "policies", "envs"):
-        for source in sorted((_ROOT.parent / folder).glob("*.py")):
+        sources = (_ROOT.parent / folder).glob
+        for source in sorted([*sources("*.py"), *sources("*/*.json")]):  # also the policies'
             digest.update(source.name.encode() + source.read_bytes())
     return digest.hexdigest()[:16]
 

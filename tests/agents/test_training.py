@@ -420,7 +420,7 @@ def test_an_exported_policy_acts_as_it_did(tmp_path):
         }  # fmt: skip
 
 
-@pytest.mark.parametrize("algo", ["ppo-fast", "sac"])
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
 def test_the_last_policy_is_exported_although_an_earlier_one_is_kept(algo, tmp_path, capsys):
     run, out = Run(small(algo), tmp_path / "run"), str(tmp_path / "last")
     words = ["export", "--last", str(tmp_path / "run"), out]
