@@ -3,6 +3,7 @@
     python train.py                               Train PPO on level ground, in about a minute.
     python train.py --scene steep --algo sac      Train SAC on the scene `steep`.
     python train.py --resume runs/level-ppo-fast-1  Continue a run, to more steps with --steps.
+    python train.py --scene lab --from level-ppo  Begin with a policy; all else is a new run.
     python train.py evaluate runs/level-ppo-fast-1  Evaluate its policy again.
     python train.py evaluate --policy level-ppo   Evaluate a policy of the package.
     python train.py optimal --scene level         Print gaits of least cost of transport.
@@ -42,6 +43,7 @@ from agents.config import (
     configure,
     presets,
 )
+from agents.learner import begin_with, build
 from agents.training import Run
 from gym_passive_walker.cli.arguments import A_WALKER
 from gym_passive_walker.envs.scene import SCENES
@@ -98,6 +100,8 @@ def train_parser() -> argparse.ArgumentParser:
     add("--envs", type=int, metavar="N", help="number of parallel environments (the preset's)")
     add("--seed", type=int, help="seed of all random numbers (0)")
     add("--every", type=whole, metavar="N", help="steps between evaluations and checkpoints")
+    begun = "begin with this policy, a name or a folder, in place of random weights"
+    add("--from", dest="start", metavar="POLICY", help=begun)
     add("--out", type=Path, metavar="DIR", help="folder of the run (a new one under runs/)")
     resumed = "continue a run: this one, that of --out, or the latest under runs/"
     add("--resume", nargs="?", const=True, metavar="DIR", help=resumed)
@@ -144,6 +148,7 @@ def asked_for(args: argparse.Namespace, kept: Config | None = None) -> Config:
         n_envs=given("envs", kept.n_envs if kept else None),
         seed=given("seed", kept.seed if kept else 0),
         every=given("every", kept.every if kept else None),
+        start=given("start", kept.start if kept else None),
     )
 
 
@@ -174,6 +179,8 @@ def train(args: argparse.Namespace) -> int:
         envs.check(config)  # raises an error for invalid input before a folder is made
         if args.search is None and args.ray is not None:
             raise ConfigError("--ray goes with --search: a training is done by this process")
+        if config.start is not None:
+            begin_with(build(config, envs.training_envs(config)), config.start)
         if args.search is not None:
             return find_better(config, args)
         folder = files.new_run(args.out, f"{config.scene}-{config.algo}")

@@ -115,7 +115,7 @@ def restore(path: Path, model: BaseAlgorithm) -> dict[str, Any]:
 def last_policy(run: Path) -> tuple[Config, LearnedPolicy]:
     """A run's configuration, and the policy of its newest checkpoint.
 
-    The policy that a run keeps is that of its best evaluation.
+    A run may keep another one, that of its best evaluation (`training.KEEPS_LAST`).
 
     Raises:
         ConfigError: if the folder is not a run, or has no checkpoint yet.

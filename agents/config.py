@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from gym_passive_walker.arguments import unknown, whole
@@ -61,6 +62,8 @@ class Config:
         hyperparams: Arguments of the algorithm.
         exploration: Arguments of the algorithm's callback in `exploration`; None for no callback.
         training: Arguments of the environment that apply to training only.
+        start: Policy that gives the training its first actor and normalizer: a name or a folder;
+            None for random weights.
     """
 
     algo: str
@@ -75,6 +78,7 @@ class Config:
     hyperparams: dict[str, Any]
     exploration: dict[str, Any] | None = None
     training: dict[str, Any] = field(default_factory=dict)
+    start: str | None = None
 
     def __post_init__(self) -> None:
         """Validate all values.
@@ -93,6 +97,8 @@ class Config:
         for name in ("algo", "scene"):
             if not isinstance(getattr(self, name), str):
                 raise ConfigError(f"{name} must be the name of one, not {getattr(self, name)!r}")
+        if not isinstance(self.start, str | None):
+            raise ConfigError(f"start must name a policy, or be None, not {self.start!r}")
         presets(self.algo)
         for name in ("env", "hyperparams", "training", "normalize", "exploration"):
             value, may_be_none = getattr(self, name), name in ("normalize", "exploration")
@@ -166,6 +172,7 @@ def configure(
     n_envs: int | None = None,
     seed: int = 0,
     every: int | None = None,
+    start: str | None = None,
 ) -> Config:
     """A run's configuration: the preset of a scene, with the given values in place of its own.
 
@@ -180,6 +187,8 @@ def configure(
             update.
         seed: Seed of the environments, the initial weights and the exploration.
         every: Steps from one evaluation and checkpoint to the next; a twentieth of all when None.
+        start: Policy to begin with: a name or a folder. Noise and learning rate then follow the
+            last part of their schedules, in which braking is no longer free.
 
     Raises:
         ConfigError: if a name or a number is out of range.
@@ -197,6 +206,9 @@ def configure(
         preset["batch_size"] = preset["n_steps"] * n_envs // batches
     n_envs = count if n_envs is None else n_envs
     steps = total if steps is None else steps
+    exploration = _exploration(algo, callback)
+    if start is not None:
+        preset["learning_rate"], exploration = _last_part(preset["learning_rate"], exploration)
     return Config(
         algo=algo,
         scene=scene,
@@ -208,9 +220,24 @@ def configure(
         episode_steps=(wrapper or {}).get(_TIME_LIMIT, {}).get("max_episode_steps"),
         normalize=_normalizer(normalize),
         hyperparams=preset | _arguments_of_the_policy(preset),
-        exploration=_exploration(algo, callback),
+        exploration=exploration,
         training=training or {},
+        start=start,
     )
+
+
+def _last_part(rate: Any, exploration: dict[str, Any] | None) -> tuple[Any, dict[str, Any] | None]:
+    """The learning rate and the exploration from the share `until` of a training on."""
+    begin = (exploration or {}).get("until", 0.0)
+    if not exploration or not begin:
+        return rate, exploration
+    noise = sorted(exploration["log_std"].items())
+    left = {(share - begin) / (1.0 - begin): value for share, value in noise if share > begin}
+    shares, values = zip(*noise, strict=True)
+    left[0.0] = float(np.interp(begin, shares, values))
+    if isinstance(rate, str):
+        rate = f"lin_{float(rate.removeprefix('lin_')) * (1.0 - begin):.3g}"
+    return rate, {"log_std": {round(share, 6): left[share] for share in sorted(left)}}
 
 
 def _kept(name: str, value: Any) -> Any:

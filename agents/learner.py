@@ -12,6 +12,7 @@ import json
 from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import asdict
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, get_args
 
@@ -23,6 +24,7 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file, recursive_getattr
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
+from torch import nn
 
 from agents.config import Config, ConfigError, reason
 from agents.envs import training_envs
@@ -36,7 +38,7 @@ from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.files import replacing
 from gym_passive_walker.policies import DESCRIPTION, TENSORS, TrainedPolicy, shipped_policies
 from gym_passive_walker.policies import load_policy as load_exported
-from gym_passive_walker.policies.network import ACTIVATIONS, Network
+from gym_passive_walker.policies.network import ACTIVATIONS, PLACES, Network
 from gym_passive_walker.policies.onnx_file import write_onnx
 from gym_passive_walker.policies.tensors import read_tensors
 
@@ -118,7 +120,44 @@ def _with_activation(policy: dict[str, Any] | None) -> dict[str, Any] | None:
     name = str(policy["activation_fn"]).removeprefix("nn.")
     if name not in ACTIVATIONS:
         raise ConfigError(f"no activation {name!r}: choose from {', '.join(ACTIVATIONS)}")
-    return deepcopy(policy) | {"activation_fn": getattr(torch.nn, name)}
+    return deepcopy(policy) | {"activation_fn": getattr(nn, name)}
+
+
+def begin_with(model: BaseAlgorithm, name: str) -> None:
+    """Give an untrained algorithm the actor and the normalizer of a policy, a name or a folder.
+
+    Its critic and the noise of its actions stay as they are. A policy of SAC fits SAC alone, since
+    a tanh follows its last layer.
+
+    Raises:
+        ConfigError: if there is no such policy, or its layers are not those of the algorithm.
+    """
+    config, policy = learned(name)
+    network = on_numpy(policy, config) if isinstance(policy, LearnedPolicy) else policy
+    assert isinstance(network, Network)
+    squashed = isinstance(model, SAC)
+    hidden, last = PLACES["sac" if squashed else "ppo"]
+    modules = [*attrgetter(hidden)(model.policy), attrgetter(last)(model.policy)]
+    layers = [module for module in modules if isinstance(module, nn.Linear)]
+    found, own = (
+        [tuple(weight.shape) for weight in weights]
+        for weights in ([weight for weight, _ in network.layers], [x.weight for x in layers])
+    )
+    if network.squashed != squashed or found != own:
+        raise ConfigError(
+            f"{name} cannot be continued: it is of {config.algo.upper()} with layers {found}, and "
+            f"this training needs {'SAC' if squashed else 'PPO or SHAC'} with layers {own}"
+        )
+    with torch.no_grad():
+        for layer, (weight, bias) in zip(layers, network.layers, strict=True):
+            layer.weight.copy_(torch.tensor(weight))
+            layer.bias.copy_(torch.tensor(bias))
+    normalizer = model.get_vec_normalize_env()
+    if normalizer is not None and network.moments is not None:
+        mean, spread, _ = network.moments
+        running: Any = normalizer.obs_rms
+        running.mean, running.var = mean.copy(), spread**2 - normalizer.epsilon
+        running.count = float(config.steps)
 
 
 def restore_weights(model: BaseAlgorithm, path: Path) -> None:

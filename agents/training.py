@@ -16,7 +16,7 @@ from agents.callbacks import Milestones, StopRequest
 from agents.config import Config
 from agents.evaluation import write_rows
 from agents.exploration import explorers
-from agents.learner import LearnedPolicy, build, on_numpy
+from agents.learner import LearnedPolicy, begin_with, build, on_numpy
 from gym_passive_walker.evaluation.walks import evaluate
 from gym_passive_walker.files import replacing
 
@@ -58,6 +58,8 @@ class Run:
         self.notes: dict[str, Any] = {"best": None, "seconds": 0.0, "curve": []}
         newest = files.newest_checkpoint(folder)
         self.resumed = newest is not None
+        if newest is None and config.start is not None:
+            begin_with(self.model, config.start)
         if newest is not None:
             with files.reading(newest):
                 self.notes = checkpoint.restore(newest, self.model)

@@ -30,14 +30,14 @@ _SLOPES: dict[str, Callable[[NDArray], NDArray]] = {
 }
 """Derivatives of the activation functions."""
 
-# Names of the tensors of hidden layers, and of the layer of the mean action, by algorithm.
-_PLACES = {
+PLACES = {
     "ppo": ("mlp_extractor.policy_net", "action_net"),
     "ppo-fast": ("mlp_extractor.policy_net", "action_net"),
     "sac": ("actor.latent_pi", "actor.mu"),
     "shac": ("mlp_extractor.policy_net", "action_net"),
     "shac-learned": ("mlp_extractor.policy_net", "action_net"),
 }
+"""Names of the hidden layers and of the layer of the mean action, by algorithm."""
 _LOG_STD = (-20.0, 2.0)  # SAC clips the output of its network to this range
 
 
@@ -72,7 +72,7 @@ class Network:
         normalizer: Mapping[str, float] | None,
     ) -> None:
         for what, name, known in (
-            ("algorithm", algo, _PLACES),
+            ("algorithm", algo, PLACES),
             ("activation", activation, ACTIVATIONS),
         ):
             if not isinstance(name, str) or name not in known:
@@ -81,7 +81,7 @@ class Network:
             if not np.all(np.isfinite(tensor)):
                 raise ValueError(f"tensor {name} has numbers that are not finite")
         self.activation, self.squashed = activation, algo == "sac"
-        hidden, mean = _PLACES[algo]
+        hidden, mean = PLACES[algo]
         places = {name.rsplit(".", 1)[0] for name in tensors if name.startswith(f"{hidden}.")}
         in_order = sorted(places, key=lambda place: int(place.rsplit(".", 1)[1]))
         self._hidden = [_layer(tensors, place) for place in in_order]

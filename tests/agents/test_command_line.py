@@ -161,6 +161,7 @@ REFUSED = {
     "--envs 0": "envs",
     "--seed -4": "seed",
     "--resume nowhere": "nowhere",
+    "--from nowhere": "no policy 'nowhere'",
     "--resume": "no run",
     "evaluate nowhere": "nowhere",
 }

@@ -46,6 +46,22 @@ def test_ppo_keeps_the_size_of_its_update_when_environments_change():
     assert few.hyperparams["n_steps"] * 4 == usual.hyperparams["n_steps"] * usual.n_envs
 
 
+def test_a_training_that_begins_with_a_policy_goes_through_the_last_part_of_its_schedules():
+    usual, begun = (configure("ppo-fast", "level", start=start) for start in (None, "level-ppo"))
+    schedule = usual.exploration
+    until, noise = schedule["until"], sorted(schedule["log_std"].items())
+    assert set(begun.exploration) == {"log_std"}  # braking is not free again
+    for share in (0.0, 0.3, 0.5, 0.9, 1.0):
+        found = np.interp(share, *zip(*begun.exploration["log_std"].items(), strict=True))
+        same = np.interp(until + (1.0 - until) * share, *zip(*noise, strict=True))
+        assert found == pytest.approx(same)
+    rates = (float(x.hyperparams["learning_rate"].removeprefix("lin_")) for x in (usual, begun))
+    assert np.divide(*rates) == pytest.approx(1.0 / (1.0 - until))
+    with_sac = (configure("sac", "level", start=start) for start in (None, "level-ppo"))
+    same_noise, its_noise = (config.exploration for config in with_sac)
+    assert same_noise == its_noise
+
+
 @pytest.mark.parametrize("n_envs", [1, 5, 7, 64, 1000, 5000])
 def test_an_update_is_a_number_of_whole_batches(n_envs):
     config = configure(n_envs=n_envs)
@@ -181,6 +197,7 @@ OTHER = {
     "steps": 77, "seed": 12, "every": 11, "episode_steps": 9, "normalize": {"clip_obs": 5.0},
     "hyperparams": {"gamma": 0.9, "policy_kwargs": {"net_arch": [3, 4]}},
     "exploration": {"lowest": 0.1, "highest": 0.2}, "training": {"reset_noise_scale": 0.3},
+    "start": "lab-ppo",
 }  # fmt: skip
 
 
@@ -213,6 +230,7 @@ WRONG = {
     "n_envs": [0, 1.5, "2", True, None], "steps": [0, -1, 1.5, None], "seed": [-1, 2**31, 0.5],
     "every": [0, None, "1"], "episode_steps": [0, -3, 1.5, "1"], "normalize": [True, "{}", 1],
     "hyperparams": [None, []], "exploration": [[], 0.1], "training": [None, "x"],
+    "start": [1, ["level-ppo"]],
 }  # fmt: skip
 
 

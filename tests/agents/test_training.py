@@ -474,6 +474,48 @@ def test_a_policy_that_was_exported_as_tensors_and_yaml_acts_as_it_did(tmp_path)
     assert own.predict(seen)[0] == pytest.approx(back.predict(seen)[0], abs=1e-6)
 
 
+@pytest.mark.parametrize(("algo", "scene", "name"), [
+    ("ppo-fast", "level", "lab-ppo"), ("ppo", "level", "level-ppo"),
+    ("shac", "lab", "level-ppo"), ("sac", "steep", "steep-sac"),
+])  # fmt: skip
+def test_a_training_begins_with_the_policy_it_is_given(algo, scene, name, tmp_path):
+    config = small(algo, scene=scene, start=name)
+    run, policy = Run(config, tmp_path), gpw.load_policy(name)
+    begun = LearnedPolicy(run.model, algo.upper())
+    mean, spread, _ = policy.moments
+    seen = np.random.default_rng(0).normal(mean, spread, (64, len(mean))).astype(np.float32)
+    expected = policy.predict(seen)[0]
+    assert np.ptp(expected) > 0.5
+    np.testing.assert_allclose(begun.predict(seen)[0], expected, atol=1e-5)
+    assert run.train(progress=False)
+    assert not np.allclose(begun.predict(seen)[0], expected, atol=1e-5)
+    # A resumed run continues with its own weights.
+    more = dataclasses.replace(config, steps=config.steps + 128)
+    np.testing.assert_array_equal(weights(Run(more, tmp_path)), weights(run))
+
+
+def test_a_training_begins_with_the_policy_of_another_run(tmp_path):
+    Run(small(), tmp_path / "first").train(progress=False)
+    first = load_policy(tmp_path / "first")
+    second = Run(small(seed=1, start=str(tmp_path / "first")), tmp_path / "second")
+    seen = gymnasium.make_vec(envs.ID, num_envs=4, scene="level").reset(seed=0)[0]
+    here = LearnedPolicy(second.model, "PPO").predict(seen)[0]
+    np.testing.assert_allclose(here, first.predict(seen)[0], atol=1e-5)
+
+
+@pytest.mark.parametrize(("algo", "scene", "words"), [
+    ("ppo-fast", "anywhere", "with layers"), ("sac", "level", "this training needs SAC"),
+])  # fmt: skip
+def test_a_policy_that_does_not_fit_a_training_leaves_no_folder(
+    algo, scene, words, tmp_path, capsys
+):
+    line = ["--algo", algo, "--scene", scene, "--from", "level-ppo", "--out", str(tmp_path / "run")]
+    assert train.main(line) == 2
+    said = capsys.readouterr().err
+    assert "level-ppo cannot be continued" in said and words in said
+    assert not (tmp_path / "run").exists()
+
+
 def test_an_exported_policy_with_other_layers_is_refused(tmp_path):
     run, other = (Run(small(algo), tmp_path / algo) for algo in ("ppo", "sac"))
     export(LearnedPolicy(run.model, "PPO"), run.config, tmp_path / "out")

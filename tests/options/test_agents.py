@@ -282,7 +282,7 @@ def test_every_field_of_a_configuration_is_heard():
     for name, value in other.items():
         changed = configured(**({name: value} | (shac if name == "algo" else {})))
         assert plain(changed) != plain(configured()), f"{name} is not heard"
-    elsewhere = {"n_envs", "steps", "every"}  # of the test below
+    elsewhere = {"n_envs", "steps", "every", "start"}  # of the tests below, and of test_training
     assert {field.name for field in dataclasses.fields(Config)} == {*other, *elsewhere}
 
 
@@ -298,6 +298,7 @@ CONFIGURE = {
             n_envs=8,
             seed=To(3, expect=lambda a, b: b.seed == 3),
             every=To(7, expect=lambda a, b: b.every == 7),
+            start=To("lab-ppo", expect=lambda a, b: b.start == "lab-ppo"),
         ),
     ),
     "evaluate_policy": Call(
@@ -422,6 +423,7 @@ WORDS = {
     "envs": "--envs 8",
     "seed": "--seed 5",
     "every": "--every 9",
+    "start": "--from level-ppo",
     "out": "--out there",
     "tensorboard": "--tensorboard",
     "quiet": "--quiet",
@@ -433,6 +435,7 @@ FIELDS = {
     "n_envs": 8,
     "seed": 5,
     "every": 9,
+    "start": "level-ppo",
 }
 ENV = {"walker": "lab", "slope": [0.01, 0.02], "control": "stride"}
 
