@@ -298,10 +298,12 @@ def bodies_drawn(run: Path) -> int:
 
     Each reset takes `_DRAWS` random numbers from the generator of its environment.
     """
-    newest = max((run / "checkpoints").iterdir())
+    from agents.config import Config
+
+    newest, first = max((run / "checkpoints").iterdir()), Config.load(run / "config.yml").seed
     states = json.loads((newest / "envs.json").read_text(encoding="utf-8"))["random"]
     resets = 0
-    for seed, state in enumerate(states):
+    for seed, state in enumerate(states, first):
         generator: Any = seeding.np_random(seed)[0].bit_generator
         for count in range(_MANY):
             if generator.state["state"] == state["state"]:
