@@ -4,9 +4,10 @@
     python -m benchmarks.defaults --algo sac --steps 20000 --marks 5000 10000
     python -m benchmarks.defaults --scene "{reset_noise_scale: 0.1, max_hip_torque: 0.1}"
 
-PPO trains on 16 environments, SAC on one. At each mark, and at the end of `learn`, the policy acts
-without noise in 100 episodes with the seeds 1000 to 1099. It prints the number of walks that reach
-the time limit of 4,000 steps, of the first 20 and of all 100, and the mean return.
+PPO trains on 16 environments and SAC on one, unless `--envs` says otherwise. At each mark, and at
+the end of `learn`, the policy acts without noise in 100 episodes with the seeds 1000 to 1099. It
+prints the number of walks that reach the time limit of 4,000 steps, of the first 20 and of all 100,
+and the mean return.
 """
 
 from __future__ import annotations
@@ -87,7 +88,7 @@ def learn(args: argparse.Namespace, seed: int) -> None:
     """Train with one seed; print a row at each mark and at the end."""
     scene = {**(gym.spec(args.id).kwargs.get("scene") or {}), **yaml.safe_load(args.scene)}
     of, count = ALGORITHMS[args.algo]
-    native = PassiveWalkerVecEnv(count, scene, max_episode_steps=args.limit)
+    native = PassiveWalkerVecEnv(args.envs or count, scene, max_episode_steps=args.limit)
     envs = Shaped(native, args.reward_scale, args.observation_scale, args.fall_price)
     model = of("MlpPolicy", envs, seed=seed, device="cpu")  # type: ignore[call-arg]
     arena = gym.make_vec(args.id, num_envs=EPISODES, scene=scene)
@@ -115,6 +116,7 @@ def main() -> int:
     add("--id", default="PassiveWalkerEasy-v0", help="environment (%(default)s)")
     add("--algo", choices=tuple(ALGORITHMS), default="ppo", help="(%(default)s)")
     add("--seeds", type=int, nargs="+", default=[0, 1, 2], help="(0 1 2)")
+    add("--envs", type=int, help="(16 with ppo, 1 with sac)")
     add("--steps", type=int, default=150_000, help="(%(default)s)")
     add("--marks", type=int, nargs="*", default=[50_000, 100_000, 150_000], help="of steps")
     add("--scene", default="{}", metavar="YAML", help="arguments of the scene that differ")
