@@ -217,6 +217,13 @@ class Scene:
             put("start", self._checked_start())
         for name in RULES:
             put(name, checked_rule(name, getattr(self, name)))
+        for name, term in (("energy_weight", "energy"), ("command_weight", "command")):
+            given = getattr(self, name)
+            if isinstance(self.reward, Mapping) and given != getattr(type(self), name):
+                raise SceneError(
+                    f"{name}={given:g} has no effect, since reward has its own weights: give "
+                    f"the weight of {term!r} there"
+                )
         if self.observe_body and self.observation is not None:
             raise SceneError(
                 "observe_body adds to the environment's own observation, and this scene has "

@@ -262,7 +262,7 @@ def test_the_threshold_of_the_task_lies_between_the_passive_walk_and_the_optimum
         evaluate(BASELINES[agent](scene), arena, seed=0).reward.mean()
         for agent in ("passive", "optimal")
     )
-    assert passive + 0.9 * (optimal - passive) == pytest.approx(threshold, abs=0.05)
+    assert passive + 0.9 * (optimal - passive) == pytest.approx(threshold, rel=0.001)
     assert gymnasium.spec(name).reward_threshold == threshold
 
 

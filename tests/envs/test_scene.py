@@ -4,6 +4,7 @@ import dataclasses
 import json
 import re
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -291,6 +292,15 @@ def test_lookahead_needs_a_terrain_and_observing_a_body_the_default_observation(
         Scene(terrain_lookahead=1)
     with pytest.raises(SceneError, match="leave out observe_body or observation"):
         Scene(observe_body="foot_radius", observation=lambda step: step.time)
+
+
+@pytest.mark.parametrize("term", ["energy", "command"])
+def test_weights_of_a_reward_leave_no_second_weight(term):
+    with pytest.raises(SceneError, match=f"give the weight of '{term}' there"):
+        Scene(reward={"distance": 1.0}, **{f"{term}_weight": 5.0})
+    with pytest.raises(SceneError, match="energy_weight=5 has no effect"):
+        gymnasium.make("PassiveWalkerEasy-v0", energy_weight=5.0)
+    assert Scene(reward=lambda step: step.distance, energy_weight=5.0).energy_weight == 5.0
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 
 from gym_passive_walker import WALKERS
 from gym_passive_walker.envs import task
-from gym_passive_walker.envs.registration import EASY_ID, ID, MAX_EPISODE_STEPS, register
+from gym_passive_walker.envs.registration import EASY_ID, EASY_SCENE, ID, MAX_EPISODE_STEPS, register
 from gym_passive_walker.envs.scene import SCENES, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
@@ -48,14 +48,17 @@ def test_registration_is_done_once_and_names_its_modules():
     assert spec.max_episode_steps == MAX_EPISODE_STEPS == 4000
 
 
-def test_the_easy_task_differs_in_its_initial_states_alone():
+def test_the_easy_task_has_nearer_initial_states_and_ten_times_the_reward():
     easy, usual = gymnasium.make(EASY_ID), gymnasium.make(ID)
     assert usual.unwrapped.scene == make_scene("level")
-    assert easy.unwrapped.scene == make_scene("level", reset_noise_scale=0.05)
+    assert easy.unwrapped.scene == make_scene("level", **EASY_SCENE)
     assert gymnasium.make_vec(EASY_ID, num_envs=2).scene == easy.unwrapped.scene
     assert gymnasium.make(EASY_ID, scene="lab").unwrapped.scene == make_scene("lab")
     near = gymnasium.make(ID, reset_noise_scale=0.05)
     assert np.array_equal(easy.reset(seed=3)[0], near.reset(seed=3)[0])
+    for _ in range(40):
+        rewards = [env.step(np.array([0.5]))[1] for env in (easy, near)]
+        assert rewards[0] == pytest.approx(10.0 * rewards[1], rel=1e-12) != 0.0
     again = gymnasium.make(gymnasium.envs.registration.EnvSpec.from_json(easy.spec.to_json()))
     assert again.unwrapped.scene == easy.unwrapped.scene
 
@@ -288,7 +291,7 @@ def test_the_contact_goes_along_with_the_steps(make):
 
 
 @pytest.mark.parametrize(
-    ("name", "threshold", "scene"), [(ID, 47.3, {}), (EASY_ID, 47.6, {"reset_noise_scale": 0.05})]
+    ("name", "threshold", "scene"), [(ID, 47.3, {}), (EASY_ID, 476.0, EASY_SCENE)]
 )
 def test_each_registered_task_has_its_own_threshold_and_scene(name, threshold, scene):
     spec = gymnasium.spec(name)
