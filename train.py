@@ -99,6 +99,8 @@ def train_parser() -> argparse.ArgumentParser:
     add("--steps", type=whole, metavar="N", help="total number of environment steps (the preset's)")
     add("--envs", type=int, metavar="N", help="number of parallel environments (the preset's)")
     add("--seed", type=int, help="seed of all random numbers (0)")
+    limit = "steps after which a training episode is truncated (the preset's)"
+    add("--episode-steps", type=whole, metavar="N", help=limit)
     add("--every", type=whole, metavar="N", help="steps between evaluations and checkpoints")
     begun = "begin with this policy, a name or a folder, in place of random weights"
     add("--from", dest="start", metavar="POLICY", help=begun)
@@ -148,6 +150,7 @@ def asked_for(args: argparse.Namespace, kept: Config | None = None) -> Config:
         n_envs=given("envs", kept.n_envs if kept else None),
         seed=given("seed", kept.seed if kept else 0),
         every=given("every", kept.every if kept else None),
+        episode_steps=given("episode_steps", kept.episode_steps if kept else None),
         start=given("start", kept.start if kept else None),
     )
 

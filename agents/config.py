@@ -172,6 +172,7 @@ def configure(
     n_envs: int | None = None,
     seed: int = 0,
     every: int | None = None,
+    episode_steps: int | None = None,
     start: str | None = None,
 ) -> Config:
     """A run's configuration: the preset of a scene, with the given values in place of its own.
@@ -187,6 +188,7 @@ def configure(
             update.
         seed: Seed of the environments, the initial weights and the exploration.
         every: Steps from one evaluation and checkpoint to the next; a twentieth of all when None.
+        episode_steps: Steps after which a training episode is truncated; the preset's when None.
         start: Policy to begin with: a name or a folder. Noise and learning rate then follow the
             last part of their schedules, in which braking is no longer free.
 
@@ -206,6 +208,8 @@ def configure(
         preset["batch_size"] = preset["n_steps"] * n_envs // batches
     n_envs = count if n_envs is None else n_envs
     steps = total if steps is None else steps
+    if episode_steps is None:
+        episode_steps = (wrapper or {}).get(_TIME_LIMIT, {}).get("max_episode_steps")
     exploration = _exploration(algo, callback)
     if start is not None:
         preset["learning_rate"], exploration = _last_part(preset["learning_rate"], exploration)
@@ -217,7 +221,7 @@ def configure(
         steps=steps,
         seed=seed,
         every=max(1, steps // EVALUATIONS) if every is None else every,
-        episode_steps=(wrapper or {}).get(_TIME_LIMIT, {}).get("max_episode_steps"),
+        episode_steps=episode_steps,
         normalize=_normalizer(normalize),
         hyperparams=preset | _arguments_of_the_policy(preset),
         exploration=exploration,
@@ -227,17 +231,18 @@ def configure(
 
 
 def _last_part(rate: Any, exploration: dict[str, Any] | None) -> tuple[Any, dict[str, Any] | None]:
-    """The learning rate and the exploration from the share `until` of a training on."""
-    begin = (exploration or {}).get("until", 0.0)
-    if not exploration or not begin:
+    """The learning rate and the exploration of the last segment of the schedule of the noise.
+
+    It begins after `until`, the share of a training in which braking is free.
+    """
+    if not (exploration or {}).get("until"):
         return rate, exploration
-    noise = sorted(exploration["log_std"].items())
-    left = {(share - begin) / (1.0 - begin): value for share, value in noise if share > begin}
-    shares, values = zip(*noise, strict=True)
-    left[0.0] = float(np.interp(begin, shares, values))
+    shares, values = zip(*sorted(exploration["log_std"].items()), strict=True)
+    begin = max(exploration["until"], shares[-2])
+    noise = {0.0: float(np.interp(begin, shares, values)), 1.0: values[-1]}
     if isinstance(rate, str):
         rate = f"lin_{float(rate.removeprefix('lin_')) * (1.0 - begin):.3g}"
-    return rate, {"log_std": {round(share, 6): left[share] for share in sorted(left)}}
+    return rate, {"log_std": noise}
 
 
 def _kept(name: str, value: Any) -> Any:

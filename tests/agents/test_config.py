@@ -49,14 +49,13 @@ def test_ppo_keeps_the_size_of_its_update_when_environments_change():
 def test_a_training_that_begins_with_a_policy_goes_through_the_last_part_of_its_schedules():
     usual, begun = (configure("ppo-fast", "level", start=start) for start in (None, "level-ppo"))
     schedule = usual.exploration
-    until, noise = schedule["until"], sorted(schedule["log_std"].items())
-    assert set(begun.exploration) == {"log_std"}  # braking is not free again
-    for share in (0.0, 0.3, 0.5, 0.9, 1.0):
-        found = np.interp(share, *zip(*begun.exploration["log_std"].items(), strict=True))
-        same = np.interp(until + (1.0 - until) * share, *zip(*noise, strict=True))
-        assert found == pytest.approx(same)
+    *_, (last, loud), (end, quiet) = sorted(schedule["log_std"].items())
+    assert last > schedule["until"] and end == 1.0
+    assert begun.exploration == {"log_std": {0.0: loud, 1.0: quiet}}  # braking is not free again
     rates = (float(x.hyperparams["learning_rate"].removeprefix("lin_")) for x in (usual, begun))
-    assert np.divide(*rates) == pytest.approx(1.0 / (1.0 - until))
+    assert np.divide(*rates) == pytest.approx(1.0 / (1.0 - last))
+    rolling = configure("ppo-fast", "rolling", start="rolling-ppo").exploration["log_std"]
+    assert rolling == {0.0: pytest.approx(-1.3), 1.0: -2.5}  # its last segment begins before
     with_sac = (configure("sac", "level", start=start) for start in (None, "level-ppo"))
     same_noise, its_noise = (config.exploration for config in with_sac)
     assert same_noise == its_noise
@@ -95,6 +94,13 @@ def test_what_is_asked_for_is_what_is_done():
     config = configure("sac", "lab", steps=1000, every=70, seed=3)
     assert (config.steps, config.every, config.seed) == (1000, 70, 3)
     assert configure(steps=1000).every == 50
+
+
+def test_training_episodes_have_the_length_that_is_asked_for():
+    assert configure("ppo-fast", "level").episode_steps == 400
+    assert configure("ppo-fast", "level", episode_steps=60).episode_steps == 60
+    with pytest.raises(ConfigError, match="episode_steps"):
+        configure("ppo-fast", "level", episode_steps=0)
 
 
 def test_agents_learn_in_short_episodes_from_hard_starts_and_are_evaluated_in_neither():

@@ -14,7 +14,13 @@ from gymnasium.utils.env_checker import check_env
 
 from gym_passive_walker import WALKERS
 from gym_passive_walker.envs import task
-from gym_passive_walker.envs.registration import EASY_ID, EASY_SCENE, ID, MAX_EPISODE_STEPS, register
+from gym_passive_walker.envs.registration import (
+    EASY_ID,
+    EASY_SCENE,
+    ID,
+    MAX_EPISODE_STEPS,
+    register,
+)
 from gym_passive_walker.envs.scene import SCENES, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv

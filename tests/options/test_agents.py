@@ -298,6 +298,7 @@ CONFIGURE = {
             n_envs=8,
             seed=To(3, expect=lambda a, b: b.seed == 3),
             every=To(7, expect=lambda a, b: b.every == 7),
+            episode_steps=60,
             start=To("lab-ppo", expect=lambda a, b: b.start == "lab-ppo"),
         ),
     ),
@@ -423,6 +424,7 @@ WORDS = {
     "envs": "--envs 8",
     "seed": "--seed 5",
     "every": "--every 9",
+    "episode_steps": "--episode-steps 70",
     "start": "--from level-ppo",
     "out": "--out there",
     "tensorboard": "--tensorboard",
@@ -435,6 +437,7 @@ FIELDS = {
     "n_envs": 8,
     "seed": 5,
     "every": 9,
+    "episode_steps": 70,
     "start": "level-ppo",
 }
 ENV = {"walker": "lab", "slope": [0.01, 0.02], "control": "stride"}
