@@ -273,9 +273,9 @@ def show(out: Path, _: argparse.Namespace) -> None:
              "optimum not found"]  # fmt: skip
     text = table(heads, lines)
     drew = [
-        f"{name} {bodies_drawn(out / name):,}"
-        for name in (SHIPPED, "new")
-        if (out / name / "checkpoints").is_dir()
+        f"{run.name} {bodies_drawn(run):,}"
+        for run in sorted(out.iterdir())
+        if (run / "checkpoints").is_dir() and not run.name.startswith("pool-")
     ]
     text += f"\n\nBodies drawn in training: {', '.join(drew)}."
     begins = f"Drawing a body and computing its constants takes {1e6 * drawing():.0f} µs."

@@ -29,19 +29,28 @@ STRIDES = 2
 
 def trained_by(config: Config) -> str:
     """The command that trains a configuration."""
-    seed = f" --seed {config.seed}" if config.seed else ""
-    return (
-        f"python train.py --algo {config.algo} --scene {config.scene} --steps {config.steps}{seed} "
-        f"--every {config.every}"
-    )
+    of_preset = preset_again(config, episode_steps=None).episode_steps
+    limited = config.episode_steps != of_preset
+    given = {
+        "algo": config.algo, "scene": config.scene, "from": config.start, "steps": config.steps,
+        "seed": config.seed or None, "every": config.every,
+        "episode-steps": config.episode_steps if limited else None,
+    }  # fmt: skip
+    words = [f" --{name} {value}" for name, value in given.items() if value is not None]
+    return "python train.py" + "".join(words)
+
+
+def preset_again(config: Config, *, episode_steps: int | None) -> Config:
+    """A training's configuration, made again with today's preset."""
+    return configure(
+        config.algo, config.scene, env=dict(config.env), steps=config.steps, seed=config.seed,
+        every=config.every, start=config.start, episode_steps=episode_steps,
+    )  # fmt: skip
 
 
 def as_today(config: Config) -> str:
     """Whether today's preset has the hyperparameters of a training."""
-    today = configure(
-        config.algo, config.scene, env=dict(config.env), steps=config.steps, seed=config.seed,
-        every=config.every,
-    )  # fmt: skip
+    today = preset_again(config, episode_steps=config.episode_steps)
     then, now = _flat(asdict(config)), _flat(asdict(today))
     changed = [
         f"{name} was {then.get(name, 'not set')}, now {now.get(name, 'not set')}"
