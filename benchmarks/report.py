@@ -6,6 +6,7 @@ import argparse
 import gc
 import os
 import platform
+import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import date
@@ -21,7 +22,7 @@ def machine(*packages: str) -> str:
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):
-                model = line.split(":")[1].strip()
+                model = re.sub(r"\(R\)| Processor", "", line.split(":")[1]).strip()
             if line.startswith("flags"):
                 model += " with AVX-512" if "avx512f" in line else " without AVX-512"
                 break
