@@ -67,6 +67,9 @@ GROUPS = {"learning": (
     "python train.py benchmark --scenes level --agents shac --budget 0.3333 --out runs/third",
     "python -m benchmarks.defaults --id PassiveWalkerEasy-v0",
     "python -m benchmarks.defaults --id PassiveWalker-v0",
+    "python -m benchmarks.defaults --algo sac --envs 16 --marks 20000 50000 100000 150000",
+    "python -m benchmarks.defaults --algo sac --envs 16 --marks 20000 50000 100000 150000 "
+    "--id PassiveWalker-v0",
     "python -m benchmarks.defaults --algo sac --steps 50000 "
     "--marks 2000 5000 10000 15000 20000 30000 40000",
     "python train.py gait level-ppo --out docs/images/gait-level-ppo.png",
