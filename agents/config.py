@@ -235,7 +235,7 @@ def _last_part(rate: Any, exploration: dict[str, Any] | None) -> tuple[Any, dict
 
     It begins after `until`, the share of a training in which braking is free.
     """
-    if not (exploration or {}).get("until"):
+    if exploration is None or not exploration.get("until"):
         return rate, exploration
     shares, values = zip(*sorted(exploration["log_std"].items()), strict=True)
     begin = max(exploration["until"], shares[-2])
