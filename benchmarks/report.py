@@ -22,6 +22,7 @@ def machine(*packages: str) -> str:
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):
+                # Marks of registration, and a last word that says nothing of the model.
                 model = re.sub(r"\(R\)| Proc\w+", "", line.split(":")[1]).strip()
             if line.startswith("flags"):
                 model += " with AVX-512" if "avx512f" in line else " without AVX-512"

@@ -26,8 +26,8 @@ EASY_SCENE = {"reset_noise_scale": 0.05, "reward": {"distance": 10.0, "energy": 
 Initial states are nearer to the gait: at 0.10, PPO of stable-baselines3 with default
 hyperparameters learns last to start from states with the legs far apart and little speed. These are
 rare, and a policy that walks sees an initial state once in 4,000 steps. Rewards are ten times those
-of "level": a control step earns a tenth there, and a hundredth here would be less than what SAC
-pays for entropy.
+of "level", where a control step earns a hundredth: little beside the price of entropy of SAC with
+default hyperparameters, which is 1 at first.
 """
 
 EASY_REWARD_THRESHOLD = 476.0
