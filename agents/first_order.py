@@ -1,13 +1,16 @@
 """A short-horizon actor-critic (SHAC) that learns from exact gradients of the environment's steps.
 
 As in SHAC, many walkers make some steps, and their rewards are differentiated backwards through
-these steps. A critic stands for all later rewards. There are three differences:
+these steps. A critic stands for all later rewards. There are four differences:
 
 - Each action is moved along its own gradient, and the network is fitted to the new actions. The
   policy's weights do not follow the gradient directly: a push and the pause after it are one
   control step apart, which shared weights are slow to distinguish.
 - The critic also learns the derivatives of its value by the state. The backward sweep computes
   these six numbers for every step, and the actor needs them.
+- Falls have no gradient: rewards do not change until a walker falls. With `FallCriticPolicy`, a
+  second critic learns the discounted probability of a fall from falls alone. Its derivative, times
+  the return that a fall costs, is subtracted from each action's gradient.
 - Noise smooths the corners of the return, and decreases during training (`exploration.Schedule`).
 
 Collecting steps, values by TD(lambda), time limits and files are those of stable-baselines3.
@@ -32,6 +35,8 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 from torch import Tensor, nn
 
+from agents.networks import FallCriticPolicy
+from agents.ppo_fast import advantages
 from gym_passive_walker.evaluation.linearization import Linear, StepRecorder
 
 _STATE = slice(0, 6)  # the state within an observation
@@ -41,6 +46,9 @@ untrained, and once all walkers have learned to fall, the gradient is zero."""
 
 _FARTHEST = 1.2
 """Largest action that a policy learns: a little beyond the bound of 1, so that it can return."""
+
+_LIKELY = 0.3
+"""Least probability of a fall that changes an action's gradient."""
 
 _BOLDEST, _STEEPEST = 5.0, 10.0
 """Bounds of the gradients by actions, in root mean squares, and of the derivatives of values.
@@ -52,8 +60,7 @@ class Taped(VecEnvWrapper):
 
     Args:
         venv: The environments.
-        recorder: Record of the steps; None is a new `StepRecorder`, without the bound of the
-            penalty of commands: where a stride earns nothing, gradients would vanish.
+        recorder: Record of the steps; None is a new `StepRecorder` for learning.
 
     Attributes:
         recorder: The recorded steps.
@@ -65,7 +72,7 @@ class Taped(VecEnvWrapper):
     def __init__(self, venv: VecEnv, recorder: Any = None) -> None:
         super().__init__(venv)
         if recorder is None:
-            recorder = StepRecorder(venv.unwrapped, bounded=False)
+            recorder = StepRecorder(venv.unwrapped, learning=True)
         self.recorder = recorder
         self.clear()
 
@@ -145,7 +152,7 @@ class SHAC(OnPolicyAlgorithm):
     """A short-horizon actor-critic on exact gradients, for walkers with a hip actuator.
 
     Args:
-        policy: "MlpPolicy".
+        policy: "MlpPolicy", or `FallCriticPolicy`.
         env: A `PassiveWalkerVecEnv`, alone or in a VecNormalize that does not normalize rewards.
         learning_rate: Learning rate of the networks, or its schedule.
         n_steps: Steps in a horizon.
@@ -220,8 +227,17 @@ class SHAC(OnPolicyAlgorithm):
         """The critic's value, (...), from observations (..., k)."""
         return self.policy.value_net(self.policy.mlp_extractor.forward_critic(seen))[..., 0]
 
+    def falls(self, seen: Tensor) -> Tensor:
+        """The discounted probability of a fall, (...), from observations (..., k).
+
+        It is 0 without a critic of falls.
+        """
+        if not isinstance(self.policy, FallCriticPolicy):
+            return 0.0 * seen[..., 0]
+        return torch.sigmoid(self.policy.fall_critic(seen)[..., 0])
+
     def train(self) -> None:
-        """Fit policy and critic to the last horizon."""
+        """Fit policy and critics to the last horizon."""
         self.policy.set_training_mode(True)
         self._update_learning_rate(self.policy.optimizer)
         seen = torch.as_tensor(self.rollout_buffer.observations)
@@ -233,10 +249,25 @@ class SHAC(OnPolicyAlgorithm):
             actions.clamp_(-_FARTHEST, _FARTHEST)
         values = _single(self.rollout_buffer.returns).reshape(-1)
         slopes = _single(costates).reshape(len(rows), -1)
+        falls = self._falls_to_come(seen).reshape(-1)
         for _ in range(self.n_epochs):
             for batch in torch.randperm(len(rows)).split(self.batch_size):
-                self._fit(rows[batch], actions[batch], values[batch], slopes[batch])
+                learned = rows, actions, values, slopes, falls
+                self._fit(*(each[batch] for each in learned))
         self._n_updates += self.n_epochs
+
+    @torch.no_grad()
+    def _falls_to_come(self, seen: Tensor) -> Tensor:
+        """Discounted probabilities of a fall, by TD(lambda), before each step of a horizon, (T, n).
+
+        A step that ends with a fall counts 1.
+        """
+        assert isinstance(self.env, Taped)
+        fell, ended = (torch.as_tensor(np.stack(x)) for x in (self.env.fell, self.env.ended))
+        now, after = self.falls(seen), self.falls(_single(np.stack(self.env.seen))) * ~fell
+        return now + advantages(
+            fell.float(), now, after, ended, gamma=self.gamma, gae_lambda=self.gae_lambda
+        )
 
     def _gradients(self, seen: NDArray) -> tuple[NDArray, NDArray]:
         """Gradients by actions over their root mean square, (T, n), and by states, (T, n, 6).
@@ -249,15 +280,17 @@ class SHAC(OnPolicyAlgorithm):
         if normalizer is not None and normalizer.norm_obs:
             spread = np.sqrt(normalizer.obs_rms.var + normalizer.epsilon)  # type: ignore[union-attr]
         spread = spread[_STATE]
-        beyond = np.abs(actions) >= 1.0
+        beyond, fell = np.abs(actions) >= 1.0, np.stack(env.fell)
         policy = _by_state(self.action, seen) / spread
         policy[beyond] = 0.0
         critic = _by_state(self.value, np.stack(env.seen)) / spread
-        critic[np.stack(env.fell)] = 0.0
+        critic[fell] = 0.0
+        linear = env.recorder.linearize()
         gains, costates = backwards(
-            env.recorder.linearize(), policy, critic, np.stack(env.ended),
+            linear, policy, critic, np.stack(env.ended),
             gamma=self.gamma, gae_lambda=self.gae_lambda,
         )  # fmt: skip
+        gains -= np.einsum("tni,tni->tn", linear.states_by_action, self._price_of_falls() / spread)
         # An action beyond its bounds is moved back towards them, but not further away.
         gains[beyond & (actions * gains > 0.0)] = 0.0
         typical = np.sqrt(np.mean(gains**2)) or 1.0
@@ -266,14 +299,32 @@ class SHAC(OnPolicyAlgorithm):
             np.clip(costates * spread, -_STEEPEST, _STEEPEST),
         )
 
-    def _fit(self, seen: Tensor, actions: Tensor, values: Tensor, slopes: Tensor) -> None:
-        """Make one step of fitting to actions (k,), values (k,) and their derivatives (k, 6)."""
+    def _price_of_falls(self) -> NDArray[np.float64]:
+        """Derivative by the state after each step of the return that falls cost, (T, n, 6).
+
+        A fall costs the mean return. Where it is unlikely the derivative is 0: there it is mostly
+        an error of the critic, and larger than the effect of a torque on the work.
+        """
+        assert isinstance(self.env, Taped)
+        after = np.stack(self.env.seen)
+        with torch.no_grad():
+            unlikely = self.falls(torch.as_tensor(after)).numpy() < _LIKELY
+        slopes = _by_state(self.falls, after)
+        slopes[unlikely | np.stack(self.env.fell)] = 0.0  # after a fall, none is to come
+        return self.gamma * max(0.0, float(self.rollout_buffer.returns.mean())) * slopes
+
+    def _fit(
+        self, seen: Tensor, actions: Tensor, values: Tensor, slopes: Tensor, falls: Tensor
+    ) -> None:
+        """Make one step of fitting to actions, values, their derivatives (k, 6), and falls."""
         leaf = seen.clone().requires_grad_()
         expected = self.value(leaf)
         (by_state,) = torch.autograd.grad(expected.sum(), leaf, create_graph=True)
         loss = nn.functional.mse_loss(self.action(seen), actions)
         loss = loss + nn.functional.mse_loss(expected, values)
         loss = loss + (by_state[:, _STATE] - slopes).square().sum(1).mean()
+        if isinstance(self.policy, FallCriticPolicy):
+            loss = loss + nn.functional.binary_cross_entropy(self.falls(seen), falls)
         self.policy.optimizer.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(self.policy.parameters(), self.max_grad_norm)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 import torch
-from stable_baselines3.common.policies import ContinuousCritic
-from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy, ContinuousCritic
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, create_mlp
+from stable_baselines3.common.type_aliases import Schedule
 from stable_baselines3.sac.policies import SACPolicy
 from torch import Tensor, nn
 
@@ -36,6 +37,25 @@ class NormedCriticPolicy(SACPolicy):
             critic.add_module(f"qf{i}", critic.q_networks[i])
         return critic
 
+
+class FallCriticPolicy(ActorCriticPolicy):
+    """PPO's policy with a second critic, which estimates how likely a fall is.
+
+    Its output is the logit of the discounted probability of a fall in the episode. It has the size
+    of the other critic, and smooth units, since its derivative is used.
+    """
+
+    def _build(self, lr_schedule: Schedule) -> None:
+        sizes = self.net_arch["vf"] if isinstance(self.net_arch, dict) else self.net_arch
+        layers = create_mlp(self.features_dim, 1, sizes, nn.SiLU)
+        nn.init.zeros_(layers[-1].weight)
+        nn.init.constant_(layers[-1].bias, _RARE)
+        self.fall_critic = nn.Sequential(*layers)
+        super()._build(lr_schedule)
+
+
+_RARE = -3.0
+"""First estimate of a fall critic: a probability of 5 %."""
 
 _UNITS: dict[type[nn.Module], tuple[Callable[[Tensor], Tensor], Callable[..., Tensor]]] = {
     nn.ReLU: (torch.relu_, lambda before, after: after.sign()),
@@ -90,5 +110,8 @@ class Perceptron:
                 slope *= self.slope_of(self.before[k - 1], below)
 
 
-POLICIES = {"agents.networks.NormedCriticPolicy": NormedCriticPolicy}
+POLICIES: dict[str, type[BasePolicy]] = {
+    f"agents.networks.{policy.__name__}": policy
+    for policy in (NormedCriticPolicy, FallCriticPolicy)
+}
 """Policies that a preset may name besides those of stable-baselines3."""

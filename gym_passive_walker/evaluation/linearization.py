@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.checks import checked
@@ -68,16 +68,17 @@ class StepRecorder:
     Args:
         envs: A vector environment, for Gymnasium or stable-baselines3, of walkers that are
             driven by the hip alone, without disturbances.
-        bounded: Whether the penalty of a command is bounded by the stride's length, as it is in
-            the reward. Where the bound holds, a stride earns nothing, whatever its speed. Without
-            the bound, the derivatives still point to the commanded speed.
+        learning: Whether the derivatives of a command's penalty are those that learners need. They
+            ignore the bound of the penalty, so that they point to the commanded speed where a
+            stride earns nothing. And a stride that has not ended has, by its start, the derivative
+            of the walker's stride before it, not 0.
 
     Raises:
         SceneError: if it is otherwise.
     """
 
-    def __init__(self, envs: Any, *, bounded: bool = True) -> None:
-        self._batch, self._bounded = envs.batch, bounded
+    def __init__(self, envs: Any, *, learning: bool = False) -> None:
+        self._batch, self._learning = envs.batch, learning
         self._scene = differentiable(envs.scene)
         self.clear()
 
@@ -128,7 +129,9 @@ class StepRecorder:
         if scene.command is not None:
             length, period = (results[:, report.at[name]] for name in ("step_length", "time"))
             rewards -= walked.struck[:, None] * self._penalties_by(length, period)
-            by_start = at_first_steps(rewards[:, _START].reshape(shape), begins)
+            by_start = rewards[:, _START].reshape(shape)
+            going = _last(by_start, walked.struck.reshape(shape)) if self._learning else 0.0
+            by_start = at_first_steps(by_start, begins, going)
             rewards[:, _STANCE] += by_start.reshape(-1)
         states = results[:, _STATE, 1:]
         rewards[:, _ACTION] *= scene.max_hip_torque
@@ -147,9 +150,9 @@ class StepRecorder:
         commands, weight = np.concatenate(self._commands)[:, None], self._scene.command_weight
 
         def penalty(lengths: NDArray, periods: NDArray) -> NDArray[np.float64]:
-            if self._bounded:
-                return rules.command_penalty(lengths, periods, commands, weight)
-            return weight * rules.command_error(lengths, periods, commands)
+            if self._learning:
+                return weight * rules.command_error(lengths, periods, commands)
+            return rules.command_penalty(lengths, periods, commands, weight)
 
         here, there = (
             penalty(length[:, :1] + width * length[:, 1:], period[:, :1] + width * period[:, 1:])
@@ -190,14 +193,23 @@ def stands(fell: NDArray[np.bool_], begins: NDArray[np.bool_]) -> NDArray[np.boo
     return standing
 
 
-def at_first_steps(amounts: NDArray, begins: NDArray[np.bool_]) -> NDArray[np.float64]:
+def at_first_steps(
+    amounts: NDArray, begins: NDArray[np.bool_], going: ArrayLike = 0.0
+) -> NDArray[np.float64]:
     """Return amounts of steps (T, n), moved to the first step of each one's stride.
 
-    Those of a stride that began before the first step are dropped. `begins` is that of `stands`.
+    Those of a stride that began before the first step are dropped. `begins` is that of `stands`,
+    and `going` is what comes after the last step, in the strides that go on, (n,).
     """
-    moved, so_far = np.zeros(amounts.shape), np.zeros(amounts.shape[1])
+    moved, so_far = np.zeros(amounts.shape), np.zeros(amounts.shape[1]) + going
     for step in reversed(range(len(amounts))):
         so_far += amounts[step]
         moved[step, begins[step]] = so_far[begins[step]]
         so_far[begins[step]] = 0.0
     return moved
+
+
+def _last(amounts: NDArray, struck: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the amounts (n,) at each walker's last heelstrike of (T, n) steps; 0 without one."""
+    last = len(struck) - 1 - np.argmax(struck[::-1], axis=0)
+    return np.where(struck.any(axis=0), np.take_along_axis(amounts, last[None], axis=0)[0], 0.0)

@@ -9,7 +9,7 @@ import torch
 from agents import envs, evaluation
 from agents.config import ConfigError, configure
 from agents.first_order import SHAC, backwards
-from agents.learner import build
+from agents.learner import LearnedPolicy, _tensors, build
 from agents.training import Run
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
@@ -142,6 +142,69 @@ def test_an_update_moves_actions_up_their_gradients():
     model.learn(16 * config.hyperparams["n_steps"])
     moved = (model.action(reported["seen"]) - reported["before"]).detach().numpy()
     assert np.corrcoef(moved.reshape(-1), reported["gains"].reshape(-1))[0, 1] > 0.3
+
+
+class Ended:
+    """What a horizon of SHAC's environments recorded."""
+
+    def __init__(self, seen, ended, fell):
+        self.seen, self.ended, self.fell = seen, ended, fell
+
+
+@pytest.fixture
+def faller(monkeypatch):
+    """SHAC after a horizon of two walkers, of which the first falls in the third of four steps."""
+    config = configure("shac", "commanded", n_envs=2)
+    model = build(config, envs.training_envs(config), gae_lambda=1.0)
+    seen = np.random.default_rng(0).normal(size=(4, 2, 9)).astype(np.float32)
+    ended = np.zeros((4, 2), bool)
+    ended[2, 0] = True
+    monkeypatch.setattr("agents.first_order.Taped", Ended)
+    model.env, model.rollout_buffer.returns = Ended(seen, ended, ended), np.full((4, 2), 2.5)
+    return model
+
+
+def test_steps_before_a_fall_have_its_discounted_probability(faller):
+    """Before the fall it is certain; the other walker may fall after the horizon."""
+    falls = faller._falls_to_come(torch.zeros(4, 2, 9)).numpy()
+    gamma, rare = faller.gamma, 1.0 / (1.0 + np.exp(3.0))
+    np.testing.assert_allclose(falls[:3, 0], [gamma**2, gamma, 1.0], rtol=1e-5)
+    np.testing.assert_allclose(falls[:, 1], rare * gamma ** np.arange(4, 0, -1), rtol=1e-5)
+
+
+def test_a_probable_fall_costs_the_mean_return_and_an_improbable_one_nothing(faller):
+    assert (faller._price_of_falls() == 0.0).all()  # all falls are rare
+    last = faller.policy.fall_critic[-1]
+    torch.nn.init.normal_(last.weight)
+    torch.nn.init.constant_(last.bias, 1.0)
+    seen = torch.from_numpy(faller.env.seen)
+    price, falls = faller._price_of_falls(), faller.falls(seen).detach().numpy()
+    likely = (falls > 0.3) & ~faller.env.fell
+    assert likely.any() and (price[~likely] == 0.0).all()
+    for k in range(6):
+        step = 1e-2 * torch.eye(9)[k]
+        there, here = (faller.falls(seen + side * step).detach().numpy() for side in (1.0, -1.0))
+        expected = faller.gamma * 2.5 * (there - here) / 2e-2
+        np.testing.assert_allclose(price[..., k][likely], expected[likely], atol=1e-3)
+
+
+def test_the_fall_critic_learns_which_walkers_fall_and_is_not_exported():
+    config = configure("shac", "commanded", n_envs=64, seed=3)
+    config.training.update(reset_noise_scale=0.3)
+    model = build(config, envs.training_envs(config))
+    model.learn(20 * 64 * config.hyperparams["n_steps"])
+    seen, fell = np.stack(model.env.seen), np.stack(model.env.fell)
+    soon = np.array([fell[t : t + 8].any(0) for t in range(len(fell) - 8)])
+    falls = model.falls(torch.from_numpy(seen)).detach().numpy()[: len(soon)]
+    assert soon.any() and np.mean(falls[soon][:, None] > falls[~soon]) > 0.8  # of all pairs
+    assert not any("fall" in name for name in _tensors(LearnedPolicy(model, "SHAC")))
+
+
+def test_without_a_critic_of_falls_they_change_no_gradient():
+    config = configure("shac", "level", n_envs=2)
+    model = build(config, envs.training_envs(config))
+    model.learn(2 * config.hyperparams["n_steps"])
+    assert (model._price_of_falls() == 0.0).all()
 
 
 def test_without_arguments_it_has_the_numbers_of_its_preset():

@@ -6,6 +6,7 @@ import pytest
 from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.scene import SceneError, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.evaluation import linearization
 from gym_passive_walker.evaluation.linearization import StepRecorder
 
 COUNT, STEPS, WIDTH = 6, 75, 1e-6
@@ -78,8 +79,9 @@ def test_steps_that_are_not_the_walker_s_and_its_hip_s_alone_are_refused(changes
         StepRecorder(PassiveWalkerVectorEnv(2, "level", **changes))
 
 
-def test_without_the_bound_derivatives_point_to_a_speed_that_is_far_away():
+def test_without_the_bound_derivatives_point_to_a_speed_that_is_far_away(monkeypatch):
     """Strides of half the commanded speed earn nothing, whatever they do."""
+    monkeypatch.setattr(linearization, "_last", lambda *_: 0.0)  # no stride after the last step
     env = world(command=0.5, energy_weight=0.0)
     scene, actions = env.scene, np.full((STEPS, COUNT, 1), 0.2)
 
@@ -100,18 +102,37 @@ def test_without_the_bound_derivatives_point_to_a_speed_that_is_far_away():
         return earned
 
     found = {}
-    for bounded in (True, False):
-        recorder = StepRecorder(env, bounded=bounded)
+    for learning in (True, False):
+        recorder = StepRecorder(env, learning=learning)
         walk(actions, recorder)
-        found[bounded] = gains(recorder.linearize())[0]
+        found[learning] = gains(recorder.linearize())[0]
     earned = []
     for sign in (1.0, -1.0):
         changed = actions.copy()
         changed[0] += sign * WIDTH
         earned.append(walk(changed))
     difference = (earned[0] - earned[1]) / (2.0 * WIDTH)
-    np.testing.assert_allclose(found[False], difference, rtol=1e-4, atol=1e-7)
-    assert (abs(found[False]) > 2.0 * abs(found[True])).all()
+    np.testing.assert_allclose(found[True], difference, rtol=1e-4, atol=1e-7)
+    assert (abs(found[True]) > 2.0 * abs(found[False])).all()
+
+
+def test_a_stride_that_goes_on_has_the_derivative_of_the_stride_before():
+    """On a gait all strides are alike, so it is what the end of the stride will show."""
+    env = world(command=0.1, energy_weight=0.0, reset_noise_scale=0.0)
+    by_stance = {}
+    for steps in (STEPS, 2 * STEPS):
+        env.reset(seed=2)
+        recorder, begun, strides = StepRecorder(env, learning=True), [], np.full(COUNT, -1)
+        for _ in range(steps):
+            now = env.batch.ledger["strides"].copy()
+            begun.append(now > strides)
+            strides = now
+            recorder.record(np.zeros((COUNT, 1)))
+            env.step(np.zeros((COUNT, 1)))
+        last = max(np.flatnonzero(np.any(begun[:STEPS], axis=1)))
+        by_stance[steps] = recorder.linearize().rewards_by_state[last, :, 0]
+    assert (by_stance[STEPS] != 0.0).all()
+    np.testing.assert_allclose(by_stance[STEPS], by_stance[2 * STEPS], rtol=1e-3)
 
 
 def test_what_was_noted_stays_when_the_array_it_came_in_changes():

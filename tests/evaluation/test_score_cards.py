@@ -407,3 +407,8 @@ def test_a_stride_stands_unless_it_ends_in_a_fall():
             own = amounts[first:end, lane].sum() if begins[first, lane] else 0.0
             assert moved[first, lane] == pytest.approx(own)
             assert (moved[first + 1 : end, lane] == 0.0).all()
+    going = rng.normal(size=7)
+    added = at_first_steps(amounts, begins, going) - moved
+    last = 39 - np.argmax(begins[::-1], axis=0)
+    np.testing.assert_allclose(added[last, np.arange(7)], going)
+    assert np.count_nonzero(added) == 7
