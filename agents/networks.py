@@ -47,10 +47,11 @@ class FallCriticPolicy(ActorCriticPolicy):
 
     def _build(self, lr_schedule: Schedule) -> None:
         sizes = self.net_arch["vf"] if isinstance(self.net_arch, dict) else self.net_arch
-        layers = create_mlp(self.features_dim, 1, sizes, nn.SiLU)
-        nn.init.zeros_(layers[-1].weight)
-        nn.init.constant_(layers[-1].bias, _RARE)
-        self.fall_critic = nn.Sequential(*layers)
+        *hidden, last = create_mlp(self.features_dim, 1, sizes, nn.SiLU)
+        assert isinstance(last, nn.Linear)
+        nn.init.zeros_(last.weight)
+        nn.init.constant_(last.bias, _RARE)
+        self.fall_critic = nn.Sequential(*hidden, last)
         super()._build(lr_schedule)
 
 

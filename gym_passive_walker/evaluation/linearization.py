@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.checks import checked
@@ -194,7 +194,7 @@ def stands(fell: NDArray[np.bool_], begins: NDArray[np.bool_]) -> NDArray[np.boo
 
 
 def at_first_steps(
-    amounts: NDArray, begins: NDArray[np.bool_], going: ArrayLike = 0.0
+    amounts: NDArray, begins: NDArray[np.bool_], going: NDArray | float = 0.0
 ) -> NDArray[np.float64]:
     """Return amounts of steps (T, n), moved to the first step of each one's stride.
 
