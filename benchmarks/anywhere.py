@@ -42,7 +42,7 @@ from gym_passive_walker.physics.systems import bodies
 POOLS = (10, 100, 1000, 10_000, 0)
 """Numbers of training bodies; 0 is a new body at each reset."""
 
-STEPS = 3_000_000
+STEPS = 16_000_000
 """Steps of each training on a pool."""
 
 SHIPPED = "anywhere-ppo"
@@ -50,6 +50,7 @@ HELD_OUT = 1999_000_000
 """Seed of the first held-out episode; training, evaluations and pools have others."""
 
 BODIES, LIMIT = 1000, 4000
+_NEAREST = 5  # known gaits from which the search of an optimum starts
 _TURN = 25  # bodies of one policy, before those of the next
 _SLOPE, _SPEED = 100.0, 30.0  # of slope and speed, in the distance between two gaits
 _DRAWS = DRAWS + len(make_scene("anywhere").domain_randomization) + 1  # the last is a key
@@ -174,19 +175,28 @@ def best_of(scene: Scene, speed: float, starts: list[OptimalGait | None]) -> Opt
 def optima(out: Path, args: argparse.Namespace) -> None:
     """Find the optimum of each body at the speed at which each policy walks with it."""
     until, found = time.monotonic() + 60.0 * args.minutes, read(out)
-    walks = {name: walked(out, name) for name in args.only if walks_of(out, name).is_file()}
+    walks = {name: walked(out, name) for name in NAMES if walks_of(out, name).is_file()}
+    # Where a policy falls, a search shows whether the body has a gait. Another's walk does so too.
+    walkable = {
+        i for rows in walks.values() for i, row in enumerate(rows) if row["ending"] == TIME_LIMIT
+    }
+    walks = {name: rows for name, rows in walks.items() if name in args.only}
     todo = [
         (name, i)
         for first in range(0, args.bodies, _TURN)
         for name, rows in walks.items()
         for i in range(first, min(first + _TURN, len(rows), args.bodies))
-        if (name, i, rows[i]["speed"]) not in found
+        if args.again or (name, i, rows[i]["speed"]) not in found
+        if rows[i]["ending"] == TIME_LIMIT or i not in walkable
     ]
     todo.sort(key=lambda each: walks[each[0]][each[1]]["ending"] == TIME_LIMIT)  # falls first
     scenes = held_out(args.bodies)
     places = [place(scene) for scene in scenes]
-    known = [(np.array([*places[i], _SPEED * gait.speed]), gait)
-             for (_, i, _), gait in found.items() if gait is not None]  # fmt: skip
+    known = [
+        (np.array([*places[i], _SPEED * gait.speed]), gait)
+        for (_, i, _), gait in found.items()
+        if gait is not None and i < args.bodies
+    ]
     stored = optimal.load("level")
     with (out / "optima.jsonl").open("a", encoding="utf-8") as file:
         for name, i in todo:
@@ -194,16 +204,17 @@ def optima(out: Path, args: argparse.Namespace) -> None:
                 return
             row, scene, speed = walks[name][i], scenes[i], walks[name][i]["speed"]
             here = np.array([*places[i], _SPEED * speed])
-            near = min(stored, key=lambda gait, v=speed: abs(gait.speed - v))
-            if known:
-                apart = [float(np.sum((there - here) ** 2)) for there, _ in known]
-                near = known[int(np.argmin(apart))][1]
-            starts: list[OptimalGait | None] = [near, None]
+            apart = [float(np.sum((there - here) ** 2)) for there, _ in known]
+            near = [known[k][1] for k in np.argsort(apart)[:_NEAREST]]
+            near = near or [min(stored, key=lambda gait, v=speed: abs(gait.speed - v))]
+            starts: list[OptimalGait | None] = [*near, None]
             if row["point"]:
                 period = len(row["torques"]) * scene.tick
                 own = {"point": row["point"], "torques": row["torques"], "step_period": period}
-                starts.insert(1, replace(near, **own))
-            gait = best_of(scene, speed, starts)
+                starts.insert(0, replace(near[0], **own))
+            gait, before = best_of(scene, speed, starts), found.get((name, i, speed))
+            if before and (gait is None or gait.motor_cost > before.motor_cost):
+                gait = before
             if gait is not None:
                 known.append((here, gait))
             line = {"policy": name, "body": i, "speed": speed, "gait": gait and asdict(gait)}
@@ -347,6 +358,7 @@ def main() -> None:
     add("parts", nargs="*", choices=[*PARTS, []], help="parts; all if none is given")
     add("--bodies", type=int, default=BODIES, help="held-out bodies (%(default)s)")
     add("--only", nargs="+", choices=NAMES, default=NAMES, help="policies to find optima for")
+    add("--again", action="store_true", help="search again, from gaits found since then")
     add("--minutes", type=float, default=np.inf, help="time for the search of optima")
     add("--out", type=Path, default=Path("runs/anywhere"), help="folder (%(default)s)")
     args = parser.parse_args()
