@@ -85,9 +85,9 @@ def learn(learner: str, seed: int, steps: int | None) -> dict[str, Any]:
 
 
 def spread(values: list[float], form: str) -> str:
-    """Median and range of values."""
+    """Median of values, and their range if there are several."""
     low, middle, high = (format(x, form) for x in np.percentile(values, [0.0, 50.0, 100.0]))
-    return f"{middle} ({low} to {high})"
+    return middle if len(values) == 1 else f"{middle} ({low} to {high})"
 
 
 def main() -> None:
