@@ -212,5 +212,5 @@ def test_shac_s_gradients_are_only_ever_made_smaller(share, monkeypatch):
     before, kept = flat(parameters), []
     model.max_grad_norm = share * float(np.linalg.norm(before))
     monkeypatch.setattr(model.policy.optimizer, "step", lambda: kept.append(flat(parameters)))
-    model._fit(seen, actions, values, by_state)
+    model._fit(seen, actions, values, by_state, torch.zeros(20))
     np.testing.assert_allclose(kept[0], clipped(before, model.max_grad_norm), rtol=1e-4, atol=1e-7)

@@ -253,11 +253,12 @@ def test_shac_fits_each_state_once_an_epoch_to_an_action_along_its_gradient(upda
     shares = []
     for epoch in (batches[:3], batches[3:6], batches[6:]):
         places = []
-        for observations, actions, values, slopes in epoch:
+        for observations, actions, values, slopes, falls in epoch:
             own = [index[tuple(row.tolist())] for row in observations]
             places += own
             np.testing.assert_allclose(values, returns.reshape(-1)[own], rtol=1e-6)
             np.testing.assert_allclose(slopes, costates.reshape(rows, 6)[own], rtol=1e-6)
+            assert falls.shape == values.shape and ((falls >= 0.0) & (falls <= 1.0)).all()
             moved = actions.numpy() - before.reshape(-1)[own]
             small = np.abs(gains.reshape(-1)[own]) < 100.0
             shares += (moved / (0.3 * gains.reshape(-1)[own]))[small].tolist()
