@@ -66,7 +66,7 @@ def build(config: Config, envs: VecEnv, **overrides: Any) -> BaseAlgorithm:
         if config.normalize is not None:
             gamma = arguments.get("gamma", 0.99)
             envs = VecNormalize(envs, gamma=gamma, **config.normalize)
-        arguments["learning_rate"] = _schedule(arguments["learning_rate"])
+        arguments["learning_rate"] = schedule(arguments["learning_rate"])
         arguments["policy"] = POLICIES.get(arguments["policy"], arguments["policy"])
         arguments["policy_kwargs"] = _with_activation(arguments.get("policy_kwargs"))
         # Networks this small are faster on the CPU, and reproducible there. FastPPO also keeps its
@@ -102,7 +102,7 @@ def _check(of: type, arguments: Mapping[str, Any]) -> None:
             raise ConfigError(f"{name} of {of.__name__} must be {allowed}, not {value!r}")
 
 
-def _schedule(rate: float | str) -> float | Callable[[float], float]:
+def schedule(rate: float | str) -> float | Callable[[float], float]:
     """A learning rate from rl_zoo3's notation: a number, or "lin_1e-3", which decreases to 0."""
     if not isinstance(rate, str):
         return rate

@@ -23,6 +23,7 @@ import numpy as np
 from agents.config import configure
 from agents.envs import arena, training_envs
 from agents.exploration import explorers
+from agents.learner import LearnedPolicy, schedule
 from benchmarks.report import machine, table
 from gym_passive_walker import console
 from gym_passive_walker.control import optimal
@@ -30,9 +31,9 @@ from gym_passive_walker.evaluation.walks import evaluate
 
 LEARNERS = {
     "sac": ("SAC", "MlpPolicy", {}),
-    "sac, layer norm": ("SAC", "MlpPolicy", {"layer_norm": True}),
+    "sac-layer-norm": ("SAC", "MlpPolicy", {"layer_norm": True}),
     "tqc": ("TQC", "MlpPolicy", {}),
-    "tqc, layer norm": ("TQC", "MlpPolicy", {"layer_norm": True}),
+    "tqc-layer-norm": ("TQC", "MlpPolicy", {"layer_norm": True}),
     "crossq": ("CrossQ", "MlpPolicy", {}),
     "simba": ("SAC", "SimbaPolicy", {}),
 }
@@ -41,37 +42,27 @@ LEARNERS = {
 EPISODES, SEED = 100, 1000
 
 
-class Normalized:
-    """A policy of normalized observations, for an environment of raw ones."""
-
-    def __init__(self, model: Any) -> None:
-        self.model = model
-
-    def predict(self, observation: np.ndarray, *rest: Any, **named: Any) -> Any:
-        """Actions without noise, as stable-baselines3 returns them."""
-        seen = self.model.get_vec_normalize_env().normalize_obs(observation)
-        return self.model.predict(seen, deterministic=True)
-
-
 def learn(learner: str, seed: int, steps: int | None) -> dict[str, Any]:
     """Train with one seed, and return the results of its last policy."""
     import sbx  # type: ignore[import-not-found]
+    from stable_baselines3.common.utils import FloatSchedule
     from stable_baselines3.common.vec_env import VecNormalize
 
     of, policy, arguments = LEARNERS[learner]
     config = configure("sac", "level", seed=seed, steps=steps)
-    named, rate = dict(config.hyperparams), float(config.hyperparams["learning_rate"].split("_")[1])
+    named = dict(config.hyperparams)
+    rate = FloatSchedule(schedule(named["learning_rate"]))
     sizes = named.pop("policy_kwargs")["net_arch"]
     named |= {"policy": policy, "policy_kwargs": {"net_arch": sizes, **arguments}}
-    if of == "CrossQ":  # without target networks
+    if of == "CrossQ":  # it has no target networks
         named.pop("tau")
-    named["learning_rate"] = rate if of == "CrossQ" else lambda remaining: remaining * rate
+    named["learning_rate"] = rate(1.0) if of == "CrossQ" else rate
     envs = VecNormalize(training_envs(config), gamma=named["gamma"], **(config.normalize or {}))
     model = getattr(sbx, of)(env=envs, seed=seed, **named)
     begun = time.process_time()
     model.learn(config.steps, callback=explorers("sac", config.exploration))
     took = time.process_time() - begun
-    walks = evaluate(Normalized(model), arena(config, EPISODES), seed=SEED)
+    walks = evaluate(LearnedPolicy(model, learner), arena(config, EPISODES), seed=SEED)
     lasting = walks.reached_limit
     speed, cost = (
         float(np.median(each[lasting])) if lasting.any() else np.nan
