@@ -329,13 +329,17 @@ class ControlledMap(StrideMap):
         """
         memory: Any = None
         moving = {} if seeds is None else seeds.moving
+        # A memory is of all walkers, also of those with strides that have ended.
+        recalls = hasattr(self.agent, "plan") or not self.exact
 
-        def choose(chosen: NDArray, records: NDArray, number: int) -> Choice:
+        def choose(chosen: NDArray, records: NDArray, number: int, on: NDArray) -> Choice:
             nonlocal memory
+            if not recalls:
+                chosen, records = chosen[on], records[on]
             own = None if seeds is None else Seeds(seeds.points[chosen], moving)
             seen = ahead[chosen] if np.ndim(ahead) == 2 else ahead  # type: ignore[index]
             choice, memory = self._choice(records, slopes[chosen], memory, number, own, seen)
-            return choice
+            return Choice(*(x if x is None else x[on] for x in choice)) if recalls else choice
 
         return follow(
             self.walkers, self._begun(states, slopes, rises, turns), choose,

@@ -93,7 +93,7 @@ class Steps(NamedTuple):
 def follow(
     batch: Walkers,
     records: NDArray,
-    choose: Callable[[NDArray, NDArray, int], Choice],
+    choose: Callable[[NDArray, NDArray, int, NDArray], Choice],
     *,
     motors: Sequence[str],
     tick: float,
@@ -109,8 +109,8 @@ def follow(
     Args:
         batch: The walkers.
         records: Records at the beginning of strides, (n, 1).
-        choose: Function of which walkers (c,), their records (c, 1) and the control step's number,
-            that says what their motors are given; of all walkers also once some strides have ended.
+        choose: Function of which walkers (c,), their records (c, 1), the control step's number, and
+            the indices (d,) among them of those with strides that go on; it returns their controls.
         motors: Names of the actuators, some of `inputs_of`.
         tick: Length of a control step, over sqrt(l/g).
         max_stride_time: Time after which a stride is given up, over sqrt(l/g).
@@ -141,16 +141,15 @@ def follow(
     on, taken, choices = np.arange(len(chosen)), [], []
     while len(on):
         number = len(taken)
-        choice = choose(chosen, found, number)
-        hold(found, places, choice.held)
+        choice, before = choose(chosen, found, number, on), found[on]
+        hold(before, places, choice.held)
         last = (number + 1) * tick >= max_stride_time
-        found["end"] = max_stride_time if last else (number + 1) * tick
-        found["moved"], found["turned"] = 0.0, 0.0
-        before = found[on]
+        before["end"] = max_stride_time if last else (number + 1) * tick
+        before["moved"], before["turned"] = 0.0, 0.0
         tangents, own = by if in_turn else (), lanes[chosen[on]]
         walked = go_on(batch, before, tangents, lanes=own, on_section=number == 0)
         taken.append((on, before, walked.records))
-        choices.append(choice._make(x if x is None else x[on] for x in choice))
+        choices.append(choice)
         found[on] = walked.here
         on = on[walked.outcomes == _RUNNING]
         if last:
@@ -388,8 +387,8 @@ def ticked_strides(
     width = m + size + pushes + len(by)
     using = (*Actuation._fields[:motors], *Actuation._fields[2:] * pushes)
 
-    def choose(chosen: NDArray, records: NDArray, number: int) -> Choice:
-        now = min(number, count - 1)
+    def choose(chosen: NDArray, records: NDArray, number: int, on: NDArray) -> Choice:
+        now, chosen = min(number, count - 1), chosen[on]
         held, along = given[chosen, :, now], np.zeros((len(chosen), len(using), width))
         along[:, range(motors), m + now + count * np.arange(motors)] = 1.0
         if push_offs is not None:

@@ -177,9 +177,9 @@ def robustness(
         roughness: Standard deviation of the heights of footholds on rough ground, in leg lengths.
             A scene's own random terrain is used.
         first_passage: "sampled": walkers walk over rough ground until they fall. "mesh": the mean
-            is computed from transitions between states, and reaches means that cannot be sampled.
-            It needs footholds of random heights alone, and a controller without memory that
-            observes at most two of them.
+            is computed by weighted ensembles of walkers over a mesh of states, and reaches means
+            that cannot be sampled. It needs footholds of random heights alone, and a controller
+            without memory that observes at most two of them.
         walkers: Number of walkers on rough ground; 4096 passive ones or 512 others when None.
         strides: Number of strides of each of them there.
         initial_error: Largest share of the gait's angle and rates by which starts are off.
@@ -230,7 +230,8 @@ def robustness(
             # Imported here: its parts of SciPy take as long to import as the rest of the package.
             from gym_passive_walker.gaits.first_passage_mesh import mesh_passage
 
-            lasting = mesh_passage(map_in(tried, None if passive else policy), state, ground)
+            strides_in = map_in(tried, None if passive else policy)
+            lasting = mesh_passage(strides_in, state, ground, seed=seed)
             survived = lasting.survivors(strides)
         else:
             left = tries.left(ground, count, FORGETTING + strides, seed, in_scene=not passive)

@@ -1,23 +1,29 @@
-"""Mean first-passage time on random ground, computed by a mesh of states instead of sampled.
+"""Mean first-passage time on random ground, too long to be sampled: a mesh and weighted ensembles.
 
 Falls are absorbing states of the Markov chain of strides (see `foothold_chain`). Once the chain has
 forgotten its start, it survives a stride with the probability lambda, its leading eigenvalue. The
-mean first-passage time is 1 / (1 - lambda) (Byl and Tedrake 2009; Saglam and Byl 2014).
+mean first-passage time is 1 / (1 - lambda) (Byl and Tedrake 2009).
 
-States of the mesh are states that are reached from the gait, found breadth-first over a set of
-heights. Coordinates are balanced coordinates of the linearized chain: distances count by how
-strongly heights excite a direction and by how strongly it acts on the strides that follow. The next
-height is integrated by Gauss-Legendre quadrature between the heights at which the walker falls.
+A mesh of states estimates how near each state is to a fall. Its states are reached from the gait
+by series of heights, found breadth-first. Coordinates are balanced coordinates of the linearized
+chain: distances count by how strongly heights excite a direction and by how strongly it acts on
+the strides that follow. On the mesh, the probability u of a fall within some strides is found by
+iteration. It varies by many powers of ten, but sqrt(-2 ln u) is almost linear in the state: it is
+the distance to a fall in standard deviations.
 
-Linear interpolation of probabilities needs a fine mesh: the probability u of a fall within some
-strides varies by many powers of ten. But sqrt(-2 ln u) is almost linear in the state, the distance
-to a fall in standard deviations. It is interpolated by cubic radial functions. The result gives the
-shape of the eigenfunction; a factor that varies slowly remains and is found from the eigenproblem.
+The eigenvalue of the mesh's transition matrix errs where the mesh is coarse. So the mesh only
+guides a simulation: weighted ensembles of walkers (Huber and Kim 1996). After each stride, walkers
+are binned by their distance to a fall. Each bin is resampled to as many walkers as any other, with
+its weight conserved. Heights are drawn from a wider distribution, and weights corrected. Falls of
+tiny weight are then as frequent as likely ones. The mean share of weight that falls in a stride
+is 1 - lambda, whatever the mesh: a worse one only takes more strides.
 
 References:
     K. Byl, R. Tedrake, Metastable walking machines, Int. J. Robotics Research 28 (2009).
     C. O. Saglam, K. Byl, Robust policies via meshing for metastable rough terrain walking,
     Robotics: Science and Systems (2014).
+    G. A. Huber, S. Kim, Weighted-ensemble Brownian dynamics simulations for protein association
+    reactions, Biophysical Journal 70 (1996).
 """
 
 from __future__ import annotations
@@ -27,14 +33,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import lu_factor, lu_solve
-from scipy.sparse import csr_array
-from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
 from scipy.spatial import KDTree
-from scipy.spatial.distance import cdist
-from scipy.special import ndtr
+from scipy.special import ndtri
 
-from gym_passive_walker.arguments import number, whole
+from gym_passive_walker.arguments import number, seed_number
 from gym_passive_walker.gaits.foothold_chain import Chain
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain
@@ -43,21 +45,28 @@ from gym_passive_walker.progress import progress
 MOST_AHEAD = 2
 """Largest `terrain_lookahead` of a controller: each foothold ahead is one more coordinate."""
 
-_STEP = 0.5  # standard deviations between the heights over which a mesh grows
-_HIGHEST = 8.0  # standard deviations of a height; 1e-15 of heights lie beyond
-_CELLS, _POINTS, _HALVINGS = 16, 3, 9  # of the quadrature over the next height
+_STATES = 1000  # of a mesh, at least
+_HEIGHTS = 0.5 * np.arange(-16, 17)  # over which it grows; 1e-15 of heights lie beyond
 _RARE = 7.0  # how much rarer than a fall, as a natural logarithm, the rarest states of the mesh are
 _EASIER = 0.5  # by how much likelier a way to a known state must be, as a logarithm
 _REACHES = 18.0, 25.0, 32.0  # how rare states of the first mesh are: 6 to 8 standard deviations
-_CHUNK = 8192  # interpolations at once
+_NEIGHBOURS = 8  # states of the mesh between which a distance is interpolated
+_LEAST = 1e-40  # probability of a fall; no distance is larger
+
+_ENSEMBLES, _WALKERS = 16, 16  # independent ensembles, and walkers in each bin
+_BIN = 0.15  # standard deviations of distance
+_WIDER = 2.5  # standard deviation of the heights that are drawn
+_BLOCK = 20  # strides of all walkers between two looks at the error
+_MOST = 2_000_000  # strides after which no block begins
+_CONFIDENT = 2.131449545559323  # standard errors on both sides of 95 of 100, by 16 ensembles
 
 
 class MeshPassage(NamedTuple):
-    """Strides to a fall, computed by a mesh of states.
+    """Strides to a fall, computed by weighted ensembles over a mesh of states.
 
     Attributes:
         mean: Strides to a fall on average; infinite if no state of the mesh is near a fall.
-        error: Discretization error: the difference from a mesh of half as many states.
+        error: Standard error of the mean.
         states: States of the mesh.
         strides: Strides that were computed.
     """
@@ -69,10 +78,11 @@ class MeshPassage(NamedTuple):
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The mean less and plus its discretization error."""
+        """95 % confidence interval of the mean."""
         if math.isinf(self.mean):
             return self.mean, self.mean
-        return max(self.mean - self.error, 1.0), self.mean + self.error
+        share = math.exp(_CONFIDENT * self.error / self.mean)
+        return max(self.mean / share, 1.0), self.mean * share
 
     def survivors(self, strides: int) -> NDArray[np.float64]:
         """Share of walkers that are left after each stride, (strides,): it decays exponentially."""
@@ -81,7 +91,8 @@ class MeshPassage(NamedTuple):
     def __str__(self) -> str:
         if math.isinf(self.mean):
             return f"none of {self.states} states of the mesh is near a fall"
-        return f"{self.mean:.4g} ± {self.error:.2g} strides, by a mesh of {self.states} states"
+        low, high = self.interval
+        return f"{self.mean:.4g} strides ({low:.4g} to {high:.4g}), by a mesh"
 
 
 def mesh_passage(
@@ -89,7 +100,8 @@ def mesh_passage(
     state: ArrayLike,
     terrain: Terrain,
     *,
-    states: int = 1000,
+    error: float = 0.02,
+    seed: int = 0,
 ) -> MeshPassage:
     """Compute the mean first-passage time on footholds of random heights.
 
@@ -97,11 +109,13 @@ def mesh_passage(
         strides: The stride map on smooth ground, of one slope.
         state: State of a stable gait just after heelstrike, (6,), in the walker's own units.
         terrain: Footholds with normally distributed heights, from `rough(height_std)`.
-        states: Least number of states of the mesh, from 100 to 4000.
+        error: Standard error of the mean, as a share of it, at which the computation ends. It also
+            ends after two million strides.
+        seed: Seed of the heights.
 
     Raises:
         ValueError: if the ground has other than random heights, the controller observes too many
-            footholds, the gait is not stable, or the mesh finds no eigenvalue.
+            footholds, the gait is not stable, or all walkers of an ensemble fall in one stride.
     """
     if strides.terrain is not None:
         raise ValueError("a mesh has ground of its own: give a map of smooth ground")
@@ -115,204 +129,162 @@ def mesh_passage(
             f"a mesh of states is for controllers that observe at most {MOST_AHEAD} footholds "
             f"ahead, not {strides.terrain_lookahead}: sample the first passage"
         )
-    states = whole(states, "states", 100, 4000)
-    height_std, slope = number(terrain.height_std, "height_std"), strides.chosen(None)
-    chain = Chain(strides, np.asarray(state, float), height_std, slope)
-    with progress("meshes of states", 3) as done:
+    if not 0.0 < number(error, "error") < 1.0:
+        raise ValueError(f"error must be a share between 0 and 1, not {error!r}")
+    seed, height_std = seed_number(seed), number(terrain.height_std, "height_std")
+    chain = Chain(strides, np.asarray(state, float), height_std, strides.chosen(None))
+    return _passage(chain, error, seed)
+
+
+def _passage(chain: Chain, error: float, seed: int) -> MeshPassage:
+    """The mean first-passage time of a chain."""
+    with progress("meshes of states", 2) as done:
+        spacing, guess = 2.0, math.inf
         for reach in _REACHES:  # until falls are among the states of the mesh
-            guess, count = _mean(chain, states // 4, reach)
-            if 1.0 <= guess < math.exp(reach):
+            mesh, spacing = _mesh(chain, _STATES // 4, reach, spacing)
+            guess = mesh.guess
+            if guess < math.exp(reach):
                 break
         done()
         if math.isinf(guess):
-            return MeshPassage(guess, guess, count, chain.strides)
-        reach = math.log(guess) + _RARE if guess >= 1.0 else _REACHES[-1]
-        coarse, _ = _mean(chain, states // 2, reach)
+            return MeshPassage(guess, guess, mesh.size, chain.strides)
+        reach = min(math.log(guess), _REACHES[-1]) + _RARE
+        mesh, _ = _mesh(chain, _STATES, reach, spacing)
         done()
-        fine, count = _mean(chain, states, reach)
-        done()
-    if not (fine >= 1.0 and coarse >= 1.0):
-        raise ValueError(
-            f"the mesh of {count} states has no leading eigenvalue between 0 and 1: give more "
-            "states, or sample the first passage"
-        )
-    return MeshPassage(fine, abs(fine - coarse), count, chain.strides)
+    rate, rate_error = _rate_of_falls(chain, mesh, error, seed)
+    if rate == 0.0:
+        return MeshPassage(math.inf, math.inf, mesh.size, chain.strides)
+    return MeshPassage(1.0 / rate, rate_error / rate**2, mesh.size, chain.strides)
 
 
-def _mean(chain: Chain, count: int, reach: float) -> tuple[float, int]:
-    """The mean first-passage time by a mesh of at least `count` states, and how many it has.
-
-    The mean is infinite if no state is near a fall, and NaN if no eigenvalue is found.
-    """
+def _mesh(chain: Chain, count: int, reach: float, spacing: float) -> tuple[_Mesh, float]:
+    """A mesh of at least `count` states, if the chain reaches so many, and its spacing."""
     while True:
-        nodes = _grown(chain, chain.spacing, reach, 4 * count)
-        if len(nodes) >= count or chain.spacing < 1e-3:
-            break
-        chain.spacing *= 0.9
-    return _eigenvalue(chain, nodes, chain.spacing), len(nodes)
+        mesh = _Mesh(chain, spacing, reach, 4 * count)
+        if mesh.size >= count or spacing < 1e-3:
+            return mesh, spacing
+        spacing *= 0.85
 
 
-def _grown(chain: Chain, spacing: float, reach: float, most: int) -> NDArray[np.float64]:
-    """States that are reached from the gait, no two nearer than `spacing`, (n, k).
+class _Mesh:
+    """States that are reached from the gait, no two nearer than `spacing`, and how near to a fall.
 
     Args:
         chain: The chain.
         spacing: Least distance of states, in balanced coordinates.
         reach: Largest rarity of the heights on the way to a state, as a logarithm of density.
         most: Growth ends once there are so many.
-    """
-    count = math.floor(math.sqrt(2.0 * reach) / _STEP)
-    heights = _STEP * np.arange(-count, count + 1)
-    nodes, rare, front = chain.gait[None], np.zeros(1), np.zeros(1, np.intp)
-    while len(front) and len(nodes) < most:
-        from_each, drawn = np.repeat(front, len(heights)), np.tile(heights, len(front))
-        cost = rare[from_each] + 0.5 * drawn**2
-        allowed = cost < reach
-        ends, struck = chain.step(nodes[from_each[allowed]], drawn[allowed])
-        ends, cost = ends[struck], cost[allowed][struck]
-        order = np.argsort(cost, kind="stable")
-        ends, cost = ends[order], cost[order]
-        places = chain.place(ends)
-        nearest: NDArray[np.intp]
-        away, nearest = KDTree(chain.place(nodes)).query(places)  # type: ignore[assignment]
-        # A longer way with smaller heights may be the likelier one: go on from there once more.
-        known = away < 0.5 * spacing
-        before = rare.copy()
-        np.minimum.at(rare, nearest[known], cost[known])
-        nearer, new = np.flatnonzero(rare < before - _EASIER), away > spacing
-        ends, cost, places = ends[new], cost[new], places[new]
-        taken, covered = [], np.zeros(len(places), bool)
-        tree = KDTree(places) if len(places) else None
-        for i in range(len(places)):
-            if not covered[i]:
-                taken.append(i)
-                covered[tree.query_ball_point(places[i], spacing)] = True  # type: ignore[union-attr]
-        front = np.concatenate([nearer, np.arange(len(nodes), len(nodes) + len(taken))])
-        nodes, rare = np.concatenate([nodes, ends[taken]]), np.concatenate([rare, cost[taken]])
-    return nodes
 
-
-def _mass(low: NDArray, high: NDArray) -> NDArray[np.float64]:
-    """Probability that a standard normal number lies between two, exact in both tails."""
-    return np.where(low > 0.0, ndtr(-low) - ndtr(-high), ndtr(high) - ndtr(low))
-
-
-def _strides(chain: Chain, nodes: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """Integrate over the next height, cell by cell, between the heights at which walkers fall.
-
-    Returns:
-        Of q strides from n states of a mesh to Gauss points of the height: index of the initial
-        state (q,), final state (q, k), and probability (q,). Then the probability of a fall in the
-        stride from each state, (n,).
-    """
-    edges, count = np.linspace(-_HIGHEST, _HIGHEST, _CELLS + 1), len(nodes)
-    _, struck = chain.step(np.repeat(nodes, len(edges), axis=0), np.tile(edges, count))
-    walks = struck.reshape(count, -1)
-    row, cell = np.nonzero(walks[:, 1:] != walks[:, :-1])
-    low, high, below = edges[cell], edges[cell + 1], walks[row, cell]
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        same = chain.step(nodes[row], middle)[1] == below
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    limit = 0.5 * (low + high)
-    low, high = (np.repeat(side[None], count, axis=0) for side in (edges[:-1], edges[1:]))
-    fallen = np.where(walks[:, 1:] | walks[:, :-1], 0.0, _mass(low, high))
-    fallen[row, cell] = np.where(below, _mass(limit, edges[cell + 1]), _mass(edges[cell], limit))
-    high[row[below], cell[below]] = limit[below]
-    low[row[~below], cell[~below]] = limit[~below]
-    falls = fallen.sum(axis=1) + ndtr(-_HIGHEST) * (2.0 - walks[:, 0] - walks[:, -1])
-    rows, cells = np.nonzero(walks[:, 1:] | walks[:, :-1])
-    low, high = low[rows, cells, None], high[rows, cells, None]
-    points, parts = np.polynomial.legendre.leggauss(_POINTS)
-    heights = low + 0.5 * (high - low) * (points + 1.0)
-    weights = parts * np.exp(-0.5 * heights**2)
-    weights *= _mass(low, high) / weights.sum(axis=1, keepdims=True)
-    rows, heights, weights = np.repeat(rows, _POINTS), heights.ravel(), weights.ravel()
-    ends, struck = chain.step(nodes[rows], heights)
-    np.add.at(falls, rows[~struck], weights[~struck])
-    return rows[struck], ends[struck], weights[struck], falls
-
-
-class _Interpolation:
-    """Cubic radial interpolation with a linear part, from n to q places.
-
-    Args:
-        nodes: Places of the mesh, (n, d).
-        places: Places at which functions are wanted, (q, d).
-        spacing: Functions further than this from the mesh are those at this distance.
+    Attributes:
+        size: Number of states.
+        horizon: Strides after which the chain has forgotten its start, to a few thousandths.
+        guess: A guess of the mean first-passage time; infinite if no fall is reached.
     """
 
-    def __init__(self, nodes: NDArray, places: NDArray, spacing: float) -> None:
-        away, nearest = KDTree(nodes).query(places)
-        share = np.minimum(1.0, spacing / np.maximum(away, spacing))[:, None]
-        places = nodes[nearest] + share * (places - nodes[nearest])
-        self._count, linear = len(nodes), self._linear(nodes)
-        size = self._count + linear.shape[1]
-        system = np.zeros((size, size))
-        system[: self._count, : self._count] = cdist(nodes, nodes) ** 3
-        system[: self._count, self._count :] = linear
-        system[self._count :, : self._count] = linear.T
-        self._system = lu_factor(system)
-        self._basis = np.empty((len(places), size), np.float32)
-        for first in range(0, len(places), _CHUNK):
-            some = slice(first, first + _CHUNK)
-            self._basis[some, : self._count] = cdist(places[some], nodes) ** 3
-            self._basis[some, self._count :] = self._linear(places[some])
+    def __init__(self, chain: Chain, spacing: float, reach: float, most: int) -> None:
+        self._chain, count = chain, len(_HEIGHTS)
+        nodes, rare, front = chain.gait[None], np.zeros(1), np.zeros(1, np.intp)
+        ends, walks = np.empty((0, count, len(chain.gait))), np.empty((0, count), bool)
+        while True:
+            added = nodes[len(ends) :]
+            reached, struck = chain.step(
+                np.repeat(added, count, axis=0), np.tile(_HEIGHTS, len(added))
+            )
+            ends = np.concatenate([ends, reached.reshape(len(added), *ends.shape[1:])])
+            walks = np.concatenate([walks, struck.reshape(len(added), count)])
+            if not len(front) or len(nodes) >= most:
+                break
+            cost = rare[front, None] + 0.5 * _HEIGHTS**2
+            allowed = (cost < reach) & walks[front]
+            found, cost = ends[front][allowed], cost[allowed]
+            order = np.argsort(cost, kind="stable")
+            found, cost = found[order], cost[order]
+            places, nearest = chain.place(found), np.empty(0, np.intp)
+            away, nearest = KDTree(chain.place(nodes)).query(places)  # type: ignore[assignment]
+            # A longer way with smaller heights may be the likelier one: go on from there once more.
+            known = away < 0.5 * spacing
+            before = rare.copy()
+            np.minimum.at(rare, nearest[known], cost[known])
+            likelier, new = np.flatnonzero(rare < before - _EASIER), away > spacing
+            found, cost, places = found[new], cost[new], places[new]
+            taken, covered = [], np.zeros(len(places), bool)
+            tree = KDTree(places) if len(places) else None
+            for i in range(len(places)):
+                if not covered[i]:
+                    taken.append(i)
+                    covered[tree.query_ball_point(places[i], spacing)] = True  # type: ignore[union-attr]
+            front = np.concatenate([likelier, np.arange(len(nodes), len(nodes) + len(taken))])
+            nodes = np.concatenate([nodes, found[taken]])
+            rare = np.concatenate([rare, cost[taken]])
+        self.size = len(nodes)
+        self.horizon = 2 * math.ceil(math.log(0.05) / math.log(max(chain.memory, 0.5)))
+        self._tree = KDTree(chain.place(nodes))
+        density = np.exp(-0.5 * _HEIGHTS**2)
+        density /= density.sum()  # the trapezoidal rule is exact to rounding here
+        falls = chances = ~walks @ density
+        between = self._between(ends.reshape(-1, ends.shape[-1]))
+        for _ in range(self.horizon):
+            self._distances = np.sqrt(-2.0 * np.log(np.clip(chances, _LEAST, 1.0)))
+            later = np.exp(-0.5 * self._interpolated(between).reshape(walks.shape) ** 2)
+            chances = np.minimum(falls + (later * walks) @ density, 1.0)
+        self.guess = self.horizon / chances[0] if chances[0] > _LEAST else math.inf
 
-    @staticmethod
-    def _linear(places: NDArray) -> NDArray[np.float64]:
-        return np.column_stack([np.ones(len(places)), places])
+    def distance(self, states: NDArray) -> NDArray[np.float64]:
+        """Distance (n,) of states (n, k) to a fall, in standard deviations."""
+        return self._interpolated(self._between(states))
 
-    def __call__(self, values: NDArray) -> NDArray[np.float64]:
-        """The interpolated function, (q,), from its values at the mesh, (n,)."""
-        right = np.zeros(self._system[0].shape[0])
-        right[: self._count] = values
-        found = self._basis @ lu_solve(self._system, right).astype(np.float32)
-        return found.astype(float)
+    def _between(self, states: NDArray) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+        """Weights and indices of the nearest states of the mesh, (n, m): inverse square distance."""
+        count = min(_NEIGHBOURS, self.size)
+        away, nearest = self._tree.query(self._chain.place(states), k=range(1, count + 1))
+        weights = 1.0 / (away + 1e-9) ** 2
+        return weights / weights.sum(axis=1, keepdims=True), nearest  # type: ignore[return-value]
 
-    def weighted(self, rows: NDArray, weights: NDArray) -> NDArray[np.float64]:
-        """The matrix (n, n) that sums the function over places, with weights, row by row."""
-        sums = csr_array((weights, (rows, np.arange(len(rows)))), shape=(self._count, len(rows)))
-        return lu_solve(self._system, (sums @ self._basis).T, trans=1).T[:, : self._count]
-
-
-def _distance(chances: NDArray) -> NDArray[np.float64]:
-    """The distance to a fall in standard deviations, for a probability of it."""
-    return np.sqrt(-2.0 * np.log(np.clip(chances, 1e-40, 1.0)))
+    def _interpolated(self, between: tuple[NDArray, NDArray]) -> NDArray[np.float64]:
+        weights, nearest = between
+        return (weights * self._distances[nearest]).sum(axis=1)
 
 
-def _chance(distances: NDArray) -> NDArray[np.float64]:
-    """The inverse of `_distance`."""
-    return np.exp(-0.5 * np.maximum(distances, 0.0) ** 2)
+def _rate_of_falls(chain: Chain, mesh: _Mesh, error: float, seed: int) -> tuple[float, float]:
+    """Share of walkers that fall in a stride, once the start is forgotten, and its standard error.
 
-
-def _eigenvalue(chain: Chain, nodes: NDArray, spacing: float) -> float:
-    """The mean first-passage time by a mesh.
-
-    The eigenfunction is 1 - u f. Here u is the probability of a fall within some strides and f is
-    interpolated; f is 0 on the gait, which is the first state of the mesh. With the matrix K of
-    strides, (1 - K)(a - u f) = (1 - lambda)(a - u f).
+    Walkers of one bin and ensemble lie side by side, and draw their heights stratified.
     """
-    rows, ends, weights, falls = _strides(chain, nodes)
-    if not falls.any():
-        return math.inf
-    between = _Interpolation(chain.place(nodes), chain.place(ends), spacing)
-    forgotten = math.ceil(math.log(0.05) / math.log(max(chain.memory, 0.5)))
-    chances = falls
-    for _ in range(min(2 * forgotten, 60)):
-        later = weights * _chance(between(_distance(chances)))
-        chances = falls + np.bincount(rows, later, len(nodes))
-    shape = _chance(_distance(chances))
-    ahead = weights * _chance(between(_distance(shape)))
-    passing = between.weighted(rows, ahead) - np.diag(shape)
-    states = -np.diag(shape)
-    passing[:, 0], states[:, 0] = falls, 1.0
-    factors, size = lu_factor(passing), len(nodes)
-    inverse = LinearOperator((size, size), matvec=lambda x: lu_solve(factors, states @ x))  # type: ignore[call-arg]
-    start = np.zeros(size)
-    start[0] = 1.0
-    try:
-        means: NDArray[np.complex128] = eigs(inverse, k=1, v0=start, return_eigenvectors=False)  # type: ignore[assignment]
-        return float(means.real[0])
-    except ArpackNoConvergence:
-        return math.nan
+    rng, shape = np.random.default_rng(seed), (_ENSEMBLES, _WALKERS)
+    states = np.repeat(chain.gait[None], math.prod(shape), axis=0)
+    ensemble, weights = np.repeat(np.arange(_ENSEMBLES), _WALKERS), np.ones(math.prod(shape))
+    fallen: list[NDArray[np.float64]] = []
+    with progress("strides of weighted ensembles", None) as done:
+        while True:
+            strata = np.tile(np.arange(_WALKERS), (len(states) // _WALKERS, 1))
+            strata = rng.permuted(strata, axis=1) + rng.random(strata.shape)
+            heights = _WIDER * ndtri(strata.ravel() / _WALKERS)
+            weights = weights * np.exp(-0.5 * heights**2 * (1.0 - 1.0 / _WIDER**2))
+            weights /= np.bincount(ensemble, weights)[ensemble]
+            ends, walks = chain.step(states, heights)
+            fallen.append(np.bincount(ensemble, weights * ~walks, _ENSEMBLES))
+            done(len(states))
+            states, ensemble, weights = ends[walks], ensemble[walks], weights[walks]
+            if not np.bincount(ensemble, minlength=_ENSEMBLES).all():
+                raise ValueError(
+                    "all walkers of an ensemble fall in one stride: sample the first passage"
+                )
+            # Resample: the same number of walkers in each bin of each ensemble.
+            bins = (mesh.distance(states) / _BIN).astype(np.intp)
+            bins += ensemble * (bins.max() + 1)
+            order = np.argsort(bins, kind="stable")
+            states, ensemble, weights = states[order], ensemble[order], weights[order]
+            _, bins = np.unique(bins[order], return_inverse=True)
+            total = np.bincount(bins, weights)
+            wanted = np.arange(len(total) * _WALKERS) + np.repeat(rng.random(len(total)), _WALKERS)
+            chosen = np.searchsorted(np.cumsum(weights / total[bins]), wanted / _WALKERS)
+            chosen = np.minimum(chosen, len(states) - 1)  # a sum of ones may end below by rounding
+            states, ensemble = states[chosen], ensemble[chosen]
+            weights = np.repeat(total / _WALKERS, _WALKERS)
+            counted = len(fallen) - mesh.horizon
+            if counted > 0 and counted % _BLOCK == 0:
+                rates = np.mean(fallen[mesh.horizon :], axis=0)
+                rate, spread = float(rates.mean()), float(rates.std(ddof=1))
+                rate_error = spread / math.sqrt(_ENSEMBLES)
+                if 0.0 < rate_error <= error * rate or chain.strides > _MOST:
+                    return rate, rate_error

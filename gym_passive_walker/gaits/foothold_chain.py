@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome
 
-_TOLERANCE = 1e-8  # of the strides; interpolation between their ends errs by far more
+_TOLERANCE = 1e-8  # of the strides; far below what changes a share of falls by a percent
 _SHIFT = 1e-4  # of a coordinate, for the linearized chain
 _NEGLIGIBLE = 3e-3  # of the largest Hankel singular value: directions below it are left out
-_CHUNK = 8192  # strides at once
+_CHUNK = 2048  # strides at once: as many as a map follows at once under a controller
 
 
 class Chain:
@@ -37,10 +37,7 @@ class Chain:
         memory: Spectral radius of the linearized chain.
         axes: Balanced coordinates of the chain's state, (d, k).
         strides: Number of strides computed so far.
-        spacing: Spacing of the last mesh in balanced coordinates, with which a finer one begins.
     """
-
-    spacing = 2.0
 
     def __init__(self, strides: StrideMap, state: NDArray, height_std: float, slope: float) -> None:
         self._map, self._slope = strides.with_tolerance(_TOLERANCE), slope

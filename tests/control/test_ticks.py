@@ -141,8 +141,8 @@ def test_a_stride_that_lasts_as_long_as_allowed_has_no_further_control_step(leve
     state = Section(walker=WALKER).state(level)
     records = new_records(state[None], 0.0)
 
-    def nothing(chosen, found, number):
-        return ticks.Choice(np.zeros((len(chosen), 1)))
+    def nothing(chosen, found, number, on):
+        return ticks.Choice(np.zeros((len(on), 1)))
 
     steps = ticks.follow(
         walkers, records, nothing, motors=("hip_torque",), tick=tick, max_stride_time=longest

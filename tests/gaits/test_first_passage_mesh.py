@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -46,12 +45,35 @@ class Autoregression(module.Chain):
         return 1.0 / (1.0 - np.abs(np.linalg.eigvals(density * weights)).max())
 
 
-@pytest.mark.parametrize(("memory", "limit"), [(0.3, 2.0), (0.5, 3.0), (0.8, 5.0), (0.5, 6.0)])
+@pytest.mark.parametrize(
+    ("memory", "limit"), [(0.3, 2.0), (0.5, 3.0), (0.8, 5.0), (0.9, 8.0), (0.5, 6.0)]
+)
 def test_the_mean_of_a_known_chain_is_that_of_its_eigenvalue(memory, limit):
     chain = Autoregression(memory, limit)
-    found, states = module._mean(chain, 60, 0.5 * (limit / chain.std) ** 2 + 6.0)
-    assert found == pytest.approx(chain.known(), rel=0.01)
-    assert states >= 60
+    found = module._passage(chain, 0.01, 0)
+    assert 0.0 < found.error <= 0.01 * found.mean
+    assert found.mean == pytest.approx(chain.known(), abs=3.5 * found.error)
+
+
+def test_intervals_contain_the_mean_of_a_known_chain_95_times_of_a_hundred():
+    chain = Autoregression(0.5, 3.0)
+    mesh, _ = module._mesh(chain, 200, math.log(chain.known()) + 7.0, 1.0)
+    found = []
+    for seed in range(60):
+        rate, error = module._rate_of_falls(chain, mesh, 0.03, seed)
+        found.append(MeshPassage(1.0 / rate, error / rate**2, mesh.size, 1))
+    off = np.array([(one.mean - chain.known()) / one.error for one in found])
+    assert abs(off.mean()) < 3.5 / math.sqrt(60) and 0.7 < off.std() < 1.4
+    inside = [one.interval[0] < chain.known() < one.interval[1] for one in found]
+    assert 51 <= sum(inside)  # 57 on average; fewer than 51 in one of a thousand tests
+
+
+def test_a_mean_by_a_coarse_mesh_is_the_same_within_its_error(monkeypatch):
+    chain = Autoregression(0.8, 5.0)
+    monkeypatch.setattr(module, "_STATES", 20)
+    coarse = module._passage(chain, 0.02, 1)
+    assert coarse.states < 80
+    assert coarse.mean == pytest.approx(chain.known(), abs=3.5 * coarse.error)
 
 
 def test_known_chains_last_from_tens_of_strides_to_more_than_a_million():
@@ -72,38 +94,41 @@ def test_a_mesh_agrees_with_walkers_that_fall():
         strides=SETTLING + 100,
     )  # fmt: skip
     sampled = FirstPassage.of(left)
-    found = mesh_passage(strides, state, ground, states=400)
-    assert abs(found.mean - sampled.mean) < 0.1 * sampled.mean
-    assert 400 <= found.states < 1600 and found.strides > 400
-    assert 0.0 < found.error < 0.25 * found.mean
-    smoother = mesh_passage(strides, state, gpw.rough(height_std=0.0008), states=200)
-    assert smoother.mean > 1e5
+    found = mesh_passage(strides, state, ground)
+    assert abs(found.mean - sampled.mean) < 3.0 * math.hypot(found.error, sampled.error)
+    assert 1000 <= found.states < 4000 and found.strides > 33 * found.states
+    assert found == mesh_passage(strides, state, ground)
+    again = mesh_passage(strides, state, ground, seed=1)
+    assert 0.0 < abs(again.mean - found.mean) < 4.0 * math.hypot(found.error, again.error)
+    smoother = mesh_passage(strides, state, gpw.rough(height_std=0.0008), error=0.1)
+    assert smoother.mean > 1e5 and smoother.error <= 0.1 * smoother.mean
 
 
 def test_a_mesh_takes_a_system_of_ones_own():
     strides = gpw.stride_map(TORSO, 0.03)
     assert strides.own
-    found = mesh_passage(strides, gpw.find_gait(strides).state, gpw.rough(0.001), states=200)
+    found = mesh_passage(strides, gpw.find_gait(strides).state, gpw.rough(0.001), error=0.05)
     asked: Any = dict(slope=0.03, roughness=0.001, strides=60, starts=2)
-    low, high = gpw.robustness(TORSO, walkers=1000, **asked).first_passage.interval
-    assert 0.9 * low < found.mean < 1.1 * high
+    sampled = gpw.robustness(TORSO, walkers=1000, **asked).first_passage
+    assert abs(found.mean - sampled.mean) < 3.0 * math.hypot(found.error, sampled.error)
 
 
 def test_ground_on_which_no_state_is_near_a_fall_lasts_for_ever():
     strides, state = lab_map()
-    found = mesh_passage(strides, state, gpw.rough(height_std=1e-5), states=100)
+    found = mesh_passage(strides, state, gpw.rough(height_std=1e-5))
     assert math.isinf(found.mean) and found.interval == (math.inf, math.inf)
     assert "near a fall" in str(found)
 
 
-def test_the_error_is_the_difference_from_a_mesh_of_half_as_many_states(monkeypatch):
-    means = {25: 40.0, 50: 44.0, 100: 50.0}
-    monkeypatch.setattr(module, "_mean", lambda chain, count, reach: (means[count], count))
-    monkeypatch.setattr(module, "Chain", lambda *_: SimpleNamespace(strides=7))
-    strides, state = lab_map()
-    found = mesh_passage(strides, state, gpw.rough(0.002), states=100)
-    assert found == MeshPassage(50.0, 6.0, 100, 7)
-    assert found.interval == (44.0, 56.0)
+def test_where_all_walkers_fall_at_once_the_first_passage_is_to_be_sampled():
+    with pytest.raises(ValueError, match="sample the first passage"):
+        module._passage(Autoregression(0.0, 1e-3), 0.02, 0)
+
+
+@pytest.mark.parametrize("error", [0.0, 1.0, -0.1, math.nan])
+def test_an_error_must_be_a_share(error):
+    with pytest.raises(ValueError, match="error"):
+        mesh_passage(*lab_map(), gpw.rough(0.002), error=error)
 
 
 @pytest.mark.parametrize(

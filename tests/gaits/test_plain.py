@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+import scipy.stats
 
 import gym_passive_walker as gpw
 from gym_passive_walker import (
@@ -378,9 +379,10 @@ def test_a_sampled_mean_has_the_error_of_a_binomial_share(falls, strides):
 
 def test_a_mesh_s_result_in_words_and_survivors():
     found = MeshPassage(20.0, 0.5, 321, 4567)
-    assert str(found) == "20 ± 0.5 strides, by a mesh of 321 states"
-    assert found.interval == (19.5, 20.5)
-    assert MeshPassage(1.2, 0.5, 1, 1).interval == (1.0, 1.7)
+    share = math.exp(scipy.stats.t.ppf(0.975, 15) * 0.5 / 20.0)  # sixteen ensembles
+    assert found.interval == pytest.approx((20.0 / share, 20.0 * share))
+    assert str(found) == f"20 strides ({20.0 / share:.4g} to {20.0 * share:.4g}), by a mesh"
+    assert MeshPassage(1.2, 0.5, 1, 1).interval[0] == 1.0
     np.testing.assert_allclose(found.survivors(3), [0.95, 0.95**2, 0.95**3])
     none = MeshPassage(math.inf, math.inf, 99, 1)
     assert str(none) == "none of 99 states of the mesh is near a fall"
