@@ -115,7 +115,7 @@ def mesh_passage(
 
     Raises:
         ValueError: if the ground has other than random heights, the controller observes too many
-            footholds, the gait is not stable, or all walkers of an ensemble fall in one stride.
+            footholds, the gait is not stable, or all walkers fall in one stride.
     """
     if strides.terrain is not None:
         raise ValueError("a mesh has ground of its own: give a map of smooth ground")
@@ -253,22 +253,21 @@ def _rate_of_falls(chain: Chain, mesh: _Mesh, error: float, seed: int) -> tuple[
     rng, shape = np.random.default_rng(seed), (_ENSEMBLES, _WALKERS)
     states = np.repeat(chain.gait[None], math.prod(shape), axis=0)
     ensemble, weights = np.repeat(np.arange(_ENSEMBLES), _WALKERS), np.ones(math.prod(shape))
-    fallen: list[NDArray[np.float64]] = []
+    shares: list[NDArray[np.float64]] = []  # of the weight that falls, and of all, by ensemble
     with progress("strides of weighted ensembles", None) as done:
         while True:
             strata = np.tile(np.arange(_WALKERS), (len(states) // _WALKERS, 1))
             strata = rng.permuted(strata, axis=1) + rng.random(strata.shape)
             heights = _WIDER * ndtri(strata.ravel() / _WALKERS)
             weights = weights * np.exp(-0.5 * heights**2 * (1.0 - 1.0 / _WIDER**2))
-            weights /= np.bincount(ensemble, weights)[ensemble]
+            weights /= weights.sum()  # of all: scaled one by one, small ensembles would be biased
             ends, walks = chain.step(states, heights)
-            fallen.append(np.bincount(ensemble, weights * ~walks, _ENSEMBLES))
+            falls = np.bincount(ensemble, weights * ~walks, _ENSEMBLES)
+            shares.append(np.stack([falls, np.bincount(ensemble, weights, _ENSEMBLES)]))
             done(len(states))
             states, ensemble, weights = ends[walks], ensemble[walks], weights[walks]
-            if not np.bincount(ensemble, minlength=_ENSEMBLES).all():
-                raise ValueError(
-                    "all walkers of an ensemble fall in one stride: sample the first passage"
-                )
+            if not len(states):
+                raise ValueError("all walkers fall in one stride: sample the first passage")
             # Resample: the same number of walkers in each bin of each ensemble.
             bins = (mesh.distance(states) / _BIN).astype(np.intp)
             bins += ensemble * (bins.max() + 1)
@@ -281,10 +280,11 @@ def _rate_of_falls(chain: Chain, mesh: _Mesh, error: float, seed: int) -> tuple[
             chosen = np.minimum(chosen, len(states) - 1)  # a sum of ones may end below by rounding
             states, ensemble = states[chosen], ensemble[chosen]
             weights = np.repeat(total / _WALKERS, _WALKERS)
-            counted = len(fallen) - mesh.horizon
+            counted = len(shares) - mesh.horizon
             if counted > 0 and counted % _BLOCK == 0:
-                rates = np.mean(fallen[mesh.horizon :], axis=0)
-                rate, spread = float(rates.mean()), float(rates.std(ddof=1))
-                rate_error = spread / math.sqrt(_ENSEMBLES)
+                falls, of = np.sum(shares[mesh.horizon :], axis=0)
+                rate = float(falls.sum() / of.sum())
+                others = (falls.sum() - falls) / (of.sum() - of)  # rates without each, a jackknife
+                rate_error = math.sqrt((_ENSEMBLES - 1) * others.var())
                 if 0.0 < rate_error <= error * rate or chain.strides > _MOST:
                     return rate, rate_error
