@@ -56,7 +56,7 @@ _LEAST = 1e-40  # probability of a fall; no distance is larger
 _ENSEMBLES, _WALKERS = 16, 16  # independent ensembles, and walkers in each bin
 _BIN = 0.15  # standard deviations of distance
 _WIDER = 2.5  # standard deviation of the heights that are drawn
-_BLOCK = 20  # strides of all walkers between two looks at the error
+_BLOCK = 30  # strides of all walkers between two looks at the error; two must be small enough
 _MOST = 2_000_000  # strides after which no block begins
 _CONFIDENT = 2.131449545559323  # standard errors on both sides of 95 of 100, by 16 ensembles
 
@@ -109,8 +109,8 @@ def mesh_passage(
         strides: The stride map on smooth ground, of one slope.
         state: State of a stable gait just after heelstrike, (6,), in the walker's own units.
         terrain: Footholds with normally distributed heights, from `rough(height_std)`.
-        error: Standard error of the mean, as a share of it, at which the computation ends. It also
-            ends after two million strides.
+        error: Standard error of the mean, as a share of it, at which the computation ends, once it
+            has been so twice. It also ends after two million strides.
         seed: Seed of the heights.
 
     Raises:
@@ -199,7 +199,8 @@ class _Mesh:
             found, cost = ends[front][allowed], cost[allowed]
             order = np.argsort(cost, kind="stable")
             found, cost = found[order], cost[order]
-            places, nearest = chain.place(found), np.empty(0, np.intp)
+            places = chain.place(found)
+            nearest: NDArray[np.intp]
             away, nearest = KDTree(chain.place(nodes)).query(places)  # type: ignore[assignment]
             # A longer way with smaller heights may be the likelier one: go on from there once more.
             known = away < 0.5 * spacing
@@ -222,27 +223,38 @@ class _Mesh:
         density = np.exp(-0.5 * _HEIGHTS**2)
         density /= density.sum()  # the trapezoidal rule is exact to rounding here
         falls = chances = ~walks @ density
-        between = self._between(ends.reshape(-1, ends.shape[-1]))
+        weights, nearest = self._between(ends.reshape(-1, ends.shape[-1]))
         for _ in range(self.horizon):
-            self._distances = np.sqrt(-2.0 * np.log(np.clip(chances, _LEAST, 1.0)))
-            later = np.exp(-0.5 * self._interpolated(between).reshape(walks.shape) ** 2)
+            self._distances = _distance(chances)
+            later = _chance((weights * self._distances[nearest]).sum(axis=1)).reshape(walks.shape)
             chances = np.minimum(falls + (later * walks) @ density, 1.0)
         self.guess = self.horizon / chances[0] if chances[0] > _LEAST else math.inf
 
     def distance(self, states: NDArray) -> NDArray[np.float64]:
-        """Distance (n,) of states (n, k) to a fall, in standard deviations."""
-        return self._interpolated(self._between(states))
+        """Distance (n,) of states (n, k) to a fall, in standard deviations.
+
+        Probabilities are interpolated, not distances: beside a cliff a state counts as near it.
+        """
+        weights, nearest = self._between(states)
+        chances = (weights * _chance(self._distances[nearest])).sum(axis=1)
+        return _distance(chances)
 
     def _between(self, states: NDArray) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-        """Weights and indices of the nearest states of the mesh, (n, m): inverse square distance."""
+        """Nearest states of the mesh, (n, m): weights by inverse square distance, and indices."""
         count = min(_NEIGHBOURS, self.size)
         away, nearest = self._tree.query(self._chain.place(states), k=range(1, count + 1))
         weights = 1.0 / (away + 1e-9) ** 2
         return weights / weights.sum(axis=1, keepdims=True), nearest  # type: ignore[return-value]
 
-    def _interpolated(self, between: tuple[NDArray, NDArray]) -> NDArray[np.float64]:
-        weights, nearest = between
-        return (weights * self._distances[nearest]).sum(axis=1)
+
+def _distance(chances: NDArray) -> NDArray[np.float64]:
+    """The distance to a fall in standard deviations, for a probability of it."""
+    return np.sqrt(-2.0 * np.log(np.clip(chances, _LEAST, 1.0)))
+
+
+def _chance(distances: NDArray) -> NDArray[np.float64]:
+    """The inverse of `_distance`."""
+    return np.exp(-0.5 * distances**2)
 
 
 def _rate_of_falls(chain: Chain, mesh: _Mesh, error: float, seed: int) -> tuple[float, float]:
@@ -253,7 +265,7 @@ def _rate_of_falls(chain: Chain, mesh: _Mesh, error: float, seed: int) -> tuple[
     rng, shape = np.random.default_rng(seed), (_ENSEMBLES, _WALKERS)
     states = np.repeat(chain.gait[None], math.prod(shape), axis=0)
     ensemble, weights = np.repeat(np.arange(_ENSEMBLES), _WALKERS), np.ones(math.prod(shape))
-    shares: list[NDArray[np.float64]] = []  # of the weight that falls, and of all, by ensemble
+    enough, shares = 0, list[NDArray]()  # of the weight that falls, and of all, by ensemble
     with progress("strides of weighted ensembles", None) as done:
         while True:
             strata = np.tile(np.arange(_WALKERS), (len(states) // _WALKERS, 1))
@@ -286,5 +298,6 @@ def _rate_of_falls(chain: Chain, mesh: _Mesh, error: float, seed: int) -> tuple[
                 rate = float(falls.sum() / of.sum())
                 others = (falls.sum() - falls) / (of.sum() - of)  # rates without each, a jackknife
                 rate_error = math.sqrt((_ENSEMBLES - 1) * others.var())
-                if 0.0 < rate_error <= error * rate or chain.strides > _MOST:
+                enough = enough + 1 if 0.0 < rate_error <= error * rate else 0
+                if enough == 2 or chain.strides > _MOST:
                     return rate, rate_error
