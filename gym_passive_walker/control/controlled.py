@@ -339,7 +339,7 @@ class ControlledMap(StrideMap):
             own = None if seeds is None else Seeds(seeds.points[chosen], moving)
             seen = ahead[chosen] if np.ndim(ahead) == 2 else ahead  # type: ignore[index]
             choice, memory = self._choice(records, slopes[chosen], memory, number, own, seen)
-            return Choice(*(x if x is None else x[on] for x in choice)) if recalls else choice
+            return choice._make(x if x is None else x[on] for x in choice) if recalls else choice
 
         return follow(
             self.walkers, self._begun(states, slopes, rises, turns), choose,

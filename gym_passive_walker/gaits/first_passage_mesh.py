@@ -241,8 +241,8 @@ class _Mesh:
 
     def _between(self, states: NDArray) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
         """Nearest states of the mesh, (n, m): weights by inverse square distance, and indices."""
-        count = min(_NEIGHBOURS, self.size)
-        away, nearest = self._tree.query(self._chain.place(states), k=range(1, count + 1))
+        ranks = [*range(1, 1 + min(_NEIGHBOURS, self.size))]
+        away, nearest = self._tree.query(self._chain.place(states), k=ranks)  # type: ignore[arg-type]
         weights = 1.0 / (away + 1e-9) ** 2
         return weights / weights.sum(axis=1, keepdims=True), nearest  # type: ignore[return-value]
 
