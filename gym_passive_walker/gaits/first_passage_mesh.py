@@ -92,7 +92,7 @@ class MeshPassage(NamedTuple):
         if math.isinf(self.mean):
             return f"none of {self.states} states of the mesh is near a fall"
         low, high = self.interval
-        return f"{self.mean:.4g} strides ({low:.4g} to {high:.4g}), by a mesh"
+        return f"{self.mean:.4g} strides ({low:.4g} to {high:.4g})"
 
 
 def mesh_passage(

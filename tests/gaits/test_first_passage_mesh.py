@@ -185,7 +185,7 @@ def test_robustness_takes_the_mean_of_a_mesh():
     assert isinstance(found.first_passage, MeshPassage)
     share = 1.0 - 1.0 / found.first_passage.mean
     np.testing.assert_allclose(found.survivors, share ** np.arange(1, 31))
-    assert "mesh" in str(found)
+    assert f"{found.first_passage} there" in str(found)
     with pytest.raises(ValueError, match='"sampled" or "mesh"'):
         gpw.robustness("lab", slope=SLOPE, first_passage="meshed")  # type: ignore[arg-type]
 

@@ -381,7 +381,7 @@ def test_a_mesh_s_result_in_words_and_survivors():
     found = MeshPassage(20.0, 0.5, 321, 4567)
     share = math.exp(scipy.stats.t.ppf(0.975, 15) * 0.5 / 20.0)  # sixteen ensembles
     assert found.interval == pytest.approx((20.0 / share, 20.0 * share))
-    assert str(found) == f"20 strides ({20.0 / share:.4g} to {20.0 * share:.4g}), by a mesh"
+    assert str(found) == f"20 strides ({20.0 / share:.4g} to {20.0 * share:.4g})"
     assert MeshPassage(1.2, 0.5, 1, 1).interval[0] == 1.0
     np.testing.assert_allclose(found.survivors(3), [0.95, 0.95**2, 0.95**3])
     none = MeshPassage(math.inf, math.inf, 99, 1)
