@@ -28,6 +28,7 @@ from benchmarks.report import machine, table
 from gym_passive_walker import console
 from gym_passive_walker.control import optimal
 from gym_passive_walker.evaluation.walks import evaluate
+from gym_passive_walker.extras import need
 
 LEARNERS = {
     "sac": ("SAC", "MlpPolicy", {}),
@@ -100,6 +101,7 @@ def main() -> None:
     for seed in args.seeds:
         for learner in args.learners:
             if (learner, seed, steps) not in done:
+                need("sbx", "off-policy")
                 found.append(learn(learner, seed, steps))
                 print(found[-1], flush=True)
                 with args.out.open("a", encoding="utf-8") as file:

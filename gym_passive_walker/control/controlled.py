@@ -25,7 +25,14 @@ from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.gaits.actuation import for_each
-from gym_passive_walker.gaits.flow import Walkers, go_on, new_records, report_of, states_in
+from gym_passive_walker.gaits.flow import (
+    Walkers,
+    go_on,
+    new_records,
+    numbers_of,
+    report_of,
+    states_in,
+)
 from gym_passive_walker.gaits.map_result import imbalance, product
 from gym_passive_walker.gaits.stride import Stride, account
 from gym_passive_walker.gaits.stride_map import Samples, Seeds, StrideMap
@@ -335,7 +342,7 @@ class ControlledMap(StrideMap):
         def choose(chosen: NDArray, records: NDArray, number: int, on: NDArray) -> Choice:
             nonlocal memory
             if not recalls:
-                chosen, records = chosen[on], records[on]
+                chosen, records = chosen[on], records.take(on, axis=0)
             own = None if seeds is None else Seeds(seeds.points[chosen], moving)
             seen = ahead[chosen] if np.ndim(ahead) == 2 else ahead  # type: ignore[index]
             choice, memory = self._choice(records, slopes[chosen], memory, number, own, seen)
@@ -461,7 +468,7 @@ class ControlledMap(StrideMap):
             place = 0 if self.own else motor
             np.add.at(works[place, 0], steps.walkers, power * after["moved"][:, motor])
             np.add.at(works[place, 1], steps.walkers, np.abs(power) * after["turned"][:, motor])
-        ended[steps.walkers, 0] = after  # the last of a walker's steps stays
+        numbers_of(ended)[steps.walkers] = numbers_of(steps.after)  # the last of a walker's stays
         record, pushed = ended[:, 0], ended["push_work"][:, 0] * units.energy
         constants, shape = self.walkers.constants, np.shape(state)[:-1]
         return account(self.walker, system, constants, record, works, pushed, shape)

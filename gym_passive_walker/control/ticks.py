@@ -23,6 +23,7 @@ from gym_passive_walker.gaits.flow import (
     controls_of,
     go_on,
     new_records,
+    numbers_of,
     report_of,
     rows_of,
 )
@@ -132,7 +133,7 @@ def follow(
         parts = [chosen[i : i + most] for i in range(0, len(chosen), most)]
         return _beside([again(chosen=part, in_turn=in_turn) for part in parts])
     by, report = ("state", *motors, *moving, "start") if width else (), report_of(batch.system())
-    found, inputs = records[chosen], inputs_of(batch.walker)
+    found, inputs = records.take(chosen, axis=0), inputs_of(batch.walker)
     places = [inputs.index(motor) for motor in motors]
     if not len(chosen):
         shapes = ((report.size, width), (len(motors), 1 + width), (len(report.entries), 1 + width))
@@ -141,7 +142,7 @@ def follow(
     on, taken, choices = np.arange(len(chosen)), [], []
     while len(on):
         number = len(taken)
-        choice, before = choose(chosen, found, number, on), found[on]
+        choice, before = choose(chosen, found, number, on), found.take(on, axis=0)
         hold(before, places, choice.held)
         last = (number + 1) * tick >= max_stride_time
         before["end"] = max_stride_time if last else (number + 1) * tick
@@ -150,7 +151,7 @@ def follow(
         walked = go_on(batch, before, tangents, lanes=own, on_section=number == 0)
         taken.append((on, before, walked.records))
         choices.append(choice)
-        found[on] = walked.here
+        numbers_of(found)[on] = numbers_of(walked.here)
         on = on[walked.outcomes == _RUNNING]
         if last:
             break
@@ -258,7 +259,7 @@ def _beside(parts: Sequence[Steps]) -> Steps:
     """Steps of walkers and of others, in the order of `Steps`."""
     every = Steps._make(_joined(part) for part in zip(*parts, strict=True))
     order = np.argsort(every.numbers, kind="stable")
-    return every._make(part[order] for part in every)
+    return every._make(part.take(order, axis=0) for part in every)
 
 
 def hold(records: NDArray, motors: Sequence[int], given: NDArray) -> None:
