@@ -14,9 +14,9 @@ the distance to a fall in standard deviations.
 The eigenvalue of the mesh's transition matrix errs where the mesh is coarse. So the mesh only
 guides a simulation: weighted ensembles of walkers (Huber and Kim 1996). After each stride, walkers
 are binned by their distance to a fall. Each bin is resampled to as many walkers as any other, with
-its weight conserved. Heights are drawn from a wider distribution, and weights corrected. Falls of
-tiny weight are then as frequent as likely ones. The mean share of weight that falls in a stride
-is 1 - lambda, whatever the mesh: a worse one only takes more strides.
+its weight conserved. Heights are drawn from a wider distribution, and weights corrected. So falls
+are frequent in the simulation, however rare they are. The mean share of weight that falls in a
+stride is 1 - lambda, whatever the mesh: a worse one only takes more strides.
 
 References:
     K. Byl, R. Tedrake, Metastable walking machines, Int. J. Robotics Research 28 (2009).
@@ -221,7 +221,7 @@ class _Mesh:
         self.horizon = 2 * math.ceil(math.log(0.05) / math.log(max(chain.memory, 0.5)))
         self._tree = KDTree(chain.place(nodes))
         density = np.exp(-0.5 * _HEIGHTS**2)
-        density /= density.sum()  # the trapezoidal rule is exact to rounding here
+        density /= density.sum()
         falls = chances = ~walks @ density
         weights, nearest = self._between(ends.reshape(-1, ends.shape[-1]))
         for _ in range(self.horizon):
