@@ -177,6 +177,55 @@ def test_walkers_of_a_batch_are_each_alone_and_falls_are_none():
         np.testing.assert_allclose(change.ends[i], by.ends[0], rtol=1e-9, atol=1e-11)
 
 
+class Fading:
+    """A torque that fades with the control steps that its memory has counted, of each walker."""
+
+    scene, double = "level", True
+
+    def __init__(self):
+        self.asked = []
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        """A quarter of the torque's limit, less in each control step."""
+        counted = np.zeros(len(observation)) if state is None else state
+        self.asked.append(len(observation))
+        return 0.25 * 0.9 ** counted[:, None], counted + 1.0
+
+
+def beside(strides, count):
+    """Points from which strides last for different times, (count, m)."""
+    points = np.repeat(point_of(strides), count, axis=0)
+    points[:, 1] *= np.linspace(0.95, 1.1, count)
+    return points
+
+
+def test_a_memory_is_kept_for_all_walkers_of_a_batch_until_the_last_stride_ends():
+    policy = Fading()
+    points = beside(gpw.stride_map(controller="level-ppo"), 4)
+    strides = gpw.stride_map(controller=policy)
+    together = strides.apply(points)
+    durations = np.ceil(together.durations / strides.hold)
+    assert together.alive.all() and len(np.unique(durations)) > 1
+    assert set(policy.asked) == {4} and len(policy.asked) == durations.max()
+    alone = [strides.apply(point[None]) for point in points]
+    np.testing.assert_allclose(together.ends, [one.ends[0] for one in alone], rtol=1e-12)
+
+
+def test_a_network_is_asked_only_for_walkers_that_are_still_in_their_stride(monkeypatch):
+    strides, asked = gpw.stride_map(controller="level-ppo"), []
+    points = beside(strides, 5)
+    means = type(strides.controller).mean_actions
+    monkeypatch.setattr(
+        type(strides.controller), "mean_actions",
+        lambda policy, seen: asked.append(len(seen)) or means(policy, seen),
+    )  # fmt: skip
+    walks = strides.apply(points)
+    steps_taken = np.ceil(walks.durations / strides.hold - 1e-9)
+    number = np.arange(len(asked))
+    np.testing.assert_array_equal(asked, (steps_taken[:, None] > number).sum(axis=0))
+    assert asked[0] == 5 and asked[-1] < 5
+
+
 def test_a_map_can_be_pickled_and_has_a_slope_of_its_own():
     strides = gpw.stride_map(controller="steep-ppo")
     again = pickle.loads(pickle.dumps(strides))
