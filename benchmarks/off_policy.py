@@ -28,7 +28,7 @@ from benchmarks.report import machine, table
 from gym_passive_walker import console
 from gym_passive_walker.control import optimal
 from gym_passive_walker.evaluation.walks import evaluate
-from gym_passive_walker.extras import need
+from gym_passive_walker.extras import extra
 
 LEARNERS = {
     "sac": ("SAC", "MlpPolicy", {}),
@@ -45,7 +45,8 @@ EPISODES, SEED = 100, 1000
 
 def learn(learner: str, seed: int, steps: int | None) -> dict[str, Any]:
     """Train with one seed, and return the results of its last policy."""
-    import sbx  # type: ignore[import-not-found]
+    with extra("off-policy"):
+        import sbx  # type: ignore[import-not-found]
     from stable_baselines3.common.utils import FloatSchedule
     from stable_baselines3.common.vec_env import VecNormalize
 
@@ -101,7 +102,6 @@ def main() -> None:
     for seed in args.seeds:
         for learner in args.learners:
             if (learner, seed, steps) not in done:
-                need("sbx", "off-policy")
                 found.append(learn(learner, seed, steps))
                 print(found[-1], flush=True)
                 with args.out.open("a", encoding="utf-8") as file:

@@ -160,14 +160,16 @@ def _passage(chain: Chain, error: float, seed: int) -> MeshPassage:
 def _mesh(chain: Chain, count: int, reach: float, spacing: float) -> tuple[_Mesh, float]:
     """A mesh of at least `count` states, if the chain reaches so many, and its spacing."""
     while True:
-        mesh = _Mesh(chain, spacing, reach, 4 * count)
-        if mesh.size >= count or spacing < 1e-3:
-            return mesh, spacing
+        grown = _grown(chain, spacing, reach, 4 * count)
+        if len(grown[0]) >= count or spacing < 1e-3:
+            return _Mesh(chain, *grown), spacing
         spacing *= 0.85
 
 
-class _Mesh:
-    """States that are reached from the gait, no two nearer than `spacing`, and how near to a fall.
+def _grown(
+    chain: Chain, spacing: float, reach: float, most: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """States that are reached from the gait, no two nearer than `spacing`, and their strides.
 
     Args:
         chain: The chain.
@@ -175,48 +177,62 @@ class _Mesh:
         reach: Largest rarity of the heights on the way to a state, as a logarithm of density.
         most: Growth ends once there are so many.
 
+    Returns:
+        States (n, k), the next ones over all `_HEIGHTS` (n, heights, k), and which walk on there.
+    """
+    count = len(_HEIGHTS)
+    nodes, rare, front = chain.gait[None], np.zeros(1), np.zeros(1, np.intp)
+    ends, walks = np.empty((0, count, len(chain.gait))), np.empty((0, count), bool)
+    while True:
+        added = nodes[len(ends) :]
+        tried = np.repeat(added, count, axis=0), np.tile(_HEIGHTS, len(added))
+        reached, struck = chain.step(*tried)
+        ends = np.concatenate([ends, reached.reshape(len(added), *ends.shape[1:])])
+        walks = np.concatenate([walks, struck.reshape(len(added), count)])
+        if not len(front) or len(nodes) >= most:
+            return nodes, ends, walks
+        cost = rare[front, None] + 0.5 * _HEIGHTS**2
+        allowed = (cost < reach) & walks[front]
+        found, cost = ends[front][allowed], cost[allowed]
+        order = np.argsort(cost, kind="stable")
+        found, cost = found[order], cost[order]
+        places = chain.place(found)
+        nearest: NDArray[np.intp]
+        away, nearest = KDTree(chain.place(nodes)).query(places)  # type: ignore[assignment]
+        # A longer way with smaller heights may be the likelier one: go on from there once more.
+        known = away < 0.5 * spacing
+        before = rare.copy()
+        np.minimum.at(rare, nearest[known], cost[known])
+        likelier, new = np.flatnonzero(rare < before - _EASIER), away > spacing
+        found, cost, places = found[new], cost[new], places[new]
+        taken, covered = [], np.zeros(len(places), bool)
+        tree = KDTree(places) if len(places) else None
+        for i in range(len(places)):
+            if not covered[i]:
+                taken.append(i)
+                covered[tree.query_ball_point(places[i], spacing)] = True  # type: ignore[union-attr]
+        front = np.concatenate([likelier, np.arange(len(nodes), len(nodes) + len(taken))])
+        nodes = np.concatenate([nodes, found[taken]])
+        rare = np.concatenate([rare, cost[taken]])
+
+
+class _Mesh:
+    """States that are reached from the gait, and how near each of them is to a fall.
+
+    Args:
+        chain: The chain.
+        nodes: States, (n, k).
+        ends: Next states over all `_HEIGHTS`, (n, heights, k).
+        walks: Whether the walker goes on, (n, heights).
+
     Attributes:
         size: Number of states.
         horizon: Strides after which the chain has forgotten its start, to a few thousandths.
         guess: A guess of the mean first-passage time; infinite if no fall is reached.
     """
 
-    def __init__(self, chain: Chain, spacing: float, reach: float, most: int) -> None:
-        self._chain, count = chain, len(_HEIGHTS)
-        nodes, rare, front = chain.gait[None], np.zeros(1), np.zeros(1, np.intp)
-        ends, walks = np.empty((0, count, len(chain.gait))), np.empty((0, count), bool)
-        while True:
-            added = nodes[len(ends) :]
-            reached, struck = chain.step(
-                np.repeat(added, count, axis=0), np.tile(_HEIGHTS, len(added))
-            )
-            ends = np.concatenate([ends, reached.reshape(len(added), *ends.shape[1:])])
-            walks = np.concatenate([walks, struck.reshape(len(added), count)])
-            if not len(front) or len(nodes) >= most:
-                break
-            cost = rare[front, None] + 0.5 * _HEIGHTS**2
-            allowed = (cost < reach) & walks[front]
-            found, cost = ends[front][allowed], cost[allowed]
-            order = np.argsort(cost, kind="stable")
-            found, cost = found[order], cost[order]
-            places = chain.place(found)
-            nearest: NDArray[np.intp]
-            away, nearest = KDTree(chain.place(nodes)).query(places)  # type: ignore[assignment]
-            # A longer way with smaller heights may be the likelier one: go on from there once more.
-            known = away < 0.5 * spacing
-            before = rare.copy()
-            np.minimum.at(rare, nearest[known], cost[known])
-            likelier, new = np.flatnonzero(rare < before - _EASIER), away > spacing
-            found, cost, places = found[new], cost[new], places[new]
-            taken, covered = [], np.zeros(len(places), bool)
-            tree = KDTree(places) if len(places) else None
-            for i in range(len(places)):
-                if not covered[i]:
-                    taken.append(i)
-                    covered[tree.query_ball_point(places[i], spacing)] = True  # type: ignore[union-attr]
-            front = np.concatenate([likelier, np.arange(len(nodes), len(nodes) + len(taken))])
-            nodes = np.concatenate([nodes, found[taken]])
-            rare = np.concatenate([rare, cost[taken]])
+    def __init__(self, chain: Chain, nodes: NDArray, ends: NDArray, walks: NDArray) -> None:
+        self._chain = chain
         self.size = len(nodes)
         self.horizon = 2 * math.ceil(math.log(0.05) / math.log(max(chain.memory, 0.5)))
         self._tree = KDTree(chain.place(nodes))

@@ -211,6 +211,12 @@ def test_a_memory_is_kept_for_all_walkers_of_a_batch_until_the_last_stride_ends(
     np.testing.assert_allclose(together.ends, [one.ends[0] for one in alone], rtol=1e-12)
 
 
+def test_no_walkers_make_no_strides():
+    strides = gpw.stride_map(controller="level-ppo")
+    assert strides.apply(np.empty((0, strides.dimension))).ends.shape == (0, strides.dimension)
+    assert strides.stride(np.empty((0, 6)), strides.slope).state.shape == (0, 6)
+
+
 def test_a_network_is_asked_only_for_walkers_that_are_still_in_their_stride(monkeypatch):
     strides, asked = gpw.stride_map(controller="level-ppo"), []
     points = beside(strides, 5)
