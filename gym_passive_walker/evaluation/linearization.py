@@ -71,7 +71,7 @@ class StepRecorder:
         learning: Whether the derivatives of a command's penalty are those that learners need. They
             ignore the bound of the penalty, so that they point to the commanded speed where a
             stride earns nothing. And a stride that has not ended has, by its start, the derivative
-            of the walker's stride before it, not 0.
+            of the stride before it in the same episode, if there is one.
 
     Raises:
         SceneError: if it is otherwise.
@@ -93,6 +93,7 @@ class StepRecorder:
         """Record a step that is about to be made, with its actions, (n,) or (n, 1)."""
         self._records.append(self._batch.records.copy())
         self._actions.append(np.array(actions, dtype=float).reshape(-1))
+        self._steps = self._batch.ledger["steps"].copy()
         self._walkers += self._batch.walkers
         if self._scene.command is not None:
             self._commands.append(self._batch.disturbances.states["command"].copy())
@@ -129,8 +130,12 @@ class StepRecorder:
         if scene.command is not None:
             length, period = (results[:, report.at[name]] for name in ("step_length", "time"))
             rewards -= walked.struck[:, None] * self._penalties_by(length, period)
-            by_start = rewards[:, _START].reshape(shape)
-            going = _last(by_start, walked.struck.reshape(shape)) if self._learning else 0.0
+            by_start, going = rewards[:, _START].reshape(shape), 0.0
+            if self._learning:
+                struck = walked.struck.reshape(shape)
+                goes_on = ~(struck | fell.reshape(shape))[-1]
+                here = np.arange(len(struck))[::-1, None] <= self._steps  # in the last episode
+                going = goes_on * _last(by_start, struck & here)
             by_start = at_first_steps(by_start, begins, going)
             rewards[:, _STANCE] += by_start.reshape(-1)
         states = results[:, _STATE, 1:]

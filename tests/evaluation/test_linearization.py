@@ -135,6 +135,41 @@ def test_a_stride_that_goes_on_has_the_derivative_of_the_stride_before():
     np.testing.assert_allclose(by_stance[STEPS], by_stance[2 * STEPS], rtol=1e-3)
 
 
+def by_stance(recorder, monkeypatch, *, going=True):
+    """Derivatives of rewards by the stance angle, with what strides that go on will earn or not."""
+    with monkeypatch.context() as changed:
+        if not going:
+            changed.setattr(linearization, "_last", lambda *_: 0.0)
+        return recorder.linearize().rewards_by_state[..., 0]
+
+
+def test_a_stride_that_ends_with_the_last_step_is_not_counted_twice(monkeypatch):
+    env = world(command=0.16)
+    env.reset(seed=2)
+    recorder, ended = StepRecorder(env, learning=True), np.zeros(COUNT, bool)
+    while len(recorder._records) < STEPS or not ended.any():
+        recorder.record(np.zeros((COUNT, 1)))
+        infos = env.step(np.zeros((COUNT, 1)))[-1]
+        ended = infos.get("_step_length", np.zeros(COUNT, bool))
+    found, without = (by_stance(recorder, monkeypatch, going=going) for going in (True, False))
+    differ = (found != without).any(axis=0)
+    assert not ended.all()
+    np.testing.assert_array_equal(differ, ~ended)
+
+
+def test_a_stride_of_an_earlier_episode_says_nothing_of_the_next(monkeypatch):
+    scene = make_scene(slope=0.01, command=(0.05, 0.3), reset_noise_scale=0.0)
+    env = PassiveWalkerVectorEnv(COUNT, scene, autoreset_mode="SameStep", max_episode_steps=STEPS)
+    env.reset(seed=2)
+    recorder = StepRecorder(env, learning=True)
+    for step in range(STEPS + 5):
+        recorder.record(np.zeros((COUNT, 1)))
+        env.step(np.zeros((COUNT, 1)))
+        if step >= STEPS - 6:
+            found, without = (by_stance(recorder, monkeypatch, going=x) for x in (True, False))
+            assert np.any(found != without) == (step < STEPS)
+
+
 def test_what_was_noted_stays_when_the_array_it_came_in_changes():
     linear = []
     for reused in (False, True):
