@@ -37,6 +37,7 @@ LEARNERS = {
     "tqc-layer-norm": ("TQC", "MlpPolicy", {"layer_norm": True}),
     "crossq": ("CrossQ", "MlpPolicy", {}),
     "simba": ("SAC", "SimbaPolicy", {}),
+    "xqc": ("XQC", "MlpPolicy", {}),
 }
 """Classes and policies of SBX, and arguments of the policies, by name."""
 
@@ -47,6 +48,8 @@ def learn(learner: str, seed: int, steps: int | None) -> dict[str, Any]:
     """Train with one seed, and return the results of its last policy."""
     with extra("off-policy"):
         import sbx  # type: ignore[import-not-found]
+
+        from benchmarks.xqc import XQC
     from stable_baselines3.common.utils import FloatSchedule
     from stable_baselines3.common.vec_env import VecNormalize
 
@@ -56,11 +59,15 @@ def learn(learner: str, seed: int, steps: int | None) -> dict[str, Any]:
     rate = FloatSchedule(schedule(named["learning_rate"]))
     sizes = named.pop("policy_kwargs")["net_arch"]
     named |= {"policy": policy, "policy_kwargs": {"net_arch": sizes, **arguments}}
-    if of == "CrossQ":  # it has no target networks
+    named["learning_rate"] = rate
+    if of in ("CrossQ", "XQC"):  # they have no target networks
+        named["learning_rate"] = rate(1.0)
         named.pop("tau")
-    named["learning_rate"] = rate(1.0) if of == "CrossQ" else rate
+    if of == "XQC":
+        updates = config.steps // config.n_envs * named["gradient_steps"]
+        named["policy_kwargs"]["updates"] = updates
     envs = VecNormalize(training_envs(config), gamma=named["gamma"], **(config.normalize or {}))
-    model = getattr(sbx, of)(env=envs, seed=seed, **named)
+    model = (XQC if of == "XQC" else getattr(sbx, of))(env=envs, seed=seed, **named)
     begun = time.process_time()
     model.learn(config.steps, callback=explorers("sac", config.exploration))
     took = time.process_time() - begun

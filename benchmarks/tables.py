@@ -78,7 +78,7 @@ GROUPS = {"learning": (
     "policies/policies",  # with the gauntlet's measures
     "python -m benchmarks.anywhere train walk optima",
     "anywhere/anywhere",
-    "python -m benchmarks.off_policy --learners sac tqc crossq --seeds 0 1 2 3 4 5 6 7 8 9",
+    "python -m benchmarks.off_policy --learners sac tqc crossq xqc --seeds 0 1 2 3 4 5 6 7 8 9",
 )}  # fmt: skip
 """Tables and commands by the name of their group, each after those that it depends on."""
 

@@ -27,7 +27,7 @@ MADE = {
 }
 """Texts between markers, by PAGE/NAME."""
 
-BY_HAND = ("anywhere", "learners", "performance", "scaling", "training", "web")
+BY_HAND = ("anywhere", "learners", "off-policy", "performance", "scaling", "training", "web")
 """Pages with tables of results that no command writes."""
 
 CODE = {
