@@ -1,12 +1,12 @@
-"""Off-policy learners of SBX (Stable-Baselines in JAX) in place of SAC, with the preset of `sac`.
+"""Off-policy learners of SBX (Stable-Baselines in JAX), and XQC, with the preset of `sac`.
 
     pip install -e '.[off-policy]'
     python -m benchmarks.off_policy --learners tqc crossq --seeds 0 1 2
 
 Networks, noise, discount, rewards and numbers of updates are those of `python train.py --algo sac`,
-and CrossQ's learning rate is constant, as SBX has no schedule for it. The last policy walks in the
-episodes of the benchmark of agents. Results are kept in `--out`, a line of JSON for each seed, and
-are not computed again. It prints a row for each learner.
+and CrossQ's learning rate is constant, as SBX has no schedule for it. XQC is `benchmarks.xqc`. The
+last policy walks in the episodes of the benchmark of agents. Results are kept in `--out`, a line of
+JSON for each seed, and are not computed again. It prints a row for each learner.
 """
 
 from __future__ import annotations
