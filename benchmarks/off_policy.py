@@ -39,7 +39,7 @@ LEARNERS = {
     "simba": ("SAC", "SimbaPolicy", {}),
     "xqc": ("XQC", "MlpPolicy", {}),
 }
-"""Classes and policies of SBX, and arguments of the policies, by name."""
+"""Classes (of SBX, or `benchmarks.xqc`) and policies, and arguments of the policies, by name."""
 
 EPISODES, SEED = 100, 1000
 
@@ -60,7 +60,7 @@ def learn(learner: str, seed: int, steps: int | None) -> dict[str, Any]:
     sizes = named.pop("policy_kwargs")["net_arch"]
     named |= {"policy": policy, "policy_kwargs": {"net_arch": sizes, **arguments}}
     named["learning_rate"] = rate
-    if of in ("CrossQ", "XQC"):  # they have no target networks
+    if of in ("CrossQ", "XQC"):  # without a schedule, and without target networks
         named["learning_rate"] = rate(1.0)
         named.pop("tau")
     if of == "XQC":

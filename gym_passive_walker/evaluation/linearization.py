@@ -116,7 +116,8 @@ class StepRecorder:
         fell = rules.ends_episode(rules.outcome_of(walked.outcomes, record["end"], longest))
         results[fell, :, 1:] = 0.0
         begins = record["time"].reshape(shape) == 0.0
-        standing = stands(fell.reshape(shape), begins)
+        fallen = fell.reshape(shape)
+        standing = stands(fallen, begins)
         distance = distance[:, 1:] * standing.reshape(-1, 1)
         energy = np.zeros_like(distance)
         if system_of(scene.walker).works.hip:
@@ -133,7 +134,7 @@ class StepRecorder:
             by_start, going = rewards[:, _START].reshape(shape), 0.0
             if self._learning:
                 struck = walked.struck.reshape(shape)
-                goes_on = ~(struck | fell.reshape(shape))[-1]
+                goes_on = ~(struck | fallen)[-1]
                 here = np.arange(len(struck))[::-1, None] <= self._steps  # in the last episode
                 going = goes_on * _last(by_start, struck & here)
             by_start = at_first_steps(by_start, begins, going)
