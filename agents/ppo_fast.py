@@ -16,8 +16,8 @@ that falls do not set the scale of all other advantages, and of the critic's err
 clipped at some medians (`farthest`).
 
 Rollouts, advantages and updates are below in the order in which they happen. The networks, the
-callbacks and the files are those of stable-baselines3, so that a run has the usual format. If there
-is a GPU, everything runs on it, including the walkers (`carried`).
+callbacks and the files are those of stable-baselines3, so that a run has the usual format. With
+`device="cuda"` everything runs on a GPU, including the walkers (`carried`).
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
     python -m benchmarks.gpu               Run all parts.
     python -m benchmarks.gpu strides       Run one part: strides, ticks or learning.
 
-Each part prints its table and writes the table to docs/benchmarks-speed.md. It requires a CUDA GPU
+Each part prints its table and writes the table to docs/gpu.md. It requires a CUDA GPU
 and the extras "gpu" and, for `learning`, "train" and "rsl-rl". With NUMBA_ENABLE_CUDASIM=1 a few
 walkers run on a simulated GPU, and no table is written.
 """
@@ -22,15 +22,15 @@ import gym_passive_walker  # noqa: F401  (registers the environment)
 from benchmarks import engine
 from benchmarks.problem import error, problem
 from benchmarks.report import command, machine, seconds, table
-from benchmarks.tables import SPEED, keep
+from benchmarks.tables import GPU, keep
 from gym_passive_walker.gpu import device
 from gym_passive_walker.gpu.batch import DeviceBatch
 from gym_passive_walker.gpu.device import SIMULATED, cuda
 from gym_passive_walker.gpu.strides import advance_there
 from gym_passive_walker.physics.systems import SYSTEMS
 
-SIZES = [4, 16] if SIMULATED else [10**k for k in range(3, 8)]
-LARGEST_HERE = 10**6
+SIZES = [4, 16] if SIMULATED else [10**k for k in range(3, 7)]
+LARGEST_HERE = 10**5
 """Largest number of walkers on the CPU; a larger number is not faster per walker."""
 
 CORES = os.cpu_count() or 1
@@ -59,6 +59,15 @@ _PPO = {
 }  # fmt: skip
 
 
+class _Rows(list[tuple[object, ...]]):
+    """Rows of a table; each is printed when it is measured."""
+
+    def add(self, *row: object) -> None:
+        """Append a row and print it."""
+        print(*row, flush=True)
+        self.append(row)
+
+
 def _finished(job: Callable[[], object]) -> Callable[[], None]:
     """Wrap a function so that it returns after the GPU has finished."""
 
@@ -84,21 +93,22 @@ def _report(name: str, text: str) -> None:
         return
     there = cuda.get_current_device().name
     there = there.decode() if isinstance(there, bytes) else there
-    keep(name, f"{text}\n\n{there}; CPU: {machine('numba-cuda', 'torch')}.", SPEED)
+    keep(name, f"{text}\n\n{there}; CPU: {machine('numba-cuda', 'torch')}.", GPU)
 
 
 def carried() -> None:
     """Measure strides per second of each kind of walker."""
     text = []
     for name, tolerance in _WALKS:
-        p, rows = problem(name), []
+        p, rows = problem(name), _Rows()
         exact = engine.strides(p, 1e-14)  # six digits finer than the requested tolerance
-        rows += [("GPU", count, *_strides(p, tolerance, count, exact)) for count in SIZES]
+        for count in SIZES:
+            rows.add("GPU", count, *_strides(p, tolerance, count, exact))
         for count in SIZES:
             if count <= LARGEST_HERE:
                 one = engine.microseconds(p, count, tolerance, CORES)
                 reached = error(engine.strides(p, tolerance), exact)
-                rows.append((f"CPU, {CORES} cores", count, reached, 1e6 / one))
+                rows.add(f"CPU, {CORES} cores", count, reached, 1e6 / one)
         heads = ["by", "walkers", "error reached", "strides/s"]
         text += [f"Walker {name}, tolerance {tolerance:.0e}", table(heads, rows)]
     _report("gpu strides", "\n\n".join(text))
@@ -121,11 +131,11 @@ def _strides(p: Any, tolerance: float, count: int, exact: Any) -> tuple[float, f
 
 def ticks() -> None:
     """Measure control steps per second with random actions; episodes reset on the GPU."""
-    rows = []
+    rows = _Rows()
     for count in SIZES:
-        rows.append(("GPU", count, count / _tick(DeviceBatch(count))))
+        rows.add("GPU", count, count / _tick(DeviceBatch(count)))
         if count <= LARGEST_HERE:
-            rows.append((f"CPU, {CORES} cores", count, count / _tick_here(count)))
+            rows.add(f"CPU, {CORES} cores", count, count / _tick_here(count))
     _report("gpu ticks", table(["by", "walkers", "control steps/s"], rows))
 
 
@@ -170,9 +180,11 @@ def learning() -> None:
     def here(count: int, **options: Any) -> Any:
         return PassiveWalkerTorchEnv(count, device=where, **options)
 
-    rows = []
+    rows = _Rows()
     for count in SIZES if SIMULATED else (4096, 65_536, 524_288):
         for label, envs in (("GPU", PassiveWalkerGpuEnv), ("CPU", here)):
+            if label == "CPU" and count > LARGEST_HERE:
+                continue
             options = {**_PPO, "num_steps_per_env": steps}
             runner = OnPolicyRunner(RslRlWalkers(count, envs=envs), options, device=where)
 
@@ -181,11 +193,9 @@ def learning() -> None:
                 torch.cuda.synchronize() if not SIMULATED else None
 
             frames = 2 * steps * count
-            rows.append(
-                (f"rsl_rl, walkers on the {label}", count, frames / seconds(job, repeats=2))
-            )
+            rows.add(f"rsl_rl, walkers on the {label}", count, frames / seconds(job, repeats=2))
         update = _finished(_ppo_fast(count, steps))
-        rows.append(("ppo-fast, both on the GPU", count, frames / seconds(update, repeats=2)))
+        rows.add("ppo-fast, both on the GPU", count, frames / seconds(update, repeats=2))
     _report("gpu learning", table(["PPO", "walkers", "frames/s"], rows))
 
 

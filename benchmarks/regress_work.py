@@ -53,7 +53,7 @@ def analyses(pieces):
 
 def steps(pieces, walks):
     """Steps of vectorized environments and of a single one."""
-    for count in (64, 1024):
+    for count in (64, 1024, 4096):  # the last by several threads
         envs = gym.make_vec("PassiveWalker-v0", num_envs=count)
         envs.reset(seed=0)
         envs.action_space.seed(0)

@@ -19,6 +19,7 @@ from pathlib import Path
 
 DOCS = Path(__file__).parents[1] / "docs"
 PRECISION, SPEED = DOCS / "benchmarks-precision.md", DOCS / "benchmarks-speed.md"
+GPU = DOCS / "gpu.md"
 
 SCRIPTS = {
     "benchmarks-precision/work-precision": "work_precision strides",
@@ -28,7 +29,7 @@ SCRIPTS = {
     **{f"benchmarks-precision/{name}": name for name in ("gradients", "integrators")},
     **{f"benchmarks-speed/{part}": f"throughput {part}" for part in (
         "accelerations", "strides", "ticks", "learning", "on_tensors")},
-    **{f"benchmarks-speed/gpu {part}": f"gpu {part}" for part in ("strides", "ticks", "learning")},
+    **{f"gpu/gpu {part}": f"gpu {part}" for part in ("strides", "ticks", "learning")},
     "benchmarks-speed/scene cost": "scene_cost",
     "benchmarks-start/cold start": "cold_start waits",
     **{f"benchmarks-start/{part}": f"cold_start {part}" for part in ("levels", "kernels")},

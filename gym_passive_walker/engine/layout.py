@@ -102,6 +102,7 @@ def layout_in(records: np.dtype) -> Layout:
     return NARROW if records == RECORD else WIDE
 
 
+@cache
 def tile_for(pair: Pair, width: int = WIDTH, layout: Layout = NARROW) -> np.dtype:
     """The layout of a tile for steps made with a method, of as many walkers as it is wide."""
     line, places = (width,), max(pair.places()) + 1

@@ -180,8 +180,8 @@ def workspace(tangents: int = 0, layout: Layout = NARROW) -> tuple[NDArray, NDAr
     return tile, np.zeros(tangents + 1, history_for(layout))
 
 
-def _thread_workspace(tangents: int, layout: Layout) -> tuple[NDArray, NDArray]:
-    """Return the workspace of this thread."""
+def thread_workspace(tangents: int = 0, layout: Layout = NARROW) -> tuple[NDArray, NDArray]:
+    """Return this thread's own `workspace`, the same in every call."""
     name = f"tangents{tangents}" + "wide" * (layout == WIDE)
     if not hasattr(_WORKSPACES, name):
         setattr(_WORKSPACES, name, workspace(tangents, layout))
@@ -275,7 +275,7 @@ def advance(
 
     def job(first: int, last: int) -> None:
         own = bodies[first:last] if len(bodies) > 1 else bodies
-        integrate(records[first:last], own, phases, chosen, *_thread_workspace(changes, layout))
+        integrate(records[first:last], own, phases, chosen, *thread_workspace(changes, layout))
 
     in_parts(job, len(records), threads)
     return records

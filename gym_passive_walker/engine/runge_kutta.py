@@ -27,6 +27,8 @@ class Pair(NamedTuple):
     nodes: NDArray[np.longdouble]
     error: NDArray[np.longdouble]
 
+    __hash__ = object.__hash__  # by identity, as arrays have no hash
+
     @property
     def stages(self) -> int:
         """Evaluations of the equations in a step; one more at its end is the next step's first."""

@@ -15,7 +15,7 @@ from gym_passive_walker.arguments import check_slope, check_state, whole
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import layout_of, record_for
-from gym_passive_walker.engine.run import in_parts, options, states_in, workspace
+from gym_passive_walker.engine.run import in_parts, options, states_in, thread_workspace, workspace
 from gym_passive_walker.envs import saved, task, ticks
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import RULES, Custom
@@ -489,7 +489,7 @@ class Batch:
 
         def job(a: int, b: int) -> None:
             whole = (a, b) == (0, self.count)
-            scratch = self.machinery[2:] if whole else workspace(layout=self.layout)
+            scratch = self.machinery[2:] if whole else thread_workspace(layout=self.layout)
             at = [part.ctypes.data for part in scratch]
             seen, theirs = observations[a * size : b * size], [part[a:b] for part in results]
             given = entry_point.address, a, b, *at, False, seen, *theirs

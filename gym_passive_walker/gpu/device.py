@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import nullcontext
 from typing import Any
 
 import numba.cuda
 import numpy as np
 from numpy.typing import NDArray
+
+from gym_passive_walker.progress import compiling
 
 cuda: Any = numba.cuda
 """Numba's module for GPUs."""
@@ -78,7 +81,10 @@ def to_host(array: Any) -> NDArray:
 def launch(kernel: Any, count: int, *arguments: Any, stream: Any = 0) -> None:
     """Run a kernel on a stream, with one thread for each of `count` walkers."""
     if not SIMULATED:
-        kernel[(count + BLOCK - 1) // BLOCK, BLOCK, stream](*arguments)
+        name = kernel.py_func.__name__.strip("_")
+        first = not kernel.overloads
+        with compiling(f"{name} for the GPU") if first else nullcontext():
+            kernel[(count + BLOCK - 1) // BLOCK, BLOCK, stream](*arguments)
         return
     with warnings.catch_warnings():  # a GPU does not warn
         warnings.simplefilter("ignore", RuntimeWarning)

@@ -37,6 +37,11 @@ def drawn(steps=20, count=5):
     return rewards, values, torch.rand((steps, count), generator=generator) < 0.2
 
 
+def test_small_updates_are_on_the_cpu_beside_a_gpu(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    assert made()[1].device.type == "cpu"
+
+
 @pytest.mark.parametrize("gae_lambda", [0.0, 0.9, 1.0])
 def test_advantages_are_those_of_the_library(gae_lambda):
     """Two derivations: in the library, the value at a time limit is part of the reward."""

@@ -1,13 +1,16 @@
 """Walkers that all differ, side by side, keep to themselves: nobody's numbers become another's."""
 
 import copy
+import threading
 
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
 
 from gym_passive_walker import WALKERS, interpolate
+from gym_passive_walker.engine import run
 from gym_passive_walker.engine.layout import NARROW, history_for, record_for
+from gym_passive_walker.envs import batch
 from gym_passive_walker.envs.task import ledger_for, rules_for
 from gym_passive_walker.envs.transitions import note_for
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
@@ -59,6 +62,23 @@ def test_a_batch_reports_every_fall_wherever_it_happens():
         act = np.zeros((4096, 1))
         act[fallen] = np.nan  # it is being reset: its action is nobody's
         many.step(act)
+
+
+def test_a_thread_sets_up_its_working_memory_once(monkeypatch):
+    """Set up for each piece of a batch, it took longer than the step."""
+    many, threads = PassiveWalkerVectorEnv(4096, "level", threads=2), []
+    many.reset(seed=0)
+
+    def counted(*arguments, **options):
+        threads.append(threading.get_ident())
+        return usual(*arguments, **options)
+
+    usual = run.workspace
+    for module in (run, batch):
+        monkeypatch.setattr(module, "workspace", counted)
+    for _ in range(5):
+        many.step(some(4096))
+    assert len(threads) == len(set(threads))
 
 
 def test_where_some_are_asked_to_start_is_where_they_start():

@@ -1,8 +1,11 @@
 """Episodes on a device are those of the vector environment, for the same starts and keys."""
 
+import time
+
 import numpy as np
 import pytest
 
+from gym_passive_walker import progress
 from gym_passive_walker.engine.counter_rng import uniform
 from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.scene import SceneError, make_scene
@@ -12,6 +15,25 @@ from gym_passive_walker.gpu import device
 from gym_passive_walker.gpu.batch import DeviceBatch
 from gym_passive_walker.physics.systems import bodies
 from tests.gpu.reference import Reference
+
+
+def test_the_first_launch_says_what_is_compiled(monkeypatch, capfd):
+    """A compilation for a GPU takes tens of seconds; later launches are silent."""
+
+    def step_kernel(): ...
+
+    class Kernel:
+        py_func, overloads = step_kernel, {}
+
+        def __getitem__(self, _):
+            return lambda: (time.sleep(0.1), self.overloads.update({"types": None}))
+
+    monkeypatch.setattr(device, "SIMULATED", False)
+    monkeypatch.setattr(progress, "_UNSAID", 0.01)
+    device.launch(Kernel(), 1)
+    assert "compiles step_kernel for the GPU" in capfd.readouterr().err
+    device.launch(Kernel(), 1)
+    assert not capfd.readouterr().err
 
 
 def same(found, known):
