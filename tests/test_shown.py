@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import json
 import sys
 
 import numpy as np
 import pytest
 
+from gym_passive_walker import Outcome
 from gym_passive_walker.extras import extra, need
 from gym_passive_walker.shown import Shown, Table, picture
 
@@ -30,6 +32,12 @@ class Made(Table):
 
 def test_a_line_has_the_class_and_each_fact():
     assert repr(Made()) == "<Made: walker <lab> & co, slope 0.03 rad, flag>"
+
+
+def test_an_outcome_is_printed_in_words_and_stays_a_number():
+    fell = Outcome.FELL_FORWARD
+    assert f"{fell}" == str(fell) == "fell forward" and f"{fell:>13}" == " fell forward"
+    assert json.dumps([fell]) == "[3]" and fell == 3
 
 
 def test_a_cell_of_a_notebook_has_a_row_for_each_fact_and_escapes_signs():

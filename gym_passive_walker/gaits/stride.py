@@ -124,8 +124,8 @@ class Stride(Table, _Fields):
         }
         if self.spring_work or self.friction_loss:
             named |= {"springs' work": self.spring_work, "lost to friction": self.friction_loss}
-        ending = Outcome(int(self.outcome)).name.lower().replace("_", " ")
-        return {"ends": ending} | {name: f"{value:.6g}" for name, value in named.items()}
+        ends = str(Outcome(int(self.outcome)))
+        return {"ends": ends} | {name: f"{value:.6g}" for name, value in named.items()}
 
     def columns(self) -> dict[str, NDArray]:
         """One row for each stride; its final state comes first."""

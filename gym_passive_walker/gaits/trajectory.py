@@ -92,7 +92,7 @@ class Trajectory(Table):
     @property
     def ending(self) -> str:
         """Outcome of the last stride, in words."""
-        return Outcome(int(self.outcomes[-1])).name.lower().replace("_", " ")
+        return str(Outcome(int(self.outcomes[-1])))
 
     def columns(self) -> dict[str, NDArray]:
         """One row for each instant."""

@@ -89,6 +89,14 @@ class Outcome(IntEnum):
     DIVERGED = 9
     """The state left the range of floating-point numbers."""
 
+    def __str__(self) -> str:
+        """Return the name in words, such as "fell forward"."""
+        return self.name.lower().replace("_", " ")
+
+    def __format__(self, spec: str) -> str:
+        """Format the name in words."""
+        return format(str(self), spec)
+
 
 class Stage(IntEnum):
     """Kind of motion of the swing leg, which determines the equations of a phase."""

@@ -109,7 +109,7 @@ class Player:
         """Ending of the walk; empty while it continues."""
         if self.walk.outcome == Outcome.RUNNING:
             return ""
-        return f"{self.walk.outcome.name.replace('_', ' ').lower()} (R begins again)"
+        return f"{self.walk.outcome} (R begins again)"
 
     @property
     def impulse(self) -> NDArray[np.float64]:
