@@ -66,9 +66,7 @@ class FirstPassage(NamedTuple):
         """95 % confidence interval of the mean; from 0 on if no stride was counted."""
         if not self.falls:
             return self.strides / _NONE_SEEN, math.inf
-        # The chance of a fall is what varies evenly: its logarithm is that of the mean.
-        share = math.exp(_CONFIDENT * self.error / self.mean)
-        return self.mean / share, self.mean * share
+        return confidence_interval(self.mean, self.error, _CONFIDENT)
 
     def __str__(self) -> str:
         if not self.strides:
@@ -77,6 +75,13 @@ class FirstPassage(NamedTuple):
         if not self.falls:
             return f"none of {self.strides} strides ended in a fall: more than {low:.3g} strides"
         return f"{self.mean:.4g} strides ({low:.4g} to {high:.4g})"
+
+
+def confidence_interval(mean: float, error: float, errors: float) -> tuple[float, float]:
+    """Return the interval of a mean, some standard errors of its logarithm on both sides."""
+    # The chance of a fall is what varies evenly: its logarithm is minus that of the mean.
+    share = math.exp(errors * error / mean)
+    return mean / share, mean * share
 
 
 def survivors(

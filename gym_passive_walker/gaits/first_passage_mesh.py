@@ -37,6 +37,7 @@ from scipy.spatial import KDTree
 from scipy.special import ndtri
 
 from gym_passive_walker.arguments import number, seed_number
+from gym_passive_walker.gaits.first_passage import confidence_interval
 from gym_passive_walker.gaits.foothold_chain import Chain
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain
@@ -81,8 +82,8 @@ class MeshPassage(NamedTuple):
         """95 % confidence interval of the mean."""
         if math.isinf(self.mean):
             return self.mean, self.mean
-        share = math.exp(_CONFIDENT * self.error / self.mean)
-        return max(self.mean / share, 1.0), self.mean * share
+        low, high = confidence_interval(self.mean, self.error, _CONFIDENT)
+        return max(low, 1.0), high
 
     def survivors(self, strides: int) -> NDArray[np.float64]:
         """Share of walkers that are left after each stride, (strides,): it decays exponentially."""
