@@ -98,6 +98,7 @@ def _report(name: str, text: str) -> None:
 
 def carried() -> None:
     """Measure strides per second of each kind of walker."""
+    device.need_device()
     text = []
     for name, tolerance in _WALKS:
         p, rows = problem(name), _Rows()
@@ -218,7 +219,6 @@ PARTS = {"strides": carried, "ticks": ticks, "learning": learning}
 
 if __name__ == "__main__":
     try:
-        device.need_device()
+        command(__doc__, PARTS)
     except device.NoDevice as error_:
         sys.exit(str(error_))
-    command(__doc__, PARTS)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks import tables
 from gym_passive_walker.cli import main
 
 ROOT = Path(__file__).parents[2]
@@ -145,7 +146,8 @@ def test_a_long_command_is_understood_by_its_own_parser(line, parse_only, pytest
 def test_a_command_in_a_sentence_is_understood_by_its_own_parser(line, parse_only, pytestconfig):
     words = words_of(line)
     if words[2:] and words[2] in PARSE_NOTHING:
-        assert find_spec(words[2]) and len(words) == 3
+        known = len(words) == 3 or line in tables.TABLES.values()  # see test_tables
+        assert find_spec(words[2]) and known
     elif len(words) == 2 and words[0] == "passive-walker":
         words.append("--help")  # the sentence names the command alone
         with pytest.raises(SystemExit):
