@@ -488,9 +488,7 @@ class Batch:
             self.refuse(int(wrong))
 
         def job(a: int, b: int) -> None:
-            whole = (a, b) == (0, self.count)
-            scratch = self.machinery[2:] if whole else thread_workspace(layout=self.layout)
-            at = [part.ctypes.data for part in scratch]
+            at = [part.ctypes.data for part in thread_workspace(layout=self.layout)]
             seen, theirs = observations[a * size : b * size], [part[a:b] for part in results]
             given = entry_point.address, a, b, *at, False, seen, *theirs
             ended.append(entry_point.kernels.step(*given)[1:])

@@ -81,9 +81,8 @@ def to_host(array: Any) -> NDArray:
 def launch(kernel: Any, count: int, *arguments: Any, stream: Any = 0) -> None:
     """Run a kernel on a stream, with one thread for each of `count` walkers."""
     if not SIMULATED:
-        name = kernel.py_func.__name__.strip("_")
-        first = not kernel.overloads
-        with compiling(f"{name} for the GPU") if first else nullcontext():
+        known = kernel.overloads
+        with nullcontext() if known else compiling(f"{kernel.py_func.__name__} for the GPU"):
             kernel[(count + BLOCK - 1) // BLOCK, BLOCK, stream](*arguments)
         return
     with warnings.catch_warnings():  # a GPU does not warn
