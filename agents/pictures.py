@@ -102,5 +102,5 @@ def gait(path: Path, policy: Policy, world: gymnasium.Env, *, seed: int, title: 
             strides=np.array(strides[shown]),
             ax=OWN,
         )
-    figure_of(ax).suptitle(title, fontsize="medium")
+    ax.set_title(title, fontsize="medium")  # which has the walker and the slope
     save(figure_of(ax), path)
