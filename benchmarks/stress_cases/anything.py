@@ -112,8 +112,8 @@ def any_step(count: int, rng: np.random.Generator) -> Finding:
 
 
 def _named(info: dict[str, object], over: bool) -> bool:
-    """Whether the outcome in `info` is valid: present at an end, else absent or a heelstrike."""
-    outcome = info.get("outcome")
+    """Whether the outcome in `info` is valid: a name at an end, else empty or a heelstrike."""
+    outcome = info["outcome"]
     if over:
         return outcome in OUTCOMES[1:] and outcome not in ("heelstrike", "diverged")
-    return outcome in (None, "heelstrike")
+    return outcome in ("", "heelstrike")

@@ -231,10 +231,14 @@ def in_parts(job: Callable[[int, int], object], count: int, threads: int | None 
             job(first, last)
 
     helpers = [_pool(os.cpu_count() or 1).submit(work) for _ in range(threads - 1)]
-    work()  # in this thread too, as waking another takes as long as hundreds of walkers
-    for helper in helpers:
-        if not helper.cancel():
-            helper.result()
+    try:
+        work()  # in this thread too, as waking another takes as long as hundreds of walkers
+    finally:
+        for _ in bounds:  # after an interrupt, no thread takes another piece
+            pass
+        for helper in helpers:
+            if not helper.cancel():
+                helper.result()
 
 
 def advance(

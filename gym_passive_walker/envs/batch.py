@@ -35,6 +35,9 @@ OPTIONS = ("state", "slope")
 
 _SHARED_FROM = 2048  # smallest batch for several threads
 
+UNFINISHED = "no episode has begun, or an error interrupted the last step: reset all environments"
+"""Message for a step of a batch that is `unfinished`."""
+
 
 def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
     """Return the rules of a scene as kernels read them, (1,) of `task.RULES`."""
@@ -98,6 +101,8 @@ class Batch:
         custom: The user's own functions; None without them.
         disturbances: Disturbances; None in a scene without them.
         token: Token that the calling thread holds; see `one_thread`.
+        unfinished: Whether all walkers must be reset: they have not begun, or an error or an
+            interrupt has ended the last step or reset before it was complete.
 
     Raises:
         SceneError: if the walkers are of different kinds, or a count does not fit.
@@ -162,6 +167,7 @@ class Batch:
         self.ledger = np.zeros(count, task.ledger_for(self.layout))
         self.rules = rules_of(scene, self.system, step_limit)
         self.randoms: list[np.random.Generator] = []
+        self.unfinished = True
         self._connect()
 
     def changed(self, scene: Scene) -> Batch:
@@ -228,15 +234,17 @@ class Batch:
             ValueError: if an option is unknown or outside its range; the batch is unchanged then,
                 except for its random generators.
         """
-        where = np.array(lanes, np.int64)
+        where, unfinished = np.array(lanes, np.int64), self.unfinished
         if not len(where):
             return
         plain = observations if self._plain is None else self._plain
         if self.starts_alike and not options:
             self._prepare()
+            self.unfinished = True
             self.entry_point.kernels.begin_alike(self.entry_point.address, where, plain)
             self._write_proportions(plain)
             self._write_observations(observations, where)
+            self.unfinished = unfinished
             return
         states, asked = self._asked(options) if options else (None, None)
         draws = self.drawn(where)
@@ -251,16 +259,18 @@ class Batch:
             found = [checked_state(state, walker) for state, walker in given]
             gaits = as_recorded(self.walkers[0], found)
             draws[:] = 0.5  # no change
+        self.unfinished = True
         if varied:
             self._embody(where, list(varied.values()))
         self.entry_point.kernels.begin(self.entry_point.address, where, slopes, gaits, draws, plain)
         if self.disturbances:
-            self.disturbances.begin(where, self.randoms, self.records, self.ledger)
+            self.disturbances.begin(where, self.randoms, self.records, self.ledger, self.bodies)
             self.disturbances.observe(self.ledger, where, plain)
         self._write_proportions(plain)
         if self.custom:
             self.custom.begin(self, where)
             self._write_observations(observations, where)
+        self.unfinished = unfinished
 
     def _embody(self, lanes: NDArray[np.int64], walkers: Sequence[Walker]) -> None:
         """Replace some of the walkers."""
@@ -427,12 +437,37 @@ class Batch:
             lanes = np.arange(self.count) if lanes is None else lanes
             self.disturbances.add_noise(self.ledger, lanes, observations)
 
-    def info_values(self) -> dict[str, NDArray]:
-        """Return entries of `info` at every step besides `task.EVERY_STEP`, each (count,)."""
-        found = self.disturbances.info_values(self.bodies) if self.disturbances else {}
+    def info_values(self, stepped: NDArray[np.bool_] | None = None) -> dict[str, NDArray]:
+        """Return copies of the entries of `info` that depend on the scene, each (count,).
+
+        Args:
+            stepped: Whether each walker has made a step, (count,): the others have no reward.
+        """
+        found: dict[str, NDArray] = {}
+        if self.disturbances:
+            values = self.disturbances.info_values(self.bodies)
+            found = {name: column.copy() for name, column in values.items()}
         if self.scene.reward_terms:
-            found |= {f"reward_{name}": term for name, term in self.reward_terms().items()}
+            for name, term in self.reward_terms().items():
+                found[f"reward_{name}"] = term if stepped is None else np.where(stepped, term, 0.0)
         return found
+
+    def reported(self, stepped: NDArray[np.bool_]) -> tuple[NDArray, NDArray, NDArray]:
+        """Return the entries of `info` that every scene has, of walkers that have made a step.
+
+        Args:
+            stepped: Whether each walker has made a step, (count,); entries of the others are zero.
+
+        Returns:
+            EVERY_STEP without the strides, (entries, count); number of strides and index of the
+            outcome in OUTCOMES, (2, count); and EVERY_STRIDE, (entries, count).
+        """
+        steps = np.empty((len(task.EVERY_STEP) - 1, self.count))
+        counts = np.empty((2, self.count), np.int64)
+        measures = np.zeros((len(task.EVERY_STRIDE), self.count))
+        write = self.entry_point.kernels.write_info.compiled
+        write(self.entry_point.address, stepped, steps, counts, measures)
+        return steps, counts, measures
 
     def step(
         self,
@@ -450,7 +485,8 @@ class Batch:
             again: Whether walkers without an episode begin the next one.
 
         Returns:
-            Number of strides that end, and number of episodes that end.
+            Number of strides that end, and number of episodes that end. The batch is `unfinished`;
+            the environment sets it to False when its own step is complete.
 
         Raises:
             ValueError: if an action is not finite; the batch is unchanged then.
@@ -461,6 +497,7 @@ class Batch:
         if self.count < _SHARED_FROM:
             if at_once:
                 self._prepare()
+            self.unfinished = True
             wrong, strides, endings = entry_point.kernels.step.compiled(
                 entry_point.address, 0, self.count, *entry_point.workspace, at_once, seen, *results
             )
@@ -486,6 +523,7 @@ class Batch:
         finite = np.isfinite(entry_point.actions.reshape(self.count, -1)).all(axis=1)
         for wrong in np.flatnonzero(~finite & ~self.over):  # before any walker steps
             self.refuse(int(wrong))
+        self.unfinished = True
 
         def job(a: int, b: int) -> None:
             at = [part.ctypes.data for part in thread_workspace(layout=self.layout)]
@@ -503,6 +541,7 @@ class Batch:
         if self._apart:
             return self.step(action, observation, *self.entry_point.results)
         self.entry_point.actions[...] = action
+        self.unfinished = True
         wrong, strides, endings = self.entry_point.step_here(self.entry_point.address, observation)
         if wrong >= 0:
             self.refuse(wrong)
@@ -510,6 +549,7 @@ class Batch:
 
     def refuse(self, wrong: int) -> NoReturn:
         """Raise an error for the action of a walker in the `EntryPoint`."""
+        self.unfinished = False
         lane = wrong if self.count > 1 else None
         refuse(self.entry_point.actions.reshape(self.count, -1)[wrong], self.scene.actions, lane)
 
@@ -602,6 +642,7 @@ class Batch:
 
     def put_back(self, found: Mapping[str, Any]) -> None:
         """Restore a state from `checked`."""
+        self.unfinished = True
         for name, array in self._arrays.items():
             array[:] = found[name]
         if not self._alike:

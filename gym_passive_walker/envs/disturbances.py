@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.envs import constraints, disturbance_kernels, rules
 from gym_passive_walker.envs.checks import CHECKS
+from gym_passive_walker.envs.constraints import BLANK
 from gym_passive_walker.envs.scene import UNDISTURBED, Scene
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.walkers import state_size
@@ -83,8 +84,11 @@ class Disturbances:
         randoms: list[np.random.Generator],
         records: NDArray,
         ledger: NDArray,
+        bodies: NDArray,
     ) -> None:
         """Draw the disturbances of some walkers from a key of each walker's random generator."""
+        bodies[lanes, 0, -constraints.ROOM : -constraints.ROOM + len(BLANK)] = BLANK
+        self.states["push_work"][lanes] = 0.0
         keys = np.empty(len(lanes), np.uint64)
         for j, i in enumerate(lanes.tolist()):
             keys[j] = randoms[i].integers(2**64, dtype=np.uint64)

@@ -11,7 +11,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import unknown, whole
-from gym_passive_walker.envs import rules
+from gym_passive_walker.envs import rules, task
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.one_thread import Token, one_thread
@@ -27,12 +27,29 @@ REASONS = {
 """Outcome of an episode that a constraint ends, by the constraint's name."""
 
 OUTCOMES = (
-    None,
+    "",
     *(outcome.name.lower() for outcome in Outcome if outcome),
     *(REASONS[check] for check in CHECKS),
     "stopped",  # by the user's termination; see `transitions.STOPPED`
+    "time_limit",
 )
-"""Names of outcomes, indexed by their numbers."""
+"""Names of outcomes, indexed by their numbers; empty where no stride or episode ends."""
+
+
+def info_of(words: bytes, others: Mapping[str, NDArray]) -> dict[str, Any]:
+    """Return the info of a single environment: NumPy numbers by name, and the outcome's name.
+
+    Args:
+        words: The `words` of an `EntryPoint`.
+        others: Entries of `Batch.info_values`, each (1,).
+    """
+    numbers, (strides, outcome) = np.frombuffer(words), np.frombuffer(words, np.int64)[-2:]
+    many = len(task.EVERY_STEP) - 1
+    info = dict(zip(task.EVERY_STEP, (*numbers[:many], strides), strict=True))
+    info |= zip(task.EVERY_STRIDE, numbers[many:-2], strict=True)
+    info |= {name: column[0] for name, column in others.items()}
+    info["outcome"] = OUTCOMES[outcome]
+    return info
 
 
 def observation_space(scene: Scene, custom: Custom | None = None) -> Any:

@@ -17,9 +17,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.envs import interface, task
+from gym_passive_walker.envs.batch import UNFINISHED
 from gym_passive_walker.envs.one_thread import one_thread
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene
@@ -113,7 +115,6 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         metadata["render_fps"] = self.scene.frames_per_second
         if seed is not None:
             self.seed(seed)
-        self._blank: list[dict[str, Any]] = [{} for _ in range(num_envs)]
         self._actions = np.zeros(num_envs * len(self.scene.actions))
         self._born = time.perf_counter()
 
@@ -130,7 +131,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         common = {name: [options[name] for options in self._options] for name in names}
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
         observations, _ = self.envs.reset(seed=seeds, options=common)
-        self.reset_infos = [{} for _ in range(self.num_envs)]
+        self.reset_infos = self._infos(np.zeros(self.num_envs, bool))
         self._reset_seeds()
         self._reset_options()
         return observations
@@ -160,37 +161,53 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         rewards = np.empty(self.num_envs)
         dones, truncated = np.empty((2, self.num_envs), bool)
         flat = observations.reshape(-1)
+        if self.batch.unfinished:
+            raise ResetNeeded(UNFINISHED)
         _, endings = self.batch.step(self._actions, flat, rewards, dones, truncated)
-        if any(self._blank):  # the caller has changed an info, and keeps it
-            self._blank = [info and {} for info in self._blank]
-        infos = self._blank.copy()
+        infos = self._infos(np.ones(self.num_envs, bool))
+        for info in infos:
+            info["TimeLimit.truncated"] = False
         if endings:
             terminated = dones
             dones = terminated | truncated
             lanes = np.flatnonzero(dones).tolist()
             for i in lanes:
-                infos[i] = self._last_info(i, observations[i].copy(), bool(terminated[i]))
+                infos[i] |= self._last_info(i, observations[i].copy(), bool(terminated[i]))
             self.envs.renew()
             self.batch.start(lanes, flat)
+        self.batch.unfinished = False
         return observations, rewards.astype(np.float32), dones, infos
+
+    def _infos(self, stepped: NDArray[np.bool_]) -> list[dict[str, Any]]:
+        """Return the info of each environment; `stepped` as for `Batch.reported`."""
+        steps, (strides, outcomes), measures = self.batch.reported(stepped)
+        others = self.batch.info_values(stepped)
+        columns = dict(zip(task.EVERY_STEP, (*steps, strides), strict=True)) | others
+        blank = dict.fromkeys((*task.EVERY_STEP, *task.EVERY_STRIDE, *others), 0.0)
+        blank["outcome"] = ""
+        infos = []
+        for row in zip(*(column.tolist() for column in columns.values()), strict=True):
+            infos.append(blank.copy())  # most have no other entries
+            infos[-1].update(zip(columns, row, strict=True))
+        for i in np.flatnonzero(outcomes).tolist():
+            infos[i] |= zip(task.EVERY_STRIDE, measures[:, i].tolist(), strict=True)
+            infos[i]["outcome"] = interface.OUTCOMES[outcomes[i]]
+        return infos
 
     def _last_info(
         self, lane: int, observation: NDArray[np.float32], terminated: bool
     ) -> dict[str, Any]:
-        """Return the info of an environment at the end of its episode."""
+        """Return the entries that the last info of an episode has besides those of every step."""
         row = self.batch.ledger[lane]
-        ended = interface.OUTCOMES[row["ending"]] if terminated else "time_limit"
-        info: dict[str, Any] = {name: row[name].item() for name in task.EVERY_STEP}
-        info |= {name: column[lane].item() for name, column in self.batch.info_values().items()}
-        info["outcome"] = ended
-        info["TimeLimit.truncated"] = bool(row["truncated"]) and not terminated
-        info["terminal_observation"] = observation
-        info["episode"] = {
-            "r": round(float(row["total"]), 6),
-            "l": int(row["steps"]),
-            "t": round(time.perf_counter() - self._born, 6),
+        return {
+            "TimeLimit.truncated": bool(row["truncated"]) and not terminated,
+            "terminal_observation": observation,
+            "episode": {
+                "r": round(float(row["total"]), 6),
+                "l": int(row["steps"]),
+                "t": round(time.perf_counter() - self._born, 6),
+            },
         }
-        return info
 
     def close(self) -> None:
         """Close the renderers."""

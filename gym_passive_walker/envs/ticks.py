@@ -43,7 +43,7 @@ from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.disturbance_kernels import DISTURBANCE, SETTINGS
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.starts import DRAWS, Starts, interpolate
-from gym_passive_walker.envs.transitions import note_for
+from gym_passive_walker.envs.transitions import TIME_LIMIT, note_for
 
 STAYS = (
     "records", "bodies", "radii", "ledger", "rules", "phases", "options", "tiles", "histories",
@@ -275,26 +275,23 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
             steps: Filled with the entries of EVERY_STEP except the last, (entries, count).
             counts: Filled with the number of strides and the outcome as a number, (2, count). The
                 outcome is 0 if no stride or episode ends.
-            measures: The first rows are filled with EVERY_STRIDE. There is one row for each
-                selected walker with an outcome.
-
-        Returns:
-            Number of selected walkers.
+            measures: Zeros, (entries, count); filled with EVERY_STRIDE of walkers whose stride
+                ends.
         """
-        here, present, endings, first = view(where, (1,), PLACES)[0], 0, 0, len(steps)
+        here, first = view(where, (1,), PLACES)[0], len(steps)
         ledger = view(here.ledger, (here.of_ledger,), ledger_of)
         words = view(here.ledger, (here.of_ledger, row_words), _NUMBER)  # EVERY_STEP, EVERY_STRIDE
         for i in range(len(ledger)):
             for k in range(first):
                 steps[k, i] = words[i, k] if asked[i] else 0.0
             counts[0, i] = ledger[i].strides if asked[i] else 0
-            counts[1, i] = ledger[i].outcome if asked[i] else 0
-            present += asked[i]
-            if counts[1, i] != 0:
-                for k in range(measures.shape[1]):
-                    measures[endings, k] = words[i, first + k]
-                endings += 1
-        return present
+            outcome = ledger[i].outcome
+            if outcome != 0 and asked[i]:
+                for k in range(len(measures)):
+                    measures[k, i] = words[i, first + k]
+            if ledger[i].truncated != 0 and ledger[i].ending == 0:
+                outcome = TIME_LIMIT
+            counts[1, i] = outcome if asked[i] else 0
 
     return Kernels(begin, begin_alike, step, step_here, write_info)
 
@@ -315,9 +312,8 @@ class EntryPoint:
         workspace: Addresses of the tile and the guard history of one thread.
         actions: Actions of all walkers, flat; filled before a step.
         results: Rewards, terminations and truncations, each (count,), from `step_here`.
-        step_values: Values of EVERY_STEP except the strides, of the first walker.
-        stride_values: Values of EVERY_STRIDE, of the first walker.
-        counts: Number of strides and outcome, of the first walker.
+        words: EVERY_STEP without the strides, EVERY_STRIDE, and as integers the number of strides
+            and the outcome, of the first walker: the words of its row that `info` reports.
     """
 
     def __init__(
@@ -343,11 +339,8 @@ class EntryPoint:
             self._places["noted"], self._places["native"] = custom.noted, custom.native
             self._places["paid"] = custom.address("reward")
             self._places["ends"] = custom.address("terminated")
-        ledger, steps = arrays["ledger"], len(task.EVERY_STEP) - 1
-        words = steps + len(task.EVERY_STRIDE)
-        numbers = ledger.view(np.float64)[:words]
-        self.step_values, self.stride_values = numbers[:steps], numbers[steps:]
-        self.counts = ledger.view(np.int64)[words : words + 2]
+        reported = len(task.EVERY_STEP) + len(task.EVERY_STRIDE) + 1
+        self.words = arrays["ledger"].view(np.float64)[:reported]
 
     def _put(self, **arrays: NDArray) -> None:
         for name, array in arrays.items():

@@ -20,6 +20,9 @@ from gym_passive_walker.physics.hybrid import Outcome
 STOPPED = len(Outcome) + len(CHECKS)
 """Outcome of an episode that the scene's own `terminated` ends."""
 
+TIME_LIMIT = STOPPED + 1
+"""Outcome, in `info` alone, of an episode that the time limit ends."""
+
 _HEELSTRIKE = int(Outcome.HEELSTRIKE)
 
 

@@ -14,14 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import KEPT, seed_number, shown, whole
 from gym_passive_walker.envs import interface, saved, task
-from gym_passive_walker.envs.batch import OPTIONS, Batch
+from gym_passive_walker.envs.batch import OPTIONS, UNFINISHED, Batch
 from gym_passive_walker.envs.frames import frame
 from gym_passive_walker.envs.infos import Infos
 from gym_passive_walker.envs.one_thread import one_thread, refuse_second
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.extras import need
-from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.walkers import Walker, WalkerLike, as_any
 
 _OUTCOMES = np.array(interface.OUTCOMES, object)
@@ -101,7 +100,6 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
         self._everyone = np.ones(num_envs, bool)
         self._ended = self._everyone.copy()
         self._any_ended = True
-        self._begun = False
         self._next: Batch | None = None  # in the scene that `set_scene` has asked for
 
     @one_thread
@@ -120,10 +118,12 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
                 dictionary is not changed.
 
         Returns:
-            Observations, (num_envs, k) with k = 8 by default, and an empty dictionary.
+            Observations, (num_envs, k) with k = 8 by default; and infos as from `step`, with zeros
+            where there is no value yet.
 
         Raises:
             ValueError: if an option or the number of seeds is wrong.
+            ResetNeeded: if only some environments are selected, and all must be reset.
             RuntimeError: if another thread is using this environment.
         """
         options = interface.reset_options(options, (*OPTIONS, "reset_mask"))
@@ -133,8 +133,8 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
             if not mask.any():
                 raise ValueError("options['reset_mask'] must ask for at least one reset")
             lanes = np.flatnonzero(mask)
-            if not self._begun and len(lanes) < self.num_envs:
-                raise ResetNeeded("reset all environments before some of them")
+            if self.batch.unfinished and len(lanes) < self.num_envs:
+                raise ResetNeeded(UNFINISHED)
         if self._next is not None:
             if len(lanes) < self.num_envs:
                 raise ResetNeeded("the scene has changed: reset all environments")
@@ -143,10 +143,12 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
         observations = np.empty((self.num_envs, self.batch.observation_size), np.float32)
         self.batch.observe(observations.reshape(-1))
         self.batch.start(lanes, observations.reshape(-1), options)
-        self._begun = True
         self._ended[lanes] = False
         self._any_ended = bool(self._ended.any())
-        return observations, {}
+        self.batch.unfinished = False
+        begun = np.zeros(self.num_envs, bool)
+        begun[lanes] = True
+        return observations, self._infos(np.zeros(self.num_envs, bool), begun)
 
     def step(self, actions: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray, dict[str, Any]]:
         """Step every environment; `autoreset_mode` defines the step after the end of an episode.
@@ -156,7 +158,8 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
 
         Returns:
             Observations (num_envs, k), with k = 8 by default; rewards, terminated and truncated,
-            each (num_envs,); and infos, arrays with masks.
+            each (num_envs,); and infos, arrays with masks: the entries of single environments,
+            which are the same in every step.
 
         Raises:
             ValueError: if an action is not a finite number, or the shape is wrong; nothing has
@@ -182,8 +185,10 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
             actions = interface.numbers(actions, self.scene.actions)
         if actions.shape != self._shape:
             raise ValueError(f"actions must have shape {self._shape}, not {actions.shape}")
-        if self._any_ended and (not self._begun or self.autoreset_mode == AutoresetMode.DISABLED):
-            raise ResetNeeded("some environments have ended, or never begun: reset them first")
+        if self.batch.unfinished:
+            raise ResetNeeded(UNFINISHED)
+        if self._any_ended and self.autoreset_mode == AutoresetMode.DISABLED:
+            raise ResetNeeded("some environments have ended: reset them first")
         observations = np.empty((self.num_envs, self.batch.observation_size), np.float32)
         rewards = np.empty(self.num_envs)
         terminated, truncated = np.empty((2, self.num_envs), bool)
@@ -195,34 +200,35 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
                 waiting = None
             else:  # they begin when all episodes have ended
                 again = False
-        strides, endings = self.batch.step(
+        _, endings = self.batch.step(
             actions.reshape(-1), flat, rewards, terminated, truncated, again=again
         )
         if waiting is not None:
             truncated |= waiting
             endings += int(waiting.sum())
-        stepped = (
-            ~self._ended if self._any_ended else None
-        )  # NEXT_STEP: this was the reset of others
         if not endings or self.autoreset_mode != AutoresetMode.SAME_STEP:
+            # NEXT_STEP: this was the reset of the environments that had ended.
+            infos = self._infos(~self._ended if self._any_ended else self._everyone)
             if self._any_ended or endings:
                 self._ended, self._any_ended = terminated | truncated, endings > 0
-            infos = self._infos(stepped, strides + endings)
+            self.batch.unfinished = False
             return observations, rewards, terminated, truncated, infos
         ended = terminated | truncated
         last = np.full(self.num_envs, None, object)
         for i in np.flatnonzero(ended):
             last[i] = observations[i].copy()
-        infos = {
-            "final_obs": last,
-            "_final_obs": ended,
-            "final_info": self._infos(ended, strides + endings),
-            "_final_info": ended.copy(),
-            **self._infos(~ended, strides + endings),
-        }
+        final = self._infos(ended, ended)
         if self._next is not None:
             self.renew()
         self.batch.start(np.flatnonzero(ended), flat)
+        infos = {
+            "final_obs": last,
+            "_final_obs": ended,
+            "final_info": final,
+            "_final_info": ended.copy(),
+            **self._infos(~ended),
+        }
+        self.batch.unfinished = False
         return observations, rewards, terminated, truncated, infos
 
     @one_thread
@@ -273,8 +279,8 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
             ValueError: if a slope is invalid, or a selected environment is within a stride or at
                 the end of an episode; nothing has changed then.
         """
-        if not self._begun:
-            raise ResetNeeded("no episode has begun: call reset first")
+        if self.batch.unfinished:
+            raise ResetNeeded(UNFINISHED)
         which = self._everyone if mask is None else self._checked_mask(mask, "mask")
         self.batch.set_slopes(slopes, which)
         observations = np.empty((self.num_envs, self.batch.observation_size), np.float32)
@@ -286,40 +292,31 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
         """Terms (num_envs,) of the last rewards by name; a reward is their sum."""
         return self.batch.reward_terms()
 
-    def _infos(self, which: NDArray[np.bool_] | None, most: int) -> dict[str, Any]:
+    def _infos(self, stepped: NDArray[np.bool_], present: NDArray[np.bool_] | None = None) -> Infos:
         """Return the infos of single environments as arrays, with masks.
 
         Args:
-            which: Whether each walker makes this step, (num_envs,); None for all.
-            most: Largest number of walkers that have ended a stride or an episode.
+            stepped: Whether each walker has made a step, (num_envs,); the others have begun.
+            present: Mask of the environments that have these infos, (num_envs,); all if None.
         """
-        steps = np.empty((len(task.EVERY_STEP) - 1, self.num_envs))
-        counts = np.empty((2, self.num_envs), np.int64)
-        measures = np.empty((most, len(task.EVERY_STRIDE)))
-        asked = self._everyone if which is None else which
-        write = self.batch.entry_point.kernels.write_info
-        if not write.compiled(self.batch.entry_point.address, asked, steps, counts, measures):
-            return {}
-        extra = {name: np.where(asked, x, 0) for name, x in self.batch.info_values().items()}
-        mask = asked.copy()
+        steps, counts, measures = self.batch.reported(stepped)
+        mask = np.array(self._everyone if present is None else present)
+        others = self.batch.info_values(stepped)
+        infos = Infos(distance=steps[0], _distance=mask)
 
         def content() -> dict[str, Any]:
-            (strides, outcomes), infos = counts, {}
-            columns = dict(zip(task.EVERY_STEP, (*steps, strides), strict=True))
-            for name, column in (columns | extra).items():
-                infos[name], infos["_" + name] = column, mask
-            ended = outcomes != 0
-            if ended.any():
-                infos["outcome"], infos["_outcome"] = _OUTCOMES.take(outcomes), ended
-            struck = outcomes == int(Outcome.HEELSTRIKE)
-            if struck.any():
-                ways = np.zeros((len(task.EVERY_STRIDE), len(mask)))
-                ways[:, ended] = measures[: np.count_nonzero(ended)].T
-                for name, column in zip(task.EVERY_STRIDE, ways, strict=True):
-                    infos[name], infos["_" + name] = column, struck
-            return infos
+            names = *task.EVERY_STEP, *task.EVERY_STRIDE
+            columns = dict(zip(names, (*steps, counts[0], *measures), strict=True))
+            columns |= {name: np.where(mask, x, 0) for name, x in others.items()}
+            columns["outcome"] = _OUTCOMES.take(counts[1])
+            columns["outcome"][~mask] = None  # as Gymnasium fills it
+            found = {}
+            for name, column in columns.items():
+                found[name], found["_" + name] = column, mask
+            return found
 
-        return Infos(content, distance=steps[0], _distance=mask)
+        infos.make = content
+        return infos
 
     def _checked_mask(self, mask: Any, name: str) -> NDArray[np.bool_]:
         """Check and return a boolean array (num_envs,)."""
@@ -376,7 +373,8 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
     @one_thread
     def get_state(self) -> dict[str, Any]:
         """Return a copy of everything that determines later steps and resets."""
-        return {**self.batch.get_state(), "ended": self._ended.copy(), "begun": self._begun}
+        begun = not self.batch.unfinished
+        return {**self.batch.get_state(), "ended": self._ended.copy(), "begun": begun}
 
     @one_thread
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -394,8 +392,8 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
         if not self.batch.randoms:
             seed_randoms(self.batch, None, range(self.num_envs))
         self.batch.put_back(found)
-        self._ended, self._begun = ended, begun
-        self._any_ended = bool(self._ended.any())
+        self._ended, self._any_ended = ended, bool(ended.any())
+        self.batch.unfinished = not begun
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_screens": {}}

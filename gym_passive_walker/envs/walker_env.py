@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -11,9 +12,10 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import seed_number
-from gym_passive_walker.envs import interface, saved, task
+from gym_passive_walker.envs import interface, saved
 from gym_passive_walker.envs.batch import OPTIONS, Batch
 from gym_passive_walker.envs.frames import frame
+from gym_passive_walker.envs.infos import Infos
 from gym_passive_walker.envs.one_thread import one_thread, refuse_second
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.extras import need
@@ -289,6 +291,9 @@ class PassiveWalkerEnv(
                 heelstrike: [stance, thigh, shank] angles in rad and their angular velocities in rad
                 per unit of the walker's time. The slope is in rad.
 
+        Returns:
+            The observation; and `info` as from `step`, with zeros where there is no value yet.
+
         Raises:
             ValueError: if an option is unknown or outside its range.
             RuntimeError: if another thread is using this environment.
@@ -298,10 +303,10 @@ class PassiveWalkerEnv(
             self.batch.randoms = [self.np_random]
         observation = np.empty(self.batch.observation_size, np.float32)
         self.batch.start((0,), observation, interface.reset_options(options, OPTIONS))
-        self._ready = True
+        self._ready, self.batch.unfinished = True, False
         if self.render_mode == "human":
             self._draw()
-        return observation, {}
+        return observation, self._info(np.zeros(1, bool))
 
     def step(
         self, action: NDArray[np.float32]
@@ -326,34 +331,32 @@ class PassiveWalkerEnv(
                 act = interface.numbers(action, self.scene.actions)
             if act.shape != self._shape:
                 raise ValueError(f"the action must have shape {self._shape}, not {act.shape}")
-            if not self._ready:
-                raise ResetNeeded("no episode is under way: call reset first")
             batch = self.batch
+            if batch.unfinished or not self._ready:
+                raise ResetNeeded(
+                    "no episode is under way, or an error interrupted its last step: call reset "
+                    "first"
+                )
             observation = np.empty(batch.observation_size, _SINGLE)
-            struck, ended = batch.step_alone(act, observation)
-            entry_point = batch.entry_point
-            strides, outcome = entry_point.counts.tolist()
-            distance, energy, whole_distance, whole_energy = entry_point.step_values.tolist()
-            info: dict[str, Any] = {  # task.EVERY_STEP
-                "distance": distance,
-                "energy": energy,
-                "episode_distance": whole_distance,
-                "episode_energy": whole_energy,
-                "strides": strides,
-            }
-            if struck:
-                info |= zip(task.EVERY_STRIDE, entry_point.stride_values.tolist(), strict=True)
-            if batch.disturbances or self.scene.reward_terms:
-                info |= {name: column.item() for name, column in batch.info_values().items()}
-            if struck or ended:
-                info["outcome"] = interface.OUTCOMES[outcome]
-                self._ready = not ended
+            _, ended = batch.step_alone(act, observation)
+            info = self._info()
+            if ended:
+                self._ready = False
+            batch.unfinished = False
             if self.render_mode == "human":
                 self._draw()
-            return observation, entry_point.results[0].item(), ended > 0, False, info
+            return observation, batch.entry_point.results[0].item(), ended > 0, False, info
         finally:
             if mine:
                 token.append(None)
+
+    def _info(self, stepped: NDArray[np.bool_] | None = None) -> Infos:
+        """Return the info of the last step or reset; `stepped` as for `Batch.info_values`."""
+        batch = self.batch
+        words = batch.entry_point.words
+        info = Infos(distance=words[0])
+        info.make = partial(interface.info_of, words.tobytes(), batch.info_values(stepped))
+        return info
 
     @one_thread
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
@@ -361,6 +364,8 @@ class PassiveWalkerEnv(
         if self.render_mode is None:
             gymnasium.logger.warn("render() needs a render_mode: gym.make(..., render_mode=...)")
             return None
+        if not self.batch.randoms:
+            raise ResetNeeded("no episode has begun: call reset first")
         return self._draw()
 
     def _draw(self) -> NDArray[np.uint8] | None:
@@ -416,7 +421,7 @@ class PassiveWalkerEnv(
             ValueError: if the slope is invalid, or the walker is within a stride; nothing has
                 changed then.
         """
-        if not self._ready:
+        if self.batch.unfinished or not self._ready:
             raise ResetNeeded("no episode is under way: call reset first")
         self.batch.set_slopes(slope, np.ones(1, bool))
         observation = np.empty(self.batch.observation_size, np.float32)
@@ -457,7 +462,7 @@ class PassiveWalkerEnv(
     @one_thread
     def get_state(self) -> dict[str, Any]:
         """Return a copy of everything that determines later steps and resets."""
-        return {**self.batch.get_state(), "ready": self._ready}
+        return {**self.batch.get_state(), "ready": self._ready and not self.batch.unfinished}
 
     @one_thread
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -478,6 +483,7 @@ class PassiveWalkerEnv(
             self.batch.randoms = [self.np_random]
         self.batch.put_back(found)
         self._ready = ready
+        self.batch.unfinished = False
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_screen": None}

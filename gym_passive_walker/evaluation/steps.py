@@ -43,10 +43,9 @@ def steps(policy: Policy, envs: VectorEnv, observations: NDArray[np.float32]) ->
         observations: Observations that the reset returned.
     """
     memory, first = None, np.ones(envs.num_envs, bool)
-    nobody = np.zeros(envs.num_envs, bool)
     while True:
         actions, memory = policy.predict(observations, memory, first, deterministic=True)
         observations, rewards, terminated, truncated, infos = envs.step(actions)
         first = terminated | truncated
-        struck = infos.get("_step_length", nobody)
+        struck = infos["step_period"] > 0.0
         yield Step(actions, observations, rewards, terminated, truncated, struck, infos)

@@ -11,6 +11,7 @@ from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.one_thread import Token, one_thread
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene
+from gym_passive_walker.envs.transitions import TIME_LIMIT
 from gym_passive_walker.extras import extra
 from gym_passive_walker.gpu.batch import DeviceBatch
 from gym_passive_walker.gpu.device import SIMULATED, cuda
@@ -69,12 +70,15 @@ class PassiveWalkerGpuEnv:
             seed: Seed of the first walker; None begins each walker's next episode.
 
         Returns:
-            Observations, (num_envs, k), and an empty dictionary.
+            Observations, (num_envs, k), and `info` as from `step`, with zeros where there is no
+            value yet.
         """
         if seed is not None:
             self.batch.seed(seed)
         self.batch.reset(stream=_stream())
-        return self._rows(self._buffers.observations), {}
+        infos = {name: torch.zeros_like(x) for name, x in self._infos().items()}
+        infos["final_obs"] = self._rows(self._buffers.observations)
+        return self._rows(self._buffers.observations), infos
 
     @one_thread
     def step(self, actions: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, dict[str, Any]]:
@@ -92,15 +96,22 @@ class PassiveWalkerGpuEnv:
         buffers = self._buffers
         buffers.actions.copy_(actions.detach().reshape(-1))
         self.batch.step(stream=_stream())
+        terminated, late = buffers.terminated.clone(), buffers.truncated.clone()
+        infos = self._infos()
+        infos["outcome"] = torch.where(late & ~terminated, TIME_LIMIT, infos["outcome"])
+        observations = self._rows(buffers.observations)
+        return observations, buffers.rewards.clone(), terminated, late, infos
+
+    def _infos(self) -> dict[str, Tensor]:
+        """Return the infos of the last step; outcomes without the time limit."""
         reported = self._reported.clone()
         infos = {
             name: reported[:, _column(name)] for name in (*task.EVERY_STEP, *task.EVERY_STRIDE)
         }
         whole = reported.view(torch.int64)
         infos |= {name: whole[:, _column(name)] for name in ("strides", "outcome")}
-        infos["final_obs"] = self._rows(buffers.last)
-        endings = buffers.terminated.clone(), buffers.truncated.clone()
-        return self._rows(buffers.observations), buffers.rewards.clone(), *endings, infos
+        infos["final_obs"] = self._rows(self._buffers.last)
+        return infos
 
     @one_thread
     def set_energy_cost(self, energy: str | None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from gymnasium.vector import AutoresetMode
 from torch import Tensor
 
 from gym_passive_walker.envs import interface
+from gym_passive_walker.envs.infos import Infos
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
@@ -22,7 +24,8 @@ class PassiveWalkerTorchEnv(interface.Adapter):
     another device they are copied. Differences from the vector environment:
 
     - "final_obs" is one tensor for all walkers.
-    - The entries of `info` are tensors without masks.
+    - The entries of `info` are tensors without masks. With "SameStep", those of an episode's last
+      step are of that step, and "final_obs" is there in every step.
     - By default the step that ends an episode also begins the next one, as trainers of this kind
       expect.
 
@@ -90,12 +93,12 @@ class PassiveWalkerTorchEnv(interface.Adapter):
             options: Options of `PassiveWalkerVectorEnv.reset`; "reset_mask" may be a tensor.
 
         Returns:
-            Observations, (num_envs, k) with k = 8 by default, and an empty dictionary.
+            Observations, (num_envs, k) with k = 8 by default, and `info` as from `step`.
         """
         if options and isinstance(options.get("reset_mask"), Tensor):
             options = options | {"reset_mask": options["reset_mask"].cpu().numpy()}
-        observations, _ = self.envs.reset(seed=seed, options=options)
-        return self._tensor(observations), {}
+        observations, infos = self.envs.reset(seed=seed, options=options)
+        return self._tensor(observations), self._tensors(infos)
 
     def step(self, actions: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, dict[str, Any]]:
         """Advance all walkers by one step.
@@ -106,8 +109,8 @@ class PassiveWalkerTorchEnv(interface.Adapter):
         Returns:
             Observations (num_envs, k), with k = 8 by default; rewards, terminated and truncated,
             each (num_envs,); and `info`, tensors that are zero where an entry has no value.
-            "outcome" is an `Outcome` as a number, 0 where no stride or episode ended. With
-            "SameStep", a step that ends episodes returns "final_obs" (num_envs, k): the
+            "outcome" is the index of a name in `interface.OUTCOMES`: up to 8 an `Outcome`, 0 where
+            no stride or episode ended. With "SameStep", "final_obs" (num_envs, k) are the
             observations before the resets.
 
         Raises:
@@ -117,21 +120,30 @@ class PassiveWalkerTorchEnv(interface.Adapter):
         observations, rewards, terminated, truncated, results = self.envs.step(
             actions.detach().cpu().numpy()
         )
-        infos = {}
-        if "final_obs" in results:
-            ended, last = results["_final_obs"], observations.copy()
-            last[ended] = np.stack(results["final_obs"][ended])
+        ended = terminated | truncated
+        infos = Infos(distance=self._tensor(results["distance"]))
+        if self.envs.autoreset_mode == AutoresetMode.SAME_STEP:
+            last = observations
+            if ended.any():
+                last = observations.copy()
+                last[ended] = np.stack(results["final_obs"][ended])
+                final = results["final_info"]
+                results = {name: np.where(ended, x, results[name]) for name, x in final.items()}
+                infos["distance"] = self._tensor(results["distance"])
             infos["final_obs"] = self._tensor(last)
-            results = _joined(ended, results["final_info"], results)
-        for name, values in results.items():
-            if name == "outcome":
-                values = _numbered(values)
-            if not name.startswith("_"):
-                infos[name] = self._tensor(values)
+        infos.make = partial(self._tensors, results)
         return (
             self._tensor(observations), self._tensor(rewards),
             self._tensor(terminated), self._tensor(truncated), infos,
         )  # fmt: skip
+
+    def _tensors(self, infos: dict[str, Any]) -> dict[str, Tensor]:
+        """Return infos as tensors without masks, and outcomes as numbers."""
+        numbers = np.zeros(self.num_envs, np.int8)
+        for i in np.flatnonzero(infos["outcome"]):
+            numbers[i] = interface.OUTCOMES.index(infos["outcome"][i])
+        columns = {**infos, "outcome": numbers}
+        return {name: self._tensor(x) for name, x in columns.items() if not name.startswith("_")}
 
     def _tensor(self, array: np.ndarray) -> Tensor:
         return torch.from_numpy(array).to(self.device)
@@ -143,22 +155,3 @@ class PassiveWalkerTorchEnv(interface.Adapter):
     def close(self) -> None:
         """Close the renderers."""
         self.envs.close()
-
-
-def _numbered(outcomes: np.ndarray) -> np.ndarray:
-    """Return outcomes as numbers, (n,); 0 for None."""
-    numbers = np.zeros(len(outcomes), np.int8)
-    for i in np.flatnonzero(outcomes):
-        numbers[i] = interface.OUTCOMES.index(outcomes[i])
-    return numbers
-
-
-def _joined(ended: np.ndarray, last: dict[str, Any], rest: dict[str, Any]) -> dict[str, Any]:
-    """Merge the final info of ended episodes with the info of all others."""
-    joined = {}
-    for name in (last | rest).keys() - {"final_obs", "final_info"}:
-        if not name.startswith("_"):
-            some = last[name] if name in last else rest[name]
-            nothing = np.full(ended.shape, None if some.dtype == object else 0, some.dtype)
-            joined[name] = np.where(ended, last.get(name, nothing), rest.get(name, nothing))
-    return joined

@@ -58,7 +58,7 @@ def test_a_batch_reports_every_fall_wherever_it_happens():
             if terminated.any():
                 break
         assert np.flatnonzero(terminated).tolist() == [fallen]
-        assert infos["outcome"][fallen] is not None and infos["_outcome"][fallen]
+        assert infos["outcome"][fallen] not in ("", "heelstrike")
         act = np.zeros((4096, 1))
         act[fallen] = np.nan  # it is being reset: its action is nobody's
         many.step(act)

@@ -40,7 +40,7 @@ def walked(env, steps=200, action=0.0, **reset):
     for _ in range(steps):
         *_, info = env.step(np.full(env.action_space.shape, action))
         infos.append(info)
-        if "outcome" in info:
+        if info["outcome"]:
             break
     return infos
 

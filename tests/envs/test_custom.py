@@ -117,7 +117,7 @@ def test_fields_are_those_of_the_infos_and_close_the_energy_balance():
         np.testing.assert_allclose(np.transpose(step.action), share)
         charged = 0.5 * (step.hip_work_absolute + step.hip_work) + step.push_off_work
         np.testing.assert_allclose(step.energy, charged, rtol=1e-12, atol=1e-15)
-        struck = infos.get("_step_length", np.zeros(COUNT, bool))
+        struck = infos["step_period"] > 0.0
         np.testing.assert_array_equal(step.heelstrike, struck)
         if struck.any():
             strikes += struck.sum()
@@ -215,7 +215,7 @@ def test_an_ending_at_a_heelstrike_hides_nothing_of_the_stride():
         expected, (_, _, ended, _, infos) = (
             each.step(np.full((COUNT, 1), 0.1)) for each in (plain, env)
         )
-        landed = expected[4].get("_step_length", landed)
+        landed = expected[4]["step_period"] > 0.0
         np.testing.assert_array_equal(ended, landed | expected[2])
     for name in ("step_length", "collision_cost", "outcome"):
         np.testing.assert_array_equal(infos[name][landed], expected[4][name][landed])
@@ -523,7 +523,7 @@ def test_each_term_of_a_weighted_reward_is_what_the_infos_report(count):
         given = random.uniform(-0.3, 1.3, (count, 2))
         _, rewards, ended, _, infos = env.step(given)
         acts = np.clip(given, [0.0, -1.0], 1.0)
-        struck = infos.get("_step_length", np.zeros(count, bool))
+        struck = infos["step_period"] > 0.0
         strides = {name: np.where(struck, infos.get(name, 0.0), 0.0)
                    for name in ("step_length", "step_period", "push_off_cost")}  # fmt: skip
         length = strides["step_length"]

@@ -49,7 +49,7 @@ def imbalances(kind: str, walkers: int, wanted: int) -> np.ndarray:
         _, _, terminated, _, infos = envs.step(actions)
         assert not pushed.any()  # each step is a stride
         now = envs.batch.records["state"][:, 0].copy()
-        on = np.flatnonzero(infos.get("_step_length", np.zeros(walkers, bool)) & ~terminated)
+        on = np.flatnonzero((infos["step_period"] > 0.0) & ~terminated)
         if len(on):
             before, after = State(*states[on].T), State(*now[on].T)
             gained = system.kinetic_energy(own, after) - system.kinetic_energy(own, before)

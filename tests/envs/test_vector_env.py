@@ -151,7 +151,8 @@ def test_the_action_of_a_reset_step_is_ignored(make_vec):
         pass
     act = np.full((2, 1), np.nan, np.float32)
     _, rewards, terminated, truncated, infos = env.step(act)
-    assert not (rewards.any() or terminated.any() or truncated.any() or infos)
+    assert not (rewards.any() or terminated.any() or truncated.any())
+    assert not any(infos[name].any() for name in infos if not name.startswith("_"))
 
 
 def test_seeds_must_be_as_many_as_walkers(make_vec):
@@ -230,15 +231,6 @@ def test_normalisation_wraps_it(make_vec):
     assert np.isfinite(observations).all() and np.isfinite(rewards).all()
 
 
-def test_torch_wraps_it(make_vec):
-    torch = pytest.importorskip("torch")
-    pytest.importorskip("array_api_compat")
-    env = wrappers.NumpyToTorch(make_vec(8))
-    env.reset(seed=0)
-    observations, rewards, *_ = env.step(torch.zeros(8, 1))
-    assert observations.shape == (8, 8) and rewards.shape == (8,)
-
-
 def test_infos_become_lists(make_vec):
     env = wrappers.DictInfoToList(make_vec(3))
     env.reset(seed=0)
@@ -269,7 +261,7 @@ def test_the_single_environment_makes_sync_and_async_batch(assert_same):
 
 @pytest.mark.parametrize("mode", MODES)
 def test_infos_are_those_of_each_walker_with_masks_of_those_that_have_them(make_vec, mode):
-    """Of walkers that began again in a step, and at steps without a stride, there is none."""
+    """Every step has every entry; zeros of walkers that began, and of unfinished strides."""
     more = {"command": np.float64, "reward_distance": np.float64, "pushes": np.integer}
     env = make_vec(
         4, scene="lab", autoreset_mode=mode, max_episode_steps=45, max_hip_torque=0.3,
@@ -282,39 +274,41 @@ def test_infos_are_those_of_each_walker_with_masks_of_those_that_have_them(make_
         act = np.array([[0.0], [0.003], [-0.003], [1.0]]) * np.abs(act)
         _, rewards, terminated, truncated, infos = env.step(act)
         ended = terminated | truncated
-        parts = [(infos, ~ended if mode == "SameStep" and ended.any() else ~waiting)]
+        same = mode == "SameStep" and ended.any()
+        parts = [(infos, np.ones(4, bool), ~ended if same else ~waiting)]
         if "final_info" in infos:
-            parts.append((infos["final_info"], ended))
-        for part, stepped in parts:
-            if not stepped.any():
-                assert part.keys() <= {"final_obs", "_final_obs", "final_info", "_final_info"}
-                continue
-            for name in (*task.EVERY_STEP, *more, "reward_energy", "reward_command"):
-                np.testing.assert_array_equal(part[f"_{name}"], stepped)
-                assert part[name].shape == (4,) and not part[name][~stepped].any()
+            parts.append((infos["final_info"], ended, ended))
+        for part, present, stepped in parts:
+            others = {"final_obs", "final_info"} & part.keys()
+            names = [*task.EVERY_STEP, *task.EVERY_STRIDE, *more, "reward_energy", "reward_command"]
+            names += ["push_work", "episode_push_work"]
+            assert part.keys() == {x + n for n in {*names, "outcome"} | others for x in ("", "_")}
+            for name in names:
+                np.testing.assert_array_equal(part[f"_{name}"], present)
+                assert part[name].shape == (4,)
+                assert name == "command" or not part[name][~stepped].any()
                 kind = np.integer if name in ("strides", "pushes") else np.float64
                 assert np.issubdtype(part[name].dtype, kind)
             terms = sum(part[f"reward_{name}"] for name in ("distance", "energy", "command"))
             np.testing.assert_allclose(terms[stepped], rewards[stepped], atol=1e-14)
-            assert ((part["command"] >= 0.1) & (part["command"] <= 0.2))[stepped].all()
+            assert ((part["command"] >= 0.1) & (part["command"] <= 0.2))[present].all()
             began = np.abs(total + part["distance"] - part["episode_distance"]) > 1e-12
             assert not began[stepped].any()
             total[stepped] = part["episode_distance"][stepped]
-            if "outcome" in part:
-                struck = part["outcome"] == "heelstrike"
-                known = np.array([each is not None for each in part["outcome"]])
-                np.testing.assert_array_equal(part["_outcome"], known & stepped)
-                np.testing.assert_array_equal(known & ~struck, terminated & stepped)
-                seen |= {*part["outcome"]}
-                for name in task.EVERY_STRIDE if struck.any() else ():
-                    np.testing.assert_array_equal(part[f"_{name}"], struck)
-                    assert not part[name][~struck].any()
-            assert ("step_length" in part) == ("heelstrike" in {*part.get("outcome", ())})
+            late = part["outcome"] == "time_limit"
+            np.testing.assert_array_equal(late, truncated & ~terminated & stepped)
+            struck = part["outcome"] == "heelstrike"
+            fell = ~struck & ~late & (part["outcome"] != "") & present
+            np.testing.assert_array_equal(fell, terminated & stepped)
+            seen |= {*part["outcome"]}
+            np.testing.assert_array_equal(struck[~late], (part["step_period"] > 0.0)[~late])
+            for name in task.EVERY_STRIDE:
+                assert not part[name][~struck & ~late].any()
         total[ended] = 0.0
         waiting = ended & (mode == "NextStep")
         if mode == "Disabled" and ended.any():
             env.reset(options={"reset_mask": ended})
-    assert len(seen) > 2
+    assert {"", "heelstrike", "time_limit"} < seen
 
 
 def test_the_first_of_the_walkers_makes_the_scene(make_vec):

@@ -114,10 +114,10 @@ def test_observations_lie_in_their_box_and_are_the_callers_to_keep(make, play):
     np.testing.assert_array_equal(seen, kept)
 
 
-def test_numbers_in_info_are_pythons_own(make, play):
+def test_numbers_in_info_are_numpys(make, play):
     for *_, info in play(make(scene="lab"), steps=100, seed=0):
-        assert {type(value) for value in info.values()} <= {float, int, str}
-        json.dumps(info)
+        assert {type(value) for value in info.values()} == {np.float64, np.int64, str}
+        json.dumps(info, default=int)
 
 
 @pytest.mark.parametrize("arguments", EVERY_SCENE, ids=str)
@@ -347,18 +347,43 @@ def test_spaces_have_the_bounds_of_every_option():
 def test_info_has_the_documented_entries_and_no_others(make, play, scene, more):
     late = lambda k, _: float(k > 90)  # noqa: E731
     walk = play(make(scene="lab", reset_noise_scale=0.01, **scene), late, seed=2)
-    each, kinds = {*task.EVERY_STEP, *more}, set()
+    names, kinds = [*task.EVERY_STEP, *task.EVERY_STRIDE, *more, "outcome"], set()
     for _, reward, terminated, truncated, info in walk:
-        outcome = info.get("outcome")
+        outcome = info["outcome"]
         kinds.add(outcome)
-        expected = each | ({"outcome"} if outcome else set())
-        expected |= {*task.EVERY_STRIDE} if outcome == "heelstrike" else set()
-        assert info.keys() == expected and (outcome == "heelstrike" or terminated) == bool(outcome)
+        assert list(info) == names and (outcome == "heelstrike" or terminated) == bool(outcome)
+        stride = [info[name] for name in task.EVERY_STRIDE]
+        assert all(np.isfinite(stride)) and any(stride) == (outcome == "heelstrike")
         assert (type(reward), type(terminated), type(truncated)) == (float, bool, bool)
         numbers = {name: type(x) for name, x in info.items() if name != "outcome"}
         whole = {"strides", "pushes"} & info.keys()
-        assert all(kind is (int if name in whole else float) for name, kind in numbers.items())
-    assert {None, "heelstrike"} < kinds
+        for name, kind in numbers.items():
+            assert kind is (np.int64 if name in whole else np.float64)
+    assert {"", "heelstrike"} < kinds
+
+
+def test_the_info_of_a_reset_has_the_entries_of_a_step(make):
+    env = make(command=(0.1, 0.2), pushes={"rate": 2.0, "impulse": 0.01}, reward_terms=True,
+               constraints={"contact": "report", "scuffing": "report"})  # fmt: skip
+    for seed in range(3):
+        _, first = env.reset(seed=seed)
+        assert not any(first[name] for name in (*task.EVERY_STEP, *task.EVERY_STRIDE, "push_work"))
+        assert not any(first[f"reward_{name}"] for name in ("distance", "energy", "command"))
+        assert first["clearance"] == first["normal_force"] == np.inf and first["outcome"] == ""
+        for _ in range(10):
+            *_, info = env.step(np.ones(1))
+            assert list(info) == list(first) and info["command"] == first["command"]
+
+
+def test_infos_that_are_read_later_are_those_of_their_step(make):
+    prompt, late = make(scene="lab"), make(scene="lab")
+    found = []
+    for env, look in ((prompt, dict), (late, lambda info: info)):
+        infos = [look(env.reset(seed=0)[1])]
+        infos += [look(env.step(np.zeros(1))[-1]) for _ in range(80)]
+        found.append(infos)
+    assert [dict(info) for info in found[1]] == found[0]
+    assert sum(info["outcome"] == "heelstrike" for info in found[1]) >= 2
 
 
 def test_infos_of_a_stride_agree_with_each_other(make, play):

@@ -150,7 +150,7 @@ def test_a_stride_that_ends_with_the_last_step_is_not_counted_twice(monkeypatch)
     while len(recorder._records) < STEPS or not ended.any():
         recorder.record(np.zeros((COUNT, 1)))
         infos = env.step(np.zeros((COUNT, 1)))[-1]
-        ended = infos.get("_step_length", np.zeros(COUNT, bool))
+        ended = infos["step_period"] > 0.0
     found, without = (by_stance(recorder, monkeypatch, going=going) for going in (True, False))
     differ = (found != without).any(axis=0)
     assert not ended.all()

@@ -142,7 +142,7 @@ def test_costs_do_not_depend_on_the_unit_of_mass():
     assert len(ours) == len(theirs) and ours[-1][2]["strides"] > 0
     for (_, here, first), (_, there, second) in zip(ours, theirs, strict=True):
         assert here == pytest.approx(there, rel=1e-7)
-        assert first.pop("outcome", None) == second.pop("outcome", None)
+        assert first.pop("outcome") == second.pop("outcome")
         assert first == pytest.approx(second, rel=1e-6, abs=1e-12)
 
 
