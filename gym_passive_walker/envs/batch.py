@@ -223,6 +223,8 @@ class Batch:
     ) -> None:
         """Begin a new episode for some of the walkers.
 
+        The batch is `unfinished` then; the environment sets it to False when it is done.
+
         Args:
             lanes: Indices of the walkers.
             observations: Flat array (count * observation_size,); entries of these walkers are
@@ -234,7 +236,7 @@ class Batch:
             ValueError: if an option is unknown or outside its range; the batch is unchanged then,
                 except for its random generators.
         """
-        where, unfinished = np.array(lanes, np.int64), self.unfinished
+        where = np.array(lanes, np.int64)
         if not len(where):
             return
         plain = observations if self._plain is None else self._plain
@@ -244,7 +246,6 @@ class Batch:
             self.entry_point.kernels.begin_alike(self.entry_point.address, where, plain)
             self._write_proportions(plain)
             self._write_observations(observations, where)
-            self.unfinished = unfinished
             return
         states, asked = self._asked(options) if options else (None, None)
         draws = self.drawn(where)
@@ -270,7 +271,6 @@ class Batch:
         if self.custom:
             self.custom.begin(self, where)
             self._write_observations(observations, where)
-        self.unfinished = unfinished
 
     def _embody(self, lanes: NDArray[np.int64], walkers: Sequence[Walker]) -> None:
         """Replace some of the walkers."""
@@ -486,7 +486,7 @@ class Batch:
 
         Returns:
             Number of strides that end, and number of episodes that end. The batch is `unfinished`;
-            the environment sets it to False when its own step is complete.
+            the environment sets it to False when it is done.
 
         Raises:
             ValueError: if an action is not finite; the batch is unchanged then.

@@ -30,8 +30,8 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
     """A batch of `PassiveWalkerEnv`; trajectories are bitwise equal to single environments.
 
     Observations, rewards, terminations and infos are bitwise equal to those of a `SyncVectorEnv` of
-    single environments with equal seeds. One call of a compiled kernel steps all walkers. The
-    dictionary of infos is filled when it is first read.
+    single environments with equal seeds; the outcome "time_limit" alone is of this class. One call
+    of a compiled kernel steps all walkers. The dictionary of infos is filled when it is first read.
 
     Args:
         num_envs: Number of walkers.

@@ -103,7 +103,9 @@ class PassiveWalkerEnv(
 
     ## Info
 
-    | Entry                                           | At         | Quantity                      |
+    Every step and every reset have the same entries: NumPy numbers, and the outcome's name.
+
+    | Entry                                           | Of         | Quantity                      |
     | ----------------------------------------------- | ---------- | ----------------------------- |
     | "distance", "energy"                            | each step  | terms of the reward           |
     | "episode_distance", "episode_energy", "strides" | each step  | sums in the episode           |
@@ -123,6 +125,10 @@ class PassiveWalkerEnv(
     | "stance_knee_torque", "stance_knee_impulse"     | each step  | least, m g l, m l sqrt(g l)   |
     | "clearance"                                     | each step  | least, over l                 |
     | "friction"                                      | each step  | largest coefficient required  |
+
+    Entries of a stride are 0, and "outcome" is "", in steps that end no stride and no episode.
+    Vector environments and `PassiveWalkerVecEnv` report the outcome "time_limit" where they
+    truncate an episode; here a wrapper of Gymnasium truncates, which sets no outcome.
 
     Costs are energies over weight times step length. "command", "pushes" and their work are in the
     info of scenes that have them. The last six are there with `constraints`. A least value
