@@ -90,3 +90,11 @@ SCENES = {
         "slopes": [0.06, 0.03, 0.0, 0.05, 0.01], "terrain": {"rough": {"height_std": 0.002}},
     },
 }  # fmt: skip
+
+
+def name_time_limits(result):
+    """Name the outcome of truncated episodes, which Gymnasium's wrapper of single ones does not."""
+    if isinstance(result, tuple):
+        *_, terminated, truncated, infos = result
+        infos.get("final_info", infos)["outcome"][truncated & ~terminated] = "time_limit"
+    return result

@@ -19,7 +19,7 @@ from gym_passive_walker.envs.scene import SCENES as NAMED
 from gym_passive_walker.envs.scene import SceneError, make_scene
 from gym_passive_walker.envs.task import EVERY_STEP, EVERY_STRIDE
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from tests.conformance.scenes import COUNT, SCENES, SEEDS
+from tests.conformance.scenes import COUNT, SCENES, SEEDS, name_time_limits
 from tests.gpu.reference import Reference
 
 LIMIT, STEPS = 25, 60
@@ -77,14 +77,6 @@ def expected(name, mode):
     each = [env.unwrapped for env in singles.envs]
     last = [[env.state, env.slope, env.contact, env.walker] for env in each]
     return results, last, singles.reset(seed=LATER)
-
-
-def name_time_limits(result):
-    """Name the outcome of truncated episodes, which Gymnasium's wrapper of single ones does not."""
-    if isinstance(result, tuple):
-        *_, terminated, truncated, infos = result
-        infos.get("final_info", infos)["outcome"][truncated & ~terminated] = "time_limit"
-    return result
 
 
 def ends(name):

@@ -66,7 +66,7 @@ def test_of_a_stride_s_push_offs_the_last_one_counts():
         ).unwrapped  # fmt: skip
         env.reset(seed=0)
         info, steps = {}, 0
-        while not info["outcome"]:
+        while not info.get("outcome"):
             early = env.batch.records["time"][0, 0] < 1.0
             *_, info = env.step(np.array([shares[0] if early else shares[1]]))
             steps += 1

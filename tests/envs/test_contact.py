@@ -66,7 +66,7 @@ def test_a_foot_in_the_environment_rolls_forwards_on_ground_as_it_lies(walker, g
         rows.append((*hip, contact.x, contact.y, env.states[1, 3], elapsed))
         before = env.batch.records["time"][1, 0]
         infos = env.step(np.zeros((2, 1), np.float32))[-1]
-        if infos.get("_outcome", [False] * 2)[1]:
+        if infos["outcome"][1]:
             if infos["outcome"][1] != "heelstrike":
                 break
             elapsed += (infos["step_period"][1] - before) * one.time_unit
@@ -86,7 +86,7 @@ def pushed_by(stance, friction=0.8, rate=-0.3):
     state = [stance, -0.4, -0.4, rate, 0.1, 0.1]
     env.reset(seed=0, options={"state": state})
     *_, fell, _, infos = env.step(np.zeros((1, 1), np.float32))
-    return infos["friction"][0], bool(fell[0]), infos.get("outcome", [""])[0]
+    return infos["friction"][0], bool(fell[0]), infos["outcome"][0]
 
 
 @pytest.mark.parametrize("stance", [0.3, 0.1, -0.1, -0.3])

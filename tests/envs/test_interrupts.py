@@ -32,7 +32,11 @@ SCENES: dict[str, dict[str, Any]] = {
 }
 KINDS = ("single", "NextStep", "SameStep", "Disabled", "stable-baselines3", "tensors")
 
-pytestmark = pytest.mark.filterwarnings("ignore:.* cannot be compiled")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:.* cannot be compiled"),
+    # Python reports, and ignores, an interrupt of a generator that it throws away.
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+]
 
 
 class Walk:
@@ -164,7 +168,7 @@ def test_an_interrupted_step_is_undone_completed_or_needs_a_reset(kind, scene):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("scene", SCENES)
 def test_walkers_walk_on_after_an_interrupt_anywhere(kind, scene):
-    assert sum(interrupted(kind, scene, before, 1) for before in (1, LIMIT - 1)) >= 60
+    assert sum(interrupted(kind, scene, before, 7, before) for before in (1, LIMIT - 1)) >= 14
 
 
 @pytest.mark.parametrize("kind", KINDS)
