@@ -26,12 +26,13 @@ from agents.learner import (
     restore_weights,
     save_model,
 )
-from gym_passive_walker.arguments import whole
+from gym_passive_walker.arguments import number, whole
 from gym_passive_walker.files import replacing
 from gym_passive_walker.walkers import as_walker
 
 _ARRAYS, _REPLAY, _NOTES = "arrays.npz", "replay.npz", "notes.json"
 _RECORDS, _RANDOMS = "envs.npz", "envs.json"
+_REACHED = ("hundred_strides", "reached_time_limit")  # shares of walks in an evaluation
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
 _LAST = ("_last_obs", "_last_original_obs", "_last_episode_starts")
 _STORED = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
@@ -90,10 +91,16 @@ def restore(path: Path, model: BaseAlgorithm) -> dict[str, Any]:
     with reading(path / _NOTES):
         for name in _COUNTERS:
             setattr(model, name, whole(state["counters"][name], name, 0))
-        episodes = [{k: float(v) for k, v in info.items()} for info in state["episodes"]]
+        episodes = [{k: number(v, k) for k, v in info.items()} for info in state["episodes"]]
         notes: dict[str, Any] = {
             name: state["notes"][name] for name in ("best", "seconds", "curve")
         }
+        number(notes["seconds"], "seconds", least=0.0)
+        if notes["best"] is not None:
+            number(notes["best"], "best")
+        for row in notes["curve"]:
+            for name in ("steps", "seconds", "reward", "distance", *_REACHED):
+                number(row[name], name)
     model.ep_info_buffer = deque(episodes, maxlen=model._stats_window_size)
     model.ep_success_buffer = deque(maxlen=model._stats_window_size)
     # Restore the environments first: the arrays below belong to the same step.
@@ -150,6 +157,8 @@ def _restore_arrays(model: BaseAlgorithm, arrays: dict[str, NDArray]) -> NDArray
         restore_moments(normalizer, arrays)
         normalizer.returns = _checked(arrays["returns"], "returns", np.empty(model.n_envs))
     torch.set_rng_state(torch.from_numpy(arrays["torch"]))
+    if arrays["numpy"].dtype.kind != "u":  # numpy does not check it
+        raise ValueError(f"numpy's keys must be whole numbers, not {arrays['numpy'].dtype}")
     return arrays["numpy"]
 
 

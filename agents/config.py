@@ -13,6 +13,7 @@ import yaml
 
 from gym_passive_walker.arguments import unknown, whole
 from gym_passive_walker.envs.scene import kept_argument
+from gym_passive_walker.loading import read_content, reason
 
 ALGORITHMS = ("ppo", "ppo-fast", "sac", "shac", "shac-learned")
 DEFAULT_SCENE = "level"
@@ -36,12 +37,6 @@ _EXPLORATION = {
 
 class ConfigError(ValueError):
     """An invalid configuration; the message names the fault and the allowed values."""
-
-
-def reason(error: Exception) -> str:
-    """The message of an error, in one line."""
-    said = " ".join(str(error).split()) or type(error).__name__
-    return f"{said} is missing" if isinstance(error, KeyError) else said
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +121,10 @@ class Config:
         if not path.is_file():
             raise ConfigError(f"{path.parent} is not a run: it has no {path.name}")
         try:
-            values = yaml.safe_load(path.read_text(encoding="utf-8"))
+            values = read_content(path)
+        except ValueError as error:
+            raise ConfigError(str(error)) from None
+        try:
             if not isinstance(values, dict):
                 raise ConfigError("it is not a mapping of names to values")
             if said := unknown(values, [f.name for f in fields(cls)], "a run"):
@@ -134,7 +132,7 @@ class Config:
             if lacking := [f.name for f in fields(cls) if f.name not in values]:
                 raise ConfigError(f"it lacks {', '.join(lacking)}: was it cut off?")
             return cls(**values)
-        except (OSError, yaml.YAMLError, TypeError, ValueError) as error:
+        except Exception as error:  # a damaged file may raise anything
             raise ConfigError(f"{path} is not a run's configuration: {reason(error)}") from None
 
     def differences(self, other: Config, *, ignore: tuple[str, ...] = ()) -> list[str]:

@@ -10,9 +10,10 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.noise import ActionNoise, NormalActionNoise, VectorizedActionNoise
 from stable_baselines3.common.preprocessing import get_action_dim
 
-from agents.config import ConfigError, reason
+from agents.config import ConfigError
 from gym_passive_walker.arguments import number
 from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.loading import reason
 
 
 class Schedule(BaseCallback):

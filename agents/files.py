@@ -15,7 +15,6 @@ A run's folder holds:
 
 from __future__ import annotations
 
-import json
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,8 +25,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.config import ConfigError, reason
+from agents.config import ConfigError
 from gym_passive_walker.files import remove
+from gym_passive_walker.loading import parse_json, reason
 
 CONFIG = "config.yml"
 RUNS = Path("runs")
@@ -71,7 +71,7 @@ def read_json(path: Path) -> Any:
         ConfigError: if it is damaged.
     """
     with reading(path):
-        return json.loads(path.read_text(encoding="utf-8"))
+        return parse_json(path.read_bytes())
 
 
 def new_run(folder: Path | None, name: str) -> Path:

@@ -26,7 +26,7 @@ from stable_baselines3.common.save_util import load_from_zip_file, recursive_get
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from torch import nn
 
-from agents.config import Config, ConfigError, reason
+from agents.config import Config, ConfigError
 from agents.envs import training_envs
 from agents.files import CONFIG, read_arrays, reading
 from agents.first_order import SHAC
@@ -36,6 +36,7 @@ from agents.ppo_fast import FastPPO
 from gym_passive_walker.arguments import unknown
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.files import replacing
+from gym_passive_walker.loading import reason
 from gym_passive_walker.policies import DESCRIPTION, TENSORS, TrainedPolicy, shipped_policies
 from gym_passive_walker.policies import load_policy as load_exported
 from gym_passive_walker.policies.network import ACTIVATIONS, PLACES, Network
@@ -280,8 +281,12 @@ def learned(name: str | Path) -> tuple[Config, Policy]:
         if not isinstance(policy, TrainedPolicy):
             raise ValueError("its file lacks the configuration of its training")
         return Config(**policy.trained), policy
-    except (KeyError, TypeError, ValueError) as error:
-        raise ConfigError(f"{name} is neither a run nor an exported policy: {error}") from None
+    except ImportError:
+        raise
+    except Exception as error:  # a damaged file may raise anything
+        raise ConfigError(
+            f"{name} is neither a run nor an exported policy: {reason(error)}"
+        ) from None
 
 
 def _acting(config: Config) -> dict[str, Any]:

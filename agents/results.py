@@ -288,9 +288,10 @@ def draw_learning(path: Path, runs: Path, scores: Sequence[Score]) -> None:
             curve = runs / str(Unit("level", agent, score["seed"])) / "learning_curve.csv"
             if curve.is_file():
                 drawn = True
-                lines = curve.read_text(encoding="utf-8").splitlines()
-                lines = list(csv.DictReader(lines))[1:]  # skip the untrained
-                rows = np.array([[float(row[name]) for name in _CURVE] for row in lines])
+                with reading(curve):
+                    lines = curve.read_text(encoding="utf-8").splitlines()
+                    lines = list(csv.DictReader(lines))[1:]  # skip the untrained
+                    rows = np.array([[float(row[name]) for name in _CURVE] for row in lines])
                 above = [cost / optimal.least_cost("level", v) - 1.0 for v, cost in rows[:, 2:]]
                 for ax, values in zip(axes, (rows[:, 1], above), strict=True):
                     ax.plot(rows[:, 0], values, color=style["color"], linewidth=0.7, alpha=0.7)

@@ -83,7 +83,7 @@ def _single(value: Any, name: str) -> float:
     if type(value) is float:  # the common case
         return value
     try:
-        if isinstance(value, str | bytes | bool | np.bool_) or np.ndim(value):
+        if isinstance(value, str | bytes | bool | np.bool_ | np.complexfloating) or np.ndim(value):
             raise TypeError
         return float(value)
     except (TypeError, ValueError, OverflowError):

@@ -1,10 +1,16 @@
-"""Reader of JSON, YAML and TOML files."""
+"""Reader of JSON, YAML and TOML files, and what can be wrong with a file of any kind.
+
+Every reader of the package takes its JSON from `parse_json` and its reasons from `reason`.
+"""
 
 from __future__ import annotations
 
 import json
+import math
 import os
+import pickle
 import re
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any, TypeGuard
@@ -15,7 +21,14 @@ _YAML = (".yaml", ".yml")
 SUFFIXES = (".json", *_YAML, ".toml")
 """Supported file name endings."""
 
+HOLDS_CODE = "it holds code, or is damaged: do not load it unless you trust its source"
+
 _FLOAT = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+$")
+_FLOAT_TAG = "tag:yaml.org,2002:float"
+_DEEPEST = 100  # levels of lists and mappings
+_NESTED = f"it nests deeper than {_DEEPEST} levels"
+# Parts of messages with which numpy, torch and pyyaml refuse a file that would run code.
+_CODE = re.compile("allow_pickle|weights_only|2002:python/")
 
 
 def is_file(value: Any) -> TypeGuard[str | os.PathLike[str]]:
@@ -23,6 +36,34 @@ def is_file(value: Any) -> TypeGuard[str | os.PathLike[str]]:
     if isinstance(value, str):
         return Path(value).suffix.lower() in SUFFIXES
     return isinstance(value, os.PathLike)
+
+
+def reason(error: Exception) -> str:
+    """Return in one line why a file cannot be read, by the error that its reader raised.
+
+    Libraries that refuse a file because it holds code name the option with which it would run. Such
+    a message is replaced by `HOLDS_CODE`.
+    """
+    said = (isinstance(error, OSError) and error.strerror) or str(error)
+    said = " ".join(said.split()) or type(error).__name__
+    if isinstance(error, pickle.UnpicklingError) or _CODE.search(said):
+        return HOLDS_CODE
+    if isinstance(error, RecursionError):
+        return _NESTED
+    return f"{said} is missing" if isinstance(error, KeyError) else said
+
+
+def parse_json(text: str | bytes) -> Any:
+    """Return the content of a JSON text, or of its bytes in UTF-8.
+
+    Raises:
+        ValueError: if it is not JSON, nests too deeply, or has a number beyond all floats.
+    """
+    try:
+        text = text if isinstance(text, str) else text.decode("utf-8")
+        return _checked(json.loads(text, parse_float=_float))
+    except RecursionError:
+        raise ValueError(_NESTED) from None
 
 
 def read_content(path: str | os.PathLike[str]) -> Any:
@@ -38,12 +79,44 @@ def read_content(path: str | os.PathLike[str]) -> Any:
     try:
         content = Path(path).read_text(encoding="utf-8")
         if suffix in _YAML:
-            return _yaml(name, content)
-        return tomllib.loads(content) if suffix == ".toml" else json.loads(content)
-    except OSError as error:
-        raise ValueError(f"{name} cannot be read: {error.strerror}") from None
-    except (RecursionError, ValueError) as error:
-        raise ValueError(f"{name} cannot be read: {error}") from None
+            return _checked(_yaml(name, content))
+        if suffix == ".toml":
+            return _checked(tomllib.loads(content, parse_float=_float))
+        return parse_json(content)
+    except ImportError:
+        raise
+    except Exception as error:  # a damaged file may raise anything
+        raise ValueError(f"{name} cannot be read: {reason(error)}") from None
+
+
+def _float(text: str) -> float:
+    """Return the float that a text writes; infinity has to be written as such."""
+    return _written(float(text), text)
+
+
+def _written(found: float, text: str) -> float:
+    if math.isinf(found) and "inf" not in text.lower():
+        raise ValueError(f"{cut(text)} is too large for a number")
+    return found
+
+
+def _checked(content: Any) -> Any:
+    """Return content after a check of its depth, and that floats can hold its integers."""
+    level = [content]
+    for _ in range(_DEEPEST + 1):
+        for value in level:
+            if isinstance(value, int) and abs(value) > sys.float_info.max:
+                raise ValueError(f"a number of {value.bit_length()} bits is too large")
+        inside = (
+            value.values() if isinstance(value, dict) else value
+            for value in level
+            if isinstance(value, dict | list)
+        )
+        # YAML's aliases may repeat an object; it is looked at once.
+        level = [*{id(value): value for values in inside for value in values}.values()]
+        if not level:
+            return content
+    raise ValueError(_NESTED)
 
 
 def _yaml(name: str, content: str) -> Any:
@@ -53,12 +126,14 @@ def _yaml(name: str, content: str) -> Any:
         raise ImportError(
             f"{name} needs pyyaml, which is not installed: pip install pyyaml, or write it as JSON"
         ) from None
-    try:
 
-        class Loader(yaml.SafeLoader):
-            """Loader of YAML 1.1 that also reads floats as YAML 1.2 writes them: 2e-1, 1e6."""
+    class Loader(yaml.SafeLoader):
+        """Loader of YAML 1.1 that also reads floats as YAML 1.2 writes them: 2e-1, 1e6."""
 
-        Loader.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+0123456789."))
-        return yaml.load(content, Loader)
-    except yaml.YAMLError as error:
-        raise ValueError(" ".join(str(error).split())) from None
+        def construct_float(self, node: Any) -> float:
+            """Return a float; see `_float`."""
+            return _written(self.construct_yaml_float(node), node.value)
+
+    Loader.add_implicit_resolver(_FLOAT_TAG, _FLOAT, list("-+0123456789."))
+    Loader.add_constructor(_FLOAT_TAG, Loader.construct_float)
+    return yaml.load(content, Loader)

@@ -15,11 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gym_passive_walker.arguments import shown
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import record_for
 from gym_passive_walker.envs import disturbance_kernels, task
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.transitions import STOPPED
+from gym_passive_walker.loading import parse_json, reason
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.walkers import PARAMETERS, Mechanism, Walker
 
@@ -40,7 +42,7 @@ def entries(state: Any, names: Sequence[str]) -> Mapping[str, Any]:
         StateError: if it is no mapping, an entry is missing, or there is another entry.
     """
     if not isinstance(state, Mapping):
-        raise StateError(f"a state is what get_state returned, a mapping, not {state!r}")
+        raise StateError(f"a state is what get_state returned, a mapping, not {shown(state)}")
     lacking = [name for name in names if name not in state]
     strange = [str(name) for name in state if name not in names]
     if lacking or strange:
@@ -49,16 +51,24 @@ def entries(state: Any, names: Sequence[str]) -> Mapping[str, Any]:
     return state
 
 
+def _array(given: Any, name: str) -> NDArray:
+    """Return a copy of an entry as an array."""
+    try:
+        return np.array(given)
+    except Exception as error:  # a damaged file may hold anything
+        raise StateError(f"the state's {name!r} is no array ({reason(error)})") from None
+
+
 def flags(given: Any, name: str, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Return a copy of an entry of booleans; the shape () is that of a single one.
 
     Raises:
         StateError: if the shape or the type of the entry is wrong.
     """
-    array = np.array(given)
+    array = _array(given, name)
     if array.dtype != np.bool_ or array.shape != shape:
         wanted = f"booleans of shape {shape}" if shape else "True or False"
-        raise StateError(f"the state's {name!r} must be {wanted}, not {given!r}")
+        raise StateError(f"the state's {name!r} must be {wanted}, not {shown(given)}")
     return array
 
 
@@ -68,7 +78,7 @@ def like(given: Any, name: str, own: NDArray) -> NDArray:
     Raises:
         StateError: if the shape or the type differs.
     """
-    array = np.array(given)
+    array = _array(given, name)
     if array.dtype != own.dtype:
         raise StateError(
             f"the state's {name!r} has other fields or types than here: it was damaged, or saved "
@@ -121,11 +131,11 @@ def check_scene(given: Any, own: str) -> None:
     Raises:
         StateError: if the scenes differ; the message names the arguments that differ.
     """
-    if str(given) == own:
-        return
     try:
-        theirs = json.loads(str(given))
-    except (ValueError, RecursionError):
+        if str(given) == own:
+            return
+        theirs = parse_json(str(given))
+    except (ValueError, RecursionError):  # text is nested less deeply than its lists may be
         theirs = None
     if not isinstance(theirs, dict):
         raise StateError("the state's 'scene' describes no scene: it was damaged")
@@ -181,7 +191,11 @@ def _restored(entry: Any, base: Any) -> Walker | None:
         return entry if isinstance(entry, Walker) else None
     names = base.body._fields
     name, *values = entry if isinstance(entry, tuple | list) and entry else [None]
-    if name != base.hybrid.name or [*map(type, values)] != [float] * len(names):
+    if (
+        not isinstance(name, str)
+        or name != base.hybrid.name
+        or [*map(type, values)] != [float] * len(names)
+    ):
         return None
     return base.with_body(dict(zip(names, values, strict=True)))
 
@@ -206,7 +220,7 @@ def check_randoms(given: Any, count: int, kind: type) -> list[dict[str, Any]]:
     for i, state in enumerate(row):
         try:
             _trial(kind).state = state
-        except (TypeError, ValueError, KeyError, OverflowError, AttributeError):
+        except Exception:  # a damaged file may hold anything
             raise StateError(
                 f"the state's 'random' of environment {i} is no state of a {kind.__name__} "
                 "generator"

@@ -6,7 +6,6 @@ and on its own number only. It depends neither on other walks nor on earlier mot
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import re
@@ -22,7 +21,7 @@ from gym_passive_walker.arguments import boolean, number, shown, unknown, whole
 from gym_passive_walker.console import cut
 from gym_passive_walker.engine.counter_rng import normal
 from gym_passive_walker.engine.jit import Kernel
-from gym_passive_walker.loading import is_file, read_content
+from gym_passive_walker.loading import is_file, parse_json, read_content
 from gym_passive_walker.walkers import Walker
 
 _HEIGHTS, _SLOPES = 100, 101  # streams of random numbers
@@ -207,16 +206,18 @@ def terrain_from(value: TerrainLike | None) -> Terrain | None:
 def _of_text(text: str) -> Terrain:
     if text.lstrip().startswith("{"):
         try:
-            return _of_mapping(json.loads(text))
-        except (RecursionError, json.JSONDecodeError) as error:
+            content = parse_json(text)
+        except ValueError as error:
             raise ValueError(f"terrain {shown(text)} is no JSON: {error}") from None
+        return _of_mapping(content)
     name, _, rest = text.partition(":")
     if _ARGUMENT.sub("", rest):
         raise ValueError(f"a terrain is written as {EXAMPLES}, or as a mapping, not {shown(text)}")
     try:
-        return _of_mapping({name: {key: json.loads(word) for key, word in _ARGUMENT.findall(rest)}})
-    except json.JSONDecodeError:
+        arguments = {key: parse_json(word) for key, word in _ARGUMENT.findall(rest)}
+    except ValueError:
         raise ValueError(f"terrain {cut(name)} takes numbers, not {shown(rest)}") from None
+    return _of_mapping({name: arguments})
 
 
 def _of_mapping(value: Any) -> Terrain:

@@ -10,7 +10,6 @@ Policies of other programs are read from ONNX files and from files of stable-bas
 
 from __future__ import annotations
 
-import json
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -19,10 +18,11 @@ from gym_passive_walker.arguments import shown
 from gym_passive_walker.console import cut
 from gym_passive_walker.control import controllers
 from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.loading import parse_json
 from gym_passive_walker.policies.network import Network
 from gym_passive_walker.policies.onnx_file import OnnxPolicy, write_onnx
 from gym_passive_walker.policies.sb3_file import Sb3Policy
-from gym_passive_walker.policies.tensors import PolicyError, read_tensors
+from gym_passive_walker.policies.tensors import PolicyError, read_tensors, reading
 
 TENSORS, DESCRIPTION = "policy.safetensors", "policy.json"
 _SHIPPED = Path(__file__).parent
@@ -41,17 +41,13 @@ class TrainedPolicy(Network):
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         description = _description(folder / DESCRIPTION)
-        try:
+        with reading(folder, "is not a policy"):
             acting = {name: description[name] for name in ("algo", "activation", "normalizer")}
             self.name = str(acting["algo"]).upper()
             self._trained_in = description["scene"], _names(description["env"], "env")
             self.scene: Scene = make_scene(self._trained_in[0], **self._trained_in[1])
             self.trained: dict[str, Any] = _names(description.get("trained", {}), "trained")
             super().__init__(read_tensors(folder / TENSORS), **acting)
-        except KeyError as error:
-            raise PolicyError(f"{folder} is not a policy: it lacks {error}") from None
-        except (TypeError, ValueError) as error:
-            raise PolicyError(f"{folder} is not a policy: {error}") from None
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.folder.name}>"
@@ -145,13 +141,11 @@ controllers.LOADERS.append(load_policy)
 
 def _description(path: Path) -> dict[str, Any]:
     """Read a policy's JSON file."""
-    try:
-        description = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise PolicyError(f"{path} is damaged: {error}") from None
-    if not isinstance(description, dict):
-        raise PolicyError(f"{path} is damaged: it does not describe a policy")
-    return description
+    with reading(path):
+        description = parse_json(path.read_bytes())
+        if not isinstance(description, dict):
+            raise ValueError("it does not describe a policy")
+        return description
 
 
 def _names(value: Any, name: str) -> dict[str, Any]:

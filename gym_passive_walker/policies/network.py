@@ -38,6 +38,7 @@ PLACES = {
     "shac-learned": ("mlp_extractor.policy_net", "action_net"),
 }
 """Names of the hidden layers and of the layer of the mean action, by algorithm."""
+_LARGEST = float(np.finfo(np.float32).max)
 _LOG_STD = (-20.0, 2.0)  # SAC clips the output of its network to this range
 
 
@@ -78,8 +79,9 @@ class Network:
             if not isinstance(name, str) or name not in known:
                 raise ValueError(f"no {what} {shown(name)}: choose from {', '.join(known)}")
         for name, tensor in tensors.items():
-            if not np.all(np.isfinite(tensor)):
-                raise ValueError(f"tensor {name} has numbers that are not finite")
+            real = np.asarray(tensor).dtype.kind in "fiu"
+            if not real or not np.all(np.abs(np.asarray(tensor, float)) <= _LARGEST):
+                raise ValueError(f"tensor {name} must be finite numbers of single precision")
         self.activation, self.squashed = activation, algo == "sac"
         hidden, mean = PLACES[algo]
         places = {name.rsplit(".", 1)[0] for name in tensors if name.startswith(f"{hidden}.")}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,11 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.arguments import shown
 from gym_passive_walker.envs.explain import as_rows
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.extras import extra
 from gym_passive_walker.files import replacing
-from gym_passive_walker.policies.tensors import PolicyError
+from gym_passive_walker.loading import parse_json, reason
+from gym_passive_walker.policies.tensors import PolicyError, reading
 
 if TYPE_CHECKING:
     from gym_passive_walker.policies.network import Network
@@ -22,6 +25,7 @@ if TYPE_CHECKING:
 EXTRA = "onnx"
 _OPSET, _IR = 17, 8  # of 2022, which runtimes since then can read
 _TYPES = {"tensor(float)": np.float32, "tensor(double)": np.float64}
+_REAL = re.compile(r"tensor\((float|float16|double|u?int\d+)\)")
 _ACTIVATIONS = {"ReLU": "Relu", "Tanh": "Tanh", "ELU": "Elu"}
 
 
@@ -145,32 +149,24 @@ class OnnxPolicy:
         found = self._session.get_modelmeta().custom_metadata_map
         self.scene: Any = None
         if "scene" in found:
-            try:
-                self.scene = make_scene(found["scene"], **json.loads(found.get("env", "{}")))
-            except (TypeError, ValueError) as error:
-                raise PolicyError(f"{path} names an invalid scene: {error}") from None
+            with reading(self.path, "names an invalid scene"):
+                self.scene = make_scene(found["scene"], **parse_json(found.get("env", "{}")))
 
     def _open(self) -> None:
         """Prepare the evaluation."""
-        try:
-            with self.path.open("rb"):
-                pass
-        except OSError as error:
-            raise PolicyError(f"{self.path} cannot be read: {error.strerror}") from None
+        with reading(self.path), self.path.open("rb"):
+            pass
         with extra(EXTRA):
             import onnxruntime
         options = onnxruntime.SessionOptions()
         # For networks of this size, a second thread only waits.
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 3
-        try:
+        with reading(self.path, "is not a readable ONNX file"):
             # By its path, because its tensors may be in another file beside it.
             self._session = onnxruntime.InferenceSession(
                 str(self.path), options, providers=["CPUExecutionProvider"]
             )
-        except Exception as error:  # onnxruntime's errors have no common class
-            said = str(error).splitlines()[0]
-            raise PolicyError(f"{self.path} is not a readable ONNX file: {said}") from None
         inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
         if len(inputs) != 1 or inputs[0].type not in _TYPES or len(inputs[0].shape) != 2:
             has = ", ".join(f"{x.name} {x.type} {x.shape}" for x in inputs)
@@ -180,6 +176,12 @@ class OnnxPolicy:
         (given,), names = inputs, [x.name for x in outputs]
         self._input, self._shape, self._dtype = given.name, given.shape, _TYPES[given.type]
         self._output = next((x for x in ("action", "actions") if x in names), names[0])
+        kind = outputs[names.index(self._output)].type
+        if not _REAL.fullmatch(kind):
+            raise PolicyError(
+                f"{self.path} must return actions as real numbers by its output {self._output}, "
+                f"not {kind}"
+            )
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "_session"}
@@ -207,7 +209,8 @@ class OnnxPolicy:
             Actions, (actions,) or (n, actions), and the state.
 
         Raises:
-            ValueError: if the observations have another shape, or the actions are not (n, actions).
+            ValueError: if the observations have another shape, or the actions are not (n, actions)
+                or not finite.
         """
         seen = np.asarray(observation, self._dtype)
         batch, size = self._shape
@@ -227,11 +230,22 @@ class OnnxPolicy:
 
     def _run(self, rows: NDArray) -> NDArray[np.float32]:
         """Return the actions for observations (n, size)."""
-        found: Any = self._session.run([self._output], {self._input: rows})[0]
-        actions = np.asarray(found, np.float32)
+        try:
+            found: Any = self._session.run([self._output], {self._input: rows})[0]
+        except Exception as error:  # onnxruntime's errors have no common class
+            raise ValueError(
+                f"{self.name} fails for observations of shape {rows.shape}: {reason(error)}"
+            ) from None
+        with np.errstate(over="ignore"):  # of numbers in double precision
+            actions = np.asarray(found, np.float32)
         if actions.ndim != 2 or len(actions) != len(rows):
             raise ValueError(
                 f"{self.name} must return actions of shape (n, actions), here with n = "
                 f"{len(rows)}, not {actions.shape}"
+            )
+        wrong = ~np.isfinite(actions).all(axis=1) & np.isfinite(rows).all(axis=1)
+        if wrong.any():
+            raise ValueError(
+                f"{self.name} must return finite actions, not {shown(actions[wrong][0].tolist())}"
             )
         return actions

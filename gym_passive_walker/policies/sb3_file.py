@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import io
-import json
 import re
 import zipfile
 from pathlib import Path
 from typing import Any
 
 from gym_passive_walker.extras import extra
+from gym_passive_walker.loading import parse_json
 from gym_passive_walker.policies.network import ACTIVATIONS, Network
-from gym_passive_walker.policies.tensors import PolicyError
+from gym_passive_walker.policies.tensors import PolicyError, reading
 
 _ALIKE = (("action_net.weight", "ppo", "Tanh"), ("actor.log_std.weight", "sac", "ReLU"))
 _CRITIC = ("value_net.", "mlp_extractor.value_net.", "critic.", "critic_target.")
 _ACTOR = ("mlp_extractor.policy_net.", "action_net.", "log_std", "actor.")
 _LIBRARIES = ("stable_baselines3.", "sb3_contrib.")
+_ACTIVATION = r"<class 'torch\.nn\.modules\.activation\.(\w+)'>"
+_ADVICE = (
+    "; give a file of PPO, A2C or SAC with MlpPolicy, or an ONNX file, and do not load this one by "
+    "other means unless you trust its source, since it can hold code"
+)
 
 
 class Sb3Policy(Network):
@@ -47,9 +52,9 @@ class Sb3Policy(Network):
             )
         with extra("train"):
             import torch
-        try:
+        with reading(path, "is not a policy that this package can read", _ADVICE):
             with zipfile.ZipFile(path) as file:
-                about = json.loads(file.read("data"))
+                about = parse_json(file.read("data"))
                 weights = io.BytesIO(file.read("policy.pth"))
             tensors = torch.load(weights, map_location="cpu", weights_only=True)
             arrays = {
@@ -59,17 +64,11 @@ class Sb3Policy(Network):
             }
             if other := [name for name in arrays if not name.startswith(_ACTOR)]:
                 raise ValueError(f"it has other layers, as {other[0]}")
-            algo, usual = next(each[1:] for each in _ALIKE if each[0] in arrays)
+            found = [each[1:] for each in _ALIKE if each[0] in arrays]
+            if not found:
+                raise ValueError("it is none of PPO, A2C and SAC")
+            algo, usual = found[0]
             super().__init__(arrays, algo=algo, activation=_checked(about, usual), normalizer=None)
-        except OSError as error:
-            raise PolicyError(f"{path} cannot be read: {error.strerror or error}") from None
-        except Exception as error:  # damaged files raise anything
-            reason = "it is none of PPO, A2C and SAC"
-            reason = reason if isinstance(error, StopIteration) else str(error) or repr(error)
-            raise PolicyError(
-                f"{path} is not a policy that this package can read ({reason}): load it by its "
-                "own library, as PPO.load(path), and give the model"
-            ) from None
 
 
 def _checked(about: dict[str, Any], usual: str) -> str:
@@ -85,11 +84,13 @@ def _checked(about: dict[str, Any], usual: str) -> str:
         raise ValueError("it explores with noise that depends on the state, use_sde=True")
     low = {float(x) for x in re.findall(r"[-+.\de]+", about["action_space"]["low"])}
     if usual == "ReLU" and low != {-1.0}:
-        raise ValueError(f"its actions are scaled from {min(low)}")
+        raise ValueError(f"its actions are scaled from {min(low, default='no number')}")
     options = about.get("policy_kwargs") or {}
     if other := options.keys() & {"features_extractor_class", "squash_output"}:
         raise ValueError(f"it has {', '.join(sorted(other))}")
-    named = re.search(r"(\w+)'>$", str(options.get("activation_fn", f"{usual}'>")))
+    if "activation_fn" not in options:
+        return usual
+    named = re.fullmatch(_ACTIVATION, str(options["activation_fn"]))
     if named is None or named[1] not in ACTIVATIONS:
-        raise ValueError(f"its activation function is none of {', '.join(ACTIVATIONS)}")
+        raise ValueError(f"its activation function is none of {', '.join(ACTIVATIONS)} of torch.nn")
     return named[1]

@@ -5,13 +5,16 @@ A file holds the length of its header in 8 bytes, little-endian; the header in J
 
 from __future__ import annotations
 
-import json
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from gym_passive_walker.loading import parse_json, reason
 
 _DTYPES = {"F16": "<f2", "F32": "<f4", "F64": "<f8", "I32": "<i4", "I64": "<i8"}
 
@@ -20,29 +23,40 @@ class PolicyError(ValueError):
     """A policy does not exist, or its files are damaged."""
 
 
+@contextmanager
+def reading(path: Path, wrong: str = "is damaged", advice: str = "") -> Iterator[None]:
+    """Turn any error while a policy is read into a `PolicyError` of one sentence.
+
+    Args:
+        path: The file or folder, which the message names.
+        wrong: What the message says of it, before the reason.
+        advice: End of the message.
+
+    Raises:
+        PolicyError: if the file is missing, or its content is invalid.
+    """
+    try:
+        yield
+    except (PolicyError, ImportError):
+        raise
+    except OSError as error:
+        raise PolicyError(f"{path} cannot be read: {reason(error)}") from None
+    except Exception as error:  # a damaged file may raise anything
+        raise PolicyError(f"{path} {wrong}: {reason(error)}{advice}") from None
+
+
 def read_tensors(path: Path) -> dict[str, NDArray]:
     """Return all tensors of a file by name.
 
     Raises:
         PolicyError: if the file is missing, cut short or otherwise damaged.
     """
-    try:
+    with reading(path):
         data = path.read_bytes()
         size = int.from_bytes(data[:8], "little")
-        header: dict[str, Any] = json.loads(data[8 : 8 + size])
+        header: dict[str, Any] = parse_json(data[8 : 8 + size])
         header.pop("__metadata__", None)
         return {name: _tensor(data[8 + size :], **entry) for name, entry in header.items()}
-    except OSError as error:
-        raise PolicyError(f"{path} cannot be read: {error.strerror}") from None
-    except (
-        ValueError,
-        TypeError,
-        KeyError,
-        AttributeError,
-        OverflowError,
-        RecursionError,
-    ) as error:
-        raise PolicyError(f"{path} is damaged: {error}") from None
 
 
 def _tensor(numbers: bytes, dtype: str, shape: list[int], data_offsets: list[int]) -> NDArray:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.extras import extra
+from gym_passive_walker.loading import parse_json, reason
 from gym_passive_walker.sweeps.description import Description
 from gym_passive_walker.sweeps.node import locked
 
@@ -145,11 +146,11 @@ class Store:
         written = [(number, line) for number, line in lines if line.strip()]
         for number, line in written:
             try:
-                row = json.loads(line.decode("utf-8"))
-            except (ValueError, RecursionError):
+                row = parse_json(line)
+            except ValueError as error:
                 if (number, line) == written[-1]:
                     continue
-                wrong = "it is not JSON"
+                wrong = f"it is not JSON: {error}"
             else:
                 wrong = self._wrong(row)
             if wrong:
@@ -307,9 +308,7 @@ def _reading(path: Path, what: str) -> Iterator[None]:
     try:
         yield
     except Exception as error:  # a damaged file may raise anything
-        said = error.strerror if isinstance(error, OSError) else None
-        said = " ".join((said or str(error) or type(error).__name__).split())
-        raise ValueError(f"{path} cannot be read ({said}): {_REMEDIES[what]}") from None
+        raise ValueError(f"{path} cannot be read ({reason(error)}): {_REMEDIES[what]}") from None
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -324,7 +323,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             f"{folder} does not contain a sweep, since it has no {_MANIFEST}: give another folder"
         )
     with _reading(path, "manifest"):
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = parse_json(path.read_bytes())
         if not isinstance(found, dict):
             raise ValueError("it is not a mapping")
         for name, kind in (("description", dict), ("sweep", str), ("version", str)):
@@ -440,9 +439,11 @@ def _holds(value: Any, kind: str) -> bool:
     """Return whether a column of a type may hold a value."""
     if value is None or kind == "string":
         return True
-    if kind == "double" and type(value) is float:
-        return True
-    return type(value) is (bool if kind == "bool" else int)
+    if kind == "double":
+        return type(value) in (float, int)
+    if kind == "bool":
+        return type(value) is bool
+    return type(value) is int and -(2**63) <= value < 2**63
 
 
 def _said(kinds: dict[str, str]) -> str:

@@ -8,10 +8,11 @@ import pytest
 import yaml
 
 from agents import envs
-from agents.config import ALGORITHMS, Config, ConfigError, configure, presets, reason
+from agents.config import ALGORITHMS, Config, ConfigError, configure, presets
 from agents.learner import _acting, build, moments, restore_moments
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.loading import reason
 
 SCENES = ("level", "steep", "rolling", "lab")
 

@@ -149,7 +149,7 @@ def test_infinite_clips_and_no_epsilon_are_allowed_and_a_variance_of_0_is_not():
 def test_a_number_that_is_not_finite_is_refused_with_its_tensor(name, value):
     arrays = tensors(False)
     arrays[name].ravel()[-1] = value
-    with pytest.raises(ValueError, match=rf"tensor {name} has numbers that are not finite"):
+    with pytest.raises(ValueError, match=rf"tensor {name} must be finite numbers"):
         Network(arrays, algo="ppo", activation="Tanh", normalizer=None)
 
 
@@ -219,7 +219,7 @@ def test_a_description_that_lacks_an_entry_is_refused_by_its_name(lacking, tmp_p
     about = json.loads((copy / DESCRIPTION).read_text())
     del about[lacking]
     (copy / DESCRIPTION).write_text(json.dumps(about))
-    with pytest.raises(gpw.PolicyError, match=rf"copy is not a policy: it lacks '{lacking}'"):
+    with pytest.raises(gpw.PolicyError, match=rf"copy is not a policy: '{lacking}' is missing"):
         gpw.load_policy(copy)
     about[lacking] = 3
     (copy / DESCRIPTION).write_text(json.dumps(about))

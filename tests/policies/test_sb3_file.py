@@ -73,7 +73,7 @@ def test_files_that_say_too_little_are_refused(tmp_path):
     with pytest.raises(gpw.PolicyError, match=r"model.zip cannot be read: No such file"):
         gpw.load_policy(path)
     path.write_bytes(b"no file")
-    with pytest.raises(gpw.PolicyError, match=r"not a zip file.*PPO.load"):
+    with pytest.raises(gpw.PolicyError, match=r"not a zip file; give .*unless you trust"):
         gpw.load_policy(path)
     refused = {
         "noise that depends on the state": model_of("PPO", use_sde=True),
@@ -92,6 +92,10 @@ def test_files_that_say_too_little_are_refused(tmp_path):
     model_of("PPO").save(path)
     changed(path, policy_class={"__module__": "mine.networks"})
     with pytest.raises(gpw.PolicyError, match=r"a class of mine\.networks"):
+        gpw.load_policy(path)
+    model_of("PPO").save(path)
+    changed(path, policy_kwargs={"activation_fn": "<class 'mine.ReLU'>"})
+    with pytest.raises(gpw.PolicyError, match=r"function is none of ReLU.* of torch\.nn"):
         gpw.load_policy(path)
 
 
