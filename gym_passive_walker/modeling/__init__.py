@@ -3,8 +3,8 @@
 The named tuples here state the package's own kinds of walkers too.
 """
 
-from gym_passive_walker.modeling.checks import StatementError
 from gym_passive_walker.modeling.mechanics import Link
+from gym_passive_walker.modeling.stated import StatementError
 from gym_passive_walker.modeling.statement import (
     accelerations_of,
     heelstrike_of,

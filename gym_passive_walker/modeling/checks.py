@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gym_passive_walker.arguments import shown
 from gym_passive_walker.engine.layout import MOST_CONSTANTS, MOST_GUARDS, WIDE
 from gym_passive_walker.modeling.mechanics import Derived, Link, rates_by
+from gym_passive_walker.modeling.stated import StatementError, plain, same
 from gym_passive_walker.physics import hybrid
 from gym_passive_walker.physics.hybrid import SMOOTH, Ground, Outcome, Phase, Watch
+from gym_passive_walker.walkers import WALKERS
 
 if TYPE_CHECKING:
     from gym_passive_walker.modeling.system import System
@@ -19,6 +22,13 @@ if TYPE_CHECKING:
 _TRIALS, _CLOSE = 3, 1e-9  # random states of a check, and the largest relative error
 _ITERATIONS = 50  # of Newton's method
 _SLOPING = Ground(0.1, 0.995)  # any slope on which powers are compared
+_TAKEN = frozenset({
+    # what analyses and compiled code find by its name
+    "slope", "height_change", "slope_change", "hip_torque", "ankle_torque", "push_off",
+    # other columns of tables
+    "time", "stride", "phase", "contact_x", "contact_y", "tilt", "step_length", "step_period",
+    "speed", "froude_speed", "largest_multiplier", "stable",
+})  # fmt: skip
 _FALLS = tuple(
     outcome.name.lower()
     for outcome in Outcome
@@ -26,13 +36,20 @@ _FALLS = tuple(
 )
 
 
-class StatementError(ValueError):
-    """The definition of a system is wrong; the message names the function."""
+def _is_named_tuple(of: Any) -> bool:
+    """Whether a value is the class of a named tuple."""
+    return isinstance(of, type) and issubclass(of, tuple) and hasattr(of, "_fields")
 
 
 def _fields_of(of: Any) -> tuple[str, ...]:
     """The names of a named tuple's fields; none of anything else."""
-    return getattr(of, "_fields", ()) if isinstance(of, type) else ()
+    return of._fields if _is_named_tuple(of) else ()
+
+
+def _real(x: Any) -> float:
+    if isinstance(x, str | bytes | bool | np.bool_) or np.iscomplexobj(x) or np.ndim(x):
+        raise TypeError
+    return float(x)
 
 
 class Checks:
@@ -40,23 +57,34 @@ class Checks:
 
     def __init__(self, system: System) -> None:
         self.system, rng = system, np.random.default_rng(0)
-        if not isinstance(system.name, str):
+        if not isinstance(system.name, str) or not system.name.strip():
             raise self.error("name", f"must be text, not {system.name!r}")
+        if system.name in WALKERS:
+            raise self.error("name", "is the name of a walker of the package: choose another")
         fields = _fields_of(system.State)
         if not fields or len(fields) % 2 or len(fields) // 2 > WIDE.links:
             raise self.error(
                 "State", "must be a named tuple of 1 to 8 coordinates and, behind them, their rates"
             )
-        if not hasattr(system.Control, "_fields") or not isinstance(system.Control, type):
+        if not _is_named_tuple(system.Control):
             raise self.error("Control", "must be a named tuple of the controls")
-        if not hasattr(system.body, "_fields"):
+        if not _fields_of(type(system.body)):
             raise self.error("body", "must be an instance of a named tuple of parameters")
+        for name in ("State", "Control", "body"):
+            kind = type(system.body) if name == "body" else getattr(system, name)
+            if taken := [each for each in _fields_of(kind) if each in _TAKEN]:
+                raise self.error(
+                    name, f"must not have a field {taken[0]}, which the package gives another "
+                    "meaning: rename it"
+                )  # fmt: skip
+        if both := [each for each in fields if each in _fields_of(system.Control)]:
+            raise self.error("Control", f"has the field {both[0]} of State: rename one of them")
         self.body, count = system.body, len(fields) // 2
         self.numbers("body", self.body)
-        if system.start is not None and np.shape(system.start) != (2 * count,):
-            raise self.error("start", f"must have {2 * count} numbers, not {system.start!r}")
-        centre = np.array([0.0] * (2 * count) if system.start is None else system.start)
-        self.numbers("start", centre)
+        start = [0.0] * (2 * count) if system.start is None else system.start
+        if np.iterable(start) and len(start) != 2 * count:
+            raise self.error("start", f"must have {2 * count} numbers, not {start!r}")
+        centre = self.numbers("start", start)
         self.start = system.State(*centre.tolist())
         states = centre + rng.uniform(-0.3, 0.3, (_TRIALS, 2 * count))
         self.states = [system.State(*state) for state in states.tolist()]
@@ -75,12 +103,38 @@ class Checks:
         except Exception as error:
             raise self.error(name, f"fails: {type(error).__name__}: {error}") from error
 
+    def agree(self, name: str, function: Any, size: int | None, *arguments: Any) -> None:
+        """Refuse a function that gives other results when it is traced.
+
+        Args:
+            name: Its name.
+            function: The function.
+            size: How many numbers it returns; None for a single one.
+            *arguments: Its arguments, of numbers.
+        """
+
+        def row(*given: Any) -> tuple[Any, ...]:
+            found = function(*given)
+            if found is None:
+                raise self.error(name, "returns None: add its return")
+            return tuple(found) if size is not None and np.iterable(found) else (found,)
+
+        plain, traced = (
+            self.numbers(name, self.tried(name, each, *arguments), 1 if size is None else size)
+            for each in (row, Derived(row))
+        )
+        if not np.allclose(plain, traced, _CLOSE, _CLOSE):
+            raise self.error(
+                name, f"gives {traced.tolist()} for symbols and {plain.tolist()} for the same "
+                "numbers: it must not depend on their type"
+            )  # fmt: skip
+
     def numbers(self, name: str, values: Any, count: int | None = None) -> NDArray[np.float64]:
         """Return results as an array of finite numbers, (count,); refuse all others."""
         try:
-            found = np.array([float(x) for x in values])
-        except (TypeError, ValueError) as error:
-            raise self.error(name, f"must give numbers, not {values!r}") from error
+            found = np.array([_real(x) for x in values])
+        except (TypeError, ValueError, OverflowError) as error:
+            raise self.error(name, f"must give numbers, not {shown(values)}") from error
         if count is not None and len(found) != count:
             raise self.error(name, f"must give {count} numbers, not {len(found)}")
         if not np.all(np.isfinite(found)):
@@ -88,6 +142,7 @@ class Checks:
         return found
 
 
+_FUNCTIONS = ("potential", "dissipation", "forces", "travel", "pose", "centre")
 _DERIVED = ("links", "landing", "relabel", "counts", "potential", "dissipation", "forces")
 
 
@@ -104,7 +159,7 @@ def check_given(system: System, equations: hybrid.System) -> None:
                 "change `equations`"
             )
     for name in ("State", "Control", "travel"):
-        if getattr(system, name) is not getattr(equations, name):
+        if plain(getattr(system, name)) is not plain(getattr(equations, name)):
             raise StatementError(
                 f"{name} of system {system.name!r} must be that of its equations: give changed "
                 "equations to gpw.System.of"
@@ -118,6 +173,17 @@ def check(system: System) -> None:
         StatementError: with the function's name.
     """
     checks = Checks(system)
+    for name in ("falls", "limits"):
+        if not isinstance(getattr(system, name), Mapping):
+            raise checks.error(name, f"must be a mapping, not {shown(getattr(system, name))}")
+    for name, function in (
+        *((name, getattr(system, name)) for name in _FUNCTIONS),
+        *((f"falls[{name!r}]", function) for name, function in system.falls.items()),
+    ):
+        if function is not None and not callable(function):
+            raise checks.error(name, f"must be a function, not {shown(function)}")
+    if system.travel is None:
+        raise checks.error("travel", "must be a function of the state")
     if not system.falls:
         raise checks.error("falls", f"must say when it has fallen: {', '.join(_FALLS)}")
     for name in system.falls:
@@ -143,6 +209,8 @@ def check(system: System) -> None:
         if not (isinstance(value, (tuple, list)) if name == "counts" else callable(value)):
             kind = "a list of functions" if name == "counts" else "a function of body and state"
             raise checks.error(name, f"must be {kind}, not {value!r}")
+    if not all(map(callable, system.counts)):
+        raise checks.error("counts", f"must be a list of functions, not {shown(system.counts)}")
     controls = len(system.controls)
     rows = 1 + len(system.falls) + len(system.counts) + controls
     if rows > MOST_GUARDS or controls > WIDE.controls or len(system.body) > MOST_CONSTANTS:
@@ -183,17 +251,13 @@ def _check_functions(checks: Checks, state: Any) -> None:
         ("landing", system.landing, 2),
         ("relabel", system.relabel, checks.count),
         ("forces", system.forces, checks.count),
+        *(("falls", each, None) for each in system.falls.values()),
+        *(("counts", each, None) for each in system.counts),
+        ("potential", system.potential, None),
+        ("dissipation", system.dissipation, None),
     ):
         if function is not None:
-            checks.numbers(name, checks.tried(name, function, body, state), size)
-    for name, function in (
-        *(("falls", each) for each in system.falls.values()),
-        *(("counts", each) for each in system.counts),
-        ("potential", system.potential),
-        ("dissipation", system.dissipation),
-    ):
-        if function is not None:
-            checks.numbers(name, [checks.tried(name, function, body, state)])
+            checks.agree(name, function, size, body, state)
     for function in system.falls.values():
         if not np.any(_slopes(checks, "falls", function, state, 0)):
             raise checks.error("falls", "never falls: it does not depend on the coordinates")
@@ -205,8 +269,7 @@ def _check_functions(checks: Checks, state: Any) -> None:
         _slopes(checks, "potential", system.potential, state, checks.count)
     ):
         raise checks.error("potential", "must not depend on the rates of the coordinates")
-    moved = checks.tried("travel", system.travel, state)
-    checks.numbers("travel", moved, len(system.controls))
+    checks.agree("travel", system.travel, len(system.controls), state)
     _check_pose(checks, state)
 
 
@@ -222,7 +285,12 @@ def _slopes(
 
 
 def _check_pose(checks: Checks, state: Any) -> None:
-    for line in checks.tried("pose", checks.system.drawn, state):
+    lines, again = (checks.tried("pose", checks.system.drawn, state) for _ in range(2))
+    if not same([line.tolist() for line in lines], [line.tolist() for line in again]):
+        raise checks.error(
+            "pose", "gives another result each time: its arguments must determine it"
+        )
+    for line in lines:
         if line.ndim != 2 or line.shape[1] != 2 or not np.all(np.isfinite(line)):
             raise checks.error("pose", "must give lines of finite points (x, y)")
 
@@ -318,8 +386,7 @@ def _check_energies(checks: Checks, equations: hybrid.System, state: Any) -> Non
         function = getattr(equations, name)
         if function is not None:
             checks.numbers(name, [checks.tried(name, Derived(function), *arguments)])
-    moved = checks.tried("travel", equations.travel, state)
-    checks.numbers("travel", moved, len(checks.system.controls))
+    checks.agree("travel", equations.travel, len(checks.system.controls), state)
     given = equations, body, state[: checks.count], state, state, _SLOPING
     checks.numbers("measure", checks.tried("measure", equations.measure, *given), 4)
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine import compiled
-from gym_passive_walker.modeling.checks import StatementError, check, check_given
+from gym_passive_walker.modeling.checks import check, check_given
 from gym_passive_walker.modeling.mechanics import (
     Derived,
     Link,
@@ -22,12 +22,17 @@ from gym_passive_walker.modeling.mechanics import (
     relabelled,
     solve,
 )
+from gym_passive_walker.modeling.stated import Stated, StatementError, stated
 from gym_passive_walker.modeling.statement import push_of
 from gym_passive_walker.physics import hybrid
 from gym_passive_walker.physics.hybrid import SMOOTH, Ground, Guard, Outcome, Watch
 from gym_passive_walker.physics.systems import register
 from gym_passive_walker.walkers import Mechanism
 
+_FUNCTIONS = (
+    "links", "landing", "relabel", "falls", "counts", "potential", "dissipation", "forces",
+    "travel", "pose", "centre",
+)  # fmt: skip
 _BETWEEN = 7  # looks at a guard within a step; a foot may dip and rise between its ends
 _ITERATIONS, _CLOSE = 30, 1e-9  # of Newton's method, and its largest error
 
@@ -125,9 +130,22 @@ class System(Mechanism):
     def __post_init__(self) -> None:
         if self.equations is not None:
             check_given(self, self.equations)
-            pushed = _pushed(self.equations)
-            self.__dict__.update(equations=pushed, falls=_falls_of(pushed))
+            given = stated(_pushed(self.equations), self.name)
+            self.__dict__.update(equations=given, falls=_falls_of(given), travel=given.travel)
+        self.__dict__.update({name: self._stated_as(name) for name in _FUNCTIONS})
         check(self)
+
+    def _stated_as(self, name: str) -> Any:
+        """The user's function of a name, or a collection of them, as `Stated`."""
+
+        def of(given: Any) -> Any:
+            if isinstance(given, Mapping):
+                return {key: of(each) for key, each in given.items()}
+            if isinstance(given, tuple | list):
+                return tuple(map(of, given))
+            return Stated(name, given, self.name) if callable(given) else given
+
+        return of(getattr(self, name))
 
     @classmethod
     def of(

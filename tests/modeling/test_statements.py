@@ -6,6 +6,7 @@ python -m tests.modeling.test_statements     Write the sentences, `sentences.jso
 import json
 import math
 import pickle
+import random
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -17,16 +18,60 @@ import pytest
 import gym_passive_walker as gpw
 from examples.torso import TORSO
 from gym_passive_walker.math import cos, sin
-from tests.modeling.statements import COMPASS, State, links
+from tests.modeling.statements import COMPASS, DRIVEN, Hip, State, links
 from tests.numbers import alike
 
 SENTENCES = Path(__file__).with_name("sentences.json")
+
+
+def falling(body, state):
+    """A landing that chooses by `if`."""
+    if state.swing > state.stance:
+        return sin(state.swing) - sin(state.stance), cos(state.stance) - cos(state.swing)
+    return 0.0, cos(state.stance) - cos(state.swing)
+
+
+def anything(body, state):
+    """Another number each time."""
+    return random.random()
+
+
+def forgotten(body, state):
+    """A potential energy without its return."""
+    0.5 * state.stance**2
+
+
+class Timed(NamedTuple):
+    """A state with the name of another column of tables."""
+
+    stance: float
+    speed: float
+    stance_rate: float
+    swing_rate: float
+
+
+class Pushed(NamedTuple):
+    """A body with a name that compiled code knows."""
+
+    hip: float = 1.0
+    push_off: float = 2.0
+
+
+class Same(NamedTuple):
+    """A control with the name of a coordinate."""
+
+    stance: float
 
 
 class Nothing(NamedTuple):
     """A state without rates."""
 
     angle: float
+
+
+def upright(body, state):
+    """Positive while the stance leg stands."""
+    return state.stance + 1.5
 
 
 WRONG = {
@@ -47,8 +92,17 @@ WRONG = {
         "one number": (lambda b, s: (0.0,), "2 numbers"),
         "a foot in the air": (lambda b, s: (s.swing, 3.0 + cos(s.stance)), "near none"),
         "no function": (None, "must be a function"),
+        "an `if`": (falling, "fails in line"),
+        "a sine of NumPy": (
+            lambda b, s: (np.sin(s.swing) - np.sin(s.stance), np.cos(s.stance) - np.cos(s.swing)),
+            "use gym_passive_walker.math, and its where() instead of if",
+        ),
+        "no return": (forgotten, "add its return"),
+        "a text": (lambda b, s: ("1.5", "2.5"), "must give numbers"),
     },
     "relabel": {
+        "another each time": (lambda b, s: (s.swing, s.stance + anything(b, s)), "each time"),
+        "no return": (forgotten, "add its return"),
         "legs that keep their roles": (lambda b, s: (s.stance, s.swing), "same motion"),
         "three coordinates": (lambda b, s: (s.swing, s.stance, 0.0), "2 numbers"),
         "a leg turned over": (lambda b, s: (s.swing, s.stance + 0.1), "same"),
@@ -58,23 +112,67 @@ WRONG = {
         "an unknown one": ({"tumbled": lambda b, s: s.stance}, "fell_forward"),
         "text": ({"fell_forward": lambda b, s: "x"}, "numbers"),
         "a constant": ({"fell_forward": lambda b, s: 1.0}, "never falls"),
+        "a list": ([upright], "a mapping"),
+        "no function": ({"fell_forward": 1.0}, "must be a function"),
+        "another each time": (
+            {"fell_forward": lambda b, s: s.stance + 2.0 + anything(b, s)},
+            "each time",
+        ),
+        "a condition": ({"fell_forward": lambda b, s: s.stance < 1.5}, "numbers"),
         "fallen at the start": ({"fell_forward": lambda b, s: -1.0 - s.stance**2}, "at its start"),
     },
     "counts": {
         "an attribute that is missing": ((lambda b, s: s.knee,), "AttributeError"),
         "never": ((lambda b, s: -1.0,), "never positive"),
         "one function": (lambda b, s: 1.0, "list of functions"),
+        "numbers": ((1.0,), "list of functions"),
+        "another each time": ((lambda b, s: 1.0 + anything(b, s) - s.stance,), "each time"),
     },
+    "limits": {"a list": ([1.0], "a mapping")},
+    "pose": {
+        "another each time": (lambda b, s: [[(0.0, 0.0), (anything(b, s), 1.0)]], "each time"),
+        "a number": (1.0, "must be a function"),
+    },
+    "travel": {"no function": (None, "must be a function")},
     "potential": {
+        "another each time": (lambda b, s: anything(b, s) * s.stance**2, "each time"),
+        "no return": (forgotten, "add its return"),
+        "a complex number": (lambda b, s: 1j, "numbers"),
+        "a complex number of NumPy": (lambda b, s: np.complex128(1j), "numbers"),
+        "text": (lambda b, s: "1.5", "numbers"),
+        "a number beyond floats": (lambda b, s: 10**400, "numbers"),
+        "another for symbols": (
+            lambda b, s: 1.0 if isinstance(s.stance, float) else 0.0,
+            "depend on their type",
+        ),
         "infinity": (lambda b, s: math.inf, "finite"),
         "of rates": (lambda b, s: s.stance_rate, "rates"),
     },
-    "name": {"a number": (3, "text")},
-    "Control": {"a tuple": (tuple, "named tuple")},
-    "dissipation": {"a gain": (lambda b, s: -(s.stance_rate**2), "negative")},
-    "forces": {"one of two": (lambda b, s: (0.0,), "2 numbers")},
-    "State": {"no rates": (Nothing, "1 to 8 coordinates"), "a tuple": (tuple, "named tuple")},
+    "name": {
+        "a number": (3, "text"),
+        "empty": ("", "text"),
+        "blank": (" ", "text"),
+        "a walker of the package": ("lab", "choose another"),
+    },
+    "Control": {
+        "a tuple": (tuple, "named tuple"),
+        "a name of the state": (Same, "field stance of State"),
+    },
+    "dissipation": {
+        "a gain": (lambda b, s: -(s.stance_rate**2), "negative"),
+        "another each time": (lambda b, s: anything(b, s) * s.stance_rate**2, "each time"),
+    },
+    "forces": {
+        "one of two": (lambda b, s: (0.0,), "2 numbers"),
+        "another each time": (lambda b, s: (anything(b, s) * s.stance_rate, 0.0), "each time"),
+    },
+    "State": {
+        "no rates": (Nothing, "1 to 8 coordinates"),
+        "a tuple": (tuple, "named tuple"),
+        "a column of tables": (Timed, "field speed"),
+    },
     "body": {
+        "a name of the package": (Pushed(), "field push_off"),
         "a list": ([1.0], "named tuple"),
         "text": (Nothing("x"), "numbers"),  # type: ignore[arg-type]
     },
@@ -107,7 +205,8 @@ def sentences():
         for what, (wrong, _) in several.items():
             with pytest.raises(gpw.StatementError) as error:
                 replace(COMPASS, **{name: wrong})
-            found[f"{name}: {what}"] = re.sub(r" at 0x\w+", "", str(error.value))
+            said = re.sub(r" in line \d+", " in line 0", str(error.value))
+            found[f"{name}: {what}"] = re.sub(r" at 0x\w+", "", said)
     return found
 
 
@@ -116,6 +215,21 @@ def test_sentences_and_the_numbers_in_them_are_as_they_were():
     for what, said in sentences().items():
         assert alike(kept.pop(what), said, 1e-4, 1e-9), f"{what}: {said}"
     assert not kept
+
+
+def test_an_error_of_a_function_names_its_line_and_one_of_given_equations_its_phase():
+    with pytest.raises(gpw.StatementError, match=rf"{falling.__code__.co_firstlineno + 2} of test"):
+        replace(COMPASS, landing=falling)
+    with pytest.raises(gpw.StatementError, match=r"travel of system 'compass' fails in line"):
+        replace(DRIVEN, travel=lambda s: Hip(s.swing if s.swing > 0.0 else s.stance))
+    equations = COMPASS.hybrid
+    (phase,) = equations.phases
+    guard = phase.guards[0]._replace(falls=lambda body, state, ground: math.cos(state.swing))
+    wrong = phase._replace(guards=(guard, *phase.guards[1:]))
+    with pytest.raises(gpw.StatementError, match=r"guard HEELSTRIKE of phase LOCKED of .*in line"):
+        gpw.System.of(
+            equations._replace(phases=(wrong,)), COMPASS.body, centre=lambda b, s: (0.0, s.stance)
+        )
 
 
 def test_a_body_varies_by_name():
@@ -148,11 +262,6 @@ def landing(body, state):
 def swapped(body, state):
     """Exchange the legs."""
     return state.swing, state.stance
-
-
-def upright(body, state):
-    """Positive while the stance leg stands."""
-    return state.stance + 1.5
 
 
 ANALYSES = {
