@@ -70,5 +70,6 @@ def where(condition: Any, yes: Any, no: Any) -> Any:
 
 
 def _library(x: Any) -> Any:
-    """The library of a number: torch for tensors, NumPy for all others."""
-    return sys.modules["torch"] if type(x).__module__.startswith("torch") else np
+    """The library of a number: torch for its tensors, NumPy for all others."""
+    torch: Any = sys.modules.get("torch")
+    return torch if isinstance(x, getattr(torch, "Tensor", ())) else np
