@@ -48,6 +48,11 @@ _SETTLING, _BESIDE = 100, 15  # strides and walkers before a search begins
 _FAR = 0.1  # how far from the start these are, as a share of it
 
 
+def _has(agent: Any, method: str) -> bool:
+    """Return whether a controller has a method; an attribute of that name may be another thing."""
+    return callable(getattr(agent, method, None))
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ControlledMap(StrideMap):
     """The stride map of a walker under a controller; made by `stride_map`.
@@ -86,8 +91,7 @@ class ControlledMap(StrideMap):
     @property
     def exact(self) -> bool:
         """Whether derivatives are exact: the controller has a derivative."""
-        planned = hasattr(self.agent, "plan")
-        return callable(getattr(self.agent, "plan_by" if planned else "linearize", None))
+        return _has(self.agent, "plan_by" if _has(self.agent, "plan") else "linearize")
 
     def coarser(self) -> Self:
         """Return this map with differences over twice the distance, to estimate their error."""
@@ -96,7 +100,7 @@ class ControlledMap(StrideMap):
     @property
     def remembers(self) -> bool:
         """Whether the controller returns a memory, which it would take along to the next stride."""
-        if hasattr(self.agent, "plan") or self.exact:
+        if _has(self.agent, "plan") or self.exact:
             return False
         slopes = np.array([self.chosen(None)])
         states = self.state(self.beginning(slopes))
@@ -106,7 +110,10 @@ class ControlledMap(StrideMap):
     def _single(self) -> bool:
         """Whether the controller observes in single precision."""
         return not (
-            self.exact or hasattr(self.agent, "plan") or getattr(self.agent, "double", False)
+            self.exact
+            or _has(self.agent, "plan")
+            # A torch module has a method of this name.
+            or getattr(self.agent, "double", False) is True
         )
 
     @property
@@ -337,7 +344,7 @@ class ControlledMap(StrideMap):
         memory: Any = None
         moving = {} if seeds is None else seeds.moving
         # A memory is of all walkers, also of those with strides that have ended.
-        recalls = hasattr(self.agent, "plan") or not self.exact
+        recalls = _has(self.agent, "plan") or not self.exact
 
         def choose(chosen: NDArray, records: NDArray, number: int, on: NDArray) -> Choice:
             nonlocal memory
@@ -391,7 +398,7 @@ class ControlledMap(StrideMap):
         by_slope, by_state, along = np.zeros(width), None, None
         if "slope" in seeds.moving:
             by_slope[seeds.moving["slope"]] = 1.0
-        if hasattr(agent, "plan"):
+        if _has(agent, "plan"):
             if step == 0:
                 points = self.point(self._states(records))
                 plan, by = np.asarray(agent.plan(points, slopes)), None
@@ -404,7 +411,7 @@ class ControlledMap(StrideMap):
             actions, along = plan[:, now], None if by is None else by[:, now]
         else:
             seen = self._observed(records, slopes, ahead)
-            if not width and hasattr(agent, "mean_actions"):
+            if not width and _has(agent, "mean_actions"):
                 actions = agent.mean_actions(seen)  # those of `linearize`, in a tenth of its time
             elif self.exact:
                 actions, by_seen = agent.linearize(seen)

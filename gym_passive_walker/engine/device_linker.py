@@ -25,7 +25,7 @@ def plain(value: Any) -> FunctionType | None:
         return value.function  # type: ignore[return-value]
     if isinstance(value, Dispatcher):
         return value.py_func
-    ours = isinstance(value, FunctionType) and value.__module__.startswith(_OURS)
+    ours = isinstance(value, FunctionType) and value.__module__.partition(".")[0] == _OURS
     return value if ours and value not in LOWERED else None
 
 
@@ -74,7 +74,7 @@ class DeviceLinker:
         attributes = {name for kind, name in read if kind in ("LOAD_ATTR", "LOAD_METHOD")}
         for name in {name for kind, name in read if kind == "LOAD_GLOBAL"} & names.keys():
             value = names[name]
-            if isinstance(value, ModuleType) and value.__name__.startswith(_OURS):
+            if isinstance(value, ModuleType) and value.__name__.partition(".")[0] == _OURS:
                 names[name] = ModuleType(value.__name__)
                 for part in attributes & vars(value).keys():
                     setattr(names[name], part, self._other(vars(value)[part], calls))
