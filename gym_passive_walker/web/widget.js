@@ -14,7 +14,7 @@ function reported({ walk, settings, running }) {
 
 async function render({ model, el }) {
   const read = async (name) => {
-    const file = model.get("files")[name];
+    const files = model.get("files"), file = Object.hasOwn(files, name) && files[name];
     if (!file) throw new Error(`the notebook has no file ${name}`);
     return new Uint8Array(file.buffer, file.byteOffset, file.byteLength);
   };
@@ -32,7 +32,9 @@ async function render({ model, el }) {
   const root = element("div");
   el.append(root);
   const paused = model.get("running") ? undefined : true;
-  const player = await play(root, { ...model.get("given"), ...wanted(), paused, read, onstate: report });
+  const given = { ...model.get("given"), ...wanted(), paused, read, onstate: report };
+  if (given.system) delete given.torque;
+  const player = await play(root, given);
   report(player);
   const heard = {
     "change:running": () => model.get("running") !== player.running && player.toggle(),

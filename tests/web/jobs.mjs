@@ -55,6 +55,31 @@ async function refusal(walkers, { walker, scene }) {
   }
 }
 
+/** Returns the messages with which calls are refused, or null; each is its name and its arguments. */
+async function refusals(walkers, { calls, system }) {
+  const walk = await walkers.create("C", {});
+  const own = await walkers.createSystem(system);
+  const { predict } = await walkers.loadPolicy("level-ppo");
+  const owners = { walkers, walk, own, policy: { predict } };
+  const found = [];
+  for (const [owner, name, ...given] of calls) {
+    try {
+      await owners[owner][name](...given.map(inherited));
+      found.push(null);
+    } catch (error) {
+      found.push(`${error.name}: ${error.message}`);
+    }
+  }
+  return found;
+}
+
+/** An argument in which `inherits` names entries of its prototype. */
+function inherited(given) {
+  if (given === null || typeof given !== "object" || !given.inherits) return given;
+  const { inherits, ...own } = given;
+  return Object.assign(Object.create(inherits), own);
+}
+
 async function policy(walkers, { name, observations }) {
   const { predict } = await walkers.loadPolicy(name);
   return observations.map((each) => predict(each));
@@ -104,7 +129,7 @@ async function stridesOfSystem(walkers, { name, options, states }) {
   return states.map((state) => walk.strideFrom(state));
 }
 
-const DOES = { strides, episodes, refusal, policy, joints, gait, system, "strides of a system": stridesOfSystem };
+const DOES = { strides, episodes, refusal, refusals, policy, joints, gait, system, "strides of a system": stridesOfSystem };
 
 /** Does a job with the module `passive-walker.js`; returns its result. */
 export const run = (walkers, job) => DOES[job.what](walkers, job);

@@ -107,6 +107,91 @@ def test_a_scene_that_cannot_be_is_refused_as_in_python(run, given):
         assert message == str(error.value)
 
 
+PROTOTYPE = ("toString", "constructor", "__proto__", "hasOwnProperty")
+REFUSED = [
+    *(
+        call
+        for name in PROTOTYPE
+        for call in (
+            ["walkers", "create", name],
+            ["walkers", "create", {"preset": name}],
+            ["walkers", "create", "C", name],
+            ["walkers", "create", "C", {name: 1}],
+            ["walkers", "create", "C", {"energy": name}],
+            ["walkers", "create", "C", {"tolerance": name}],
+            ["walkers", "create", "C", {"terrain": {name: {}}}],
+            ["walkers", "loadPolicy", name],
+            ["walk", "reset", {name: 1}],
+            ["walk", "strideFrom", [0] * 6, {name: 1}],
+            ["walk", "strideFrom", [0] * 6, {"tolerance": name}],
+            ["own", "change", {"body": {name: 1}}],
+            ["own", "reset", None, {name: 1}],
+        )
+    ),
+    ["walkers", "create", "C", {}, {"reed": 1}],
+    ["walkers", "create", "C", {"walker": "A"}],
+    ["walkers", "create", {"preset": "C", "title": "mine"}],
+    ["walkers", "create", {"preset": "C", "gravity": None}],
+    ["walkers", "create", "C", {"pushes": 5}],
+    ["walkers", "create", "C", {"pushes": True}],
+    ["walkers", "create", "C", {"step_limit": "many"}],
+    ["walkers", "create", "C", {"terrain": {"rough": {}}}],
+    ["walkers", "create", "C", {"terrain": {"rough": {"height": 0.1}}}],
+    ["walkers", "create", "C", {"terrain": {"rough": None}}],
+    ["walkers", "create", "C", {"terrain": {"stairs": {"rise": 0.0, "strides": 3}}}],
+    ["walkers", "create", "C", {"terrain": {"footholds": {"heights": 0.1}}}],
+    ["walkers", "create", "C", {"terrain": {"rises": [0.0], "slopes": [0.0], "height": 1}}],
+    ["walkers", "create", "C", {"terrain": {"rises": ["0"], "slopes": [0.0]}}],
+    ["walkers", "loadPolicy", "level-ppo", {"reed": 1}],
+    ["walkers", "createSystem", "torso", {"slop": 0.03}],
+    ["walkers", "createSystem", "../torso"],
+    ["walkers", "createSystem", "torso", {"tolerance": "toString"}],
+    ["walk", "reset", {"noize": False}],
+    ["walk", "reset", {"noise": "no"}],
+    ["walk", "reset", {"seed": -1}],
+    ["walk", "reset", {"seed": 2**65}],
+    ["walk", "reset", 3],
+    ["walk", "strideFrom", [0] * 6, {"torque": 0.1}],
+    ["walk", "strideFrom", [0] * 6, {"hip_torque": "0.1"}],
+    ["walk", "strideFrom", [0] * 6, {"tolerance": 1e-7}],
+    ["walk", "findGait", {"tolerance": 1e-8}],
+    ["walk", "findGait", {"tries": "many"}],
+    ["walk", "findGait", {"guess": [1, 2]}],
+    ["walk", "change", {"slope": 0.1}],
+    ["walk", "change", {"scene": {"walker": "A"}}],
+    ["walk", "joints", [0, 1]],
+    ["walk", "render", None, {"colours": {}}],
+    ["walk", "render", None, {"colors": {"sky": "#fff"}}],
+    ["own", "change", {"body": {"fin": 1}}],
+    ["own", "change", {"scene": {}}],
+    ["own", "reset", None, {"state": 1}],
+    ["own", "strideFrom", [0] * 6, {"hip_torque": 0.1}],
+    ["own", "strideFrom", [0] * 6, {"end": "late"}],
+    ["own", "findGait", {"hip_torque": 0.1}],
+    ["own", "step", "long"],
+    ["own", "render", None, {"colors": {"sky": "#fff"}}],
+    ["policy", "predict", [0.0] * 7],
+]
+
+
+def test_calls_take_no_name_of_a_prototype_and_refuse_what_they_would_ignore(run):
+    (found,) = run({"what": "refusals", "system": "torso", "calls": REFUSED})
+    for call, said in zip(REFUSED, found, strict=True):
+        assert said and not said.startswith(("TypeError", "RangeError", "ReferenceError")), call
+
+
+def test_entries_of_an_argument_s_prototype_are_not_read(run):
+    calls = [
+        ["walk", "reset", {"inherits": {"seed": "no seed"}}],
+        ["walk", "strideFrom", [0] * 6, {"inherits": {"hip_torque": "much"}}],
+        ["walkers", "create", "C", {"inherits": {"slope": "steep", "walker": "none"}}],
+        ["walkers", "create", {"preset": "C", "inherits": {"gravity": "much"}}],
+        ["own", "change", {"inherits": {"slope": "steep"}}],
+    ]
+    (found,) = run({"what": "refusals", "system": "torso", "calls": calls})
+    assert found == [None] * len(calls)
+
+
 @pytest.mark.parametrize("name", ["level-ppo", "steep-sac", "rough-ppo"])
 def test_a_policys_actions_are_pythons_up_to_single_precision(run, name):
     policy = gpw.load_policy(name)
