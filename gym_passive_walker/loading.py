@@ -112,7 +112,7 @@ def _checked(content: Any) -> Any:
             for value in level
             if isinstance(value, dict | list)
         )
-        # YAML's aliases may repeat an object; it is looked at once.
+        # YAML's aliases may repeat an object; it is checked once.
         level = [*{id(value): value for values in inside for value in values}.values()]
         if not level:
             return content

@@ -371,7 +371,7 @@ def test_a_fault_in_an_array_of_a_file_is_refused_by_the_reader_s_own_error(name
 
 
 class Code:
-    """An object whose pickle calls a harmless function."""
+    """An object with a pickle that calls a harmless function."""
 
     def __reduce__(self):
         return str.upper, ("run",)

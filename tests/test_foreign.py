@@ -14,7 +14,7 @@ ELEMENTARY = ("exp", "tanh", "sqrt", "sin", "cos")
 
 
 class Mine(np.ndarray):
-    """An array whose class is in a user's module with a name that begins as torch's."""
+    """An array of a class in a user's module, with a name that begins as torch's."""
 
     __module__ = "torch_utils"
 

@@ -92,7 +92,7 @@ def same(found: Any, again: Any) -> bool:
 
 
 def stated(equations: hybrid.System, name: str) -> hybrid.System:
-    """Return a hybrid system whose functions are `Stated`.
+    """Return a hybrid system with functions that are `Stated`.
 
     Args:
         equations: The hybrid system.
