@@ -1336,7 +1336,7 @@ export async function loadPolicy(name, others = {}) {
   };
   const predict = (observation) => {
     if (observation?.length !== size) {
-      throw new SceneError(`an observation of policy ${shown(name)} has ${size} numbers, not ${shown(observation?.length)}`);
+      throw new SceneError(`an observation of policy ${shown(name)} has ${size} numbers, not ${observation?.length ?? shown(observation)}`);
     }
     let x = Float32Array.from(observation, (value, i) => {
       if (!moments) return value;
