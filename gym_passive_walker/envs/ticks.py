@@ -275,8 +275,8 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
             steps: Filled with the entries of EVERY_STEP except the last, (entries, count).
             counts: Filled with the number of strides and the outcome as a number, (2, count). The
                 outcome is 0 if no stride or episode ends.
-            measures: Zeros, (entries, count); filled with EVERY_STRIDE of walkers whose stride
-                ends.
+            measures: Zeros, (entries, count); filled with EVERY_STRIDE of each walker that ends a
+                stride.
         """
         here, first = view(where, (1,), PLACES)[0], len(steps)
         ledger = view(here.ledger, (here.of_ledger,), ledger_of)
