@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 
 os.environ["NUMBA_ENABLE_CUDASIM"] = "1"  # names of the GPU are imported where there is none
 
+from gym_passive_walker.shown import picture
 from gym_passive_walker.units import KINDS, PROPORTIONS, UNITS
 from gym_passive_walker.walkers import PARAMETERS, Walker
 
@@ -247,6 +248,10 @@ def _members(name: Name) -> list[str]:
             call = re.sub(r"^\(self(?:, )?", "(", bound)
             text = " ".join(text.split()).replace("|", "\\|")
             rows.append(f"| `{own}{call}` | {text} |")
+    if (drawn := picture.dispatch(name.found)) is not picture.dispatch(object):
+        options = _signature(drawn).partition(", ")[2]  # after the object
+        text = " ".join((inspect.getdoc(drawn) or "").partition("\n\n")[0].split())
+        rows.append(f"| [`plot({options}`](#shownshownplot) | {text} |")
     head = ["| property or method | meaning |", "| --- | --- |"]
     return [*head, *rows, ""] if rows else []
 

@@ -63,9 +63,8 @@ class Shown:
         """Draw the object with matplotlib.
 
         Args:
-            ax: Axes of the plot, or of its main part. None is `plt.gca()`; a plot of several panels
-                uses the current figure if that is empty, else a new one.
-            **options: Options of the plot of this object; see `gym_passive_walker.render.plots`.
+            ax: Axes of the plot, or of its main part. None makes a new figure of pyplot.
+            **options: Options of the plot of this class; the reference has them at each class.
 
         Returns:
             The axes, or an array of axes for a plot of several panels.

@@ -1,4 +1,4 @@
-"""Plots of robustness."""
+"""Plots of robustness and of a gauntlet."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from gym_passive_walker.evaluation.gauntlet import Gauntlet
 from gym_passive_walker.evaluation.robustness import Robustness
 from gym_passive_walker.render.axes import (
     BLACK,
     BLUE,
     VERMILION,
+    axes_for,
     given,
     legend,
     panels,
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 
 @picture.register(Robustness)
 def _robustness(found: Robustness, ax: Axes | None = None) -> Axes | NDArray:
-    """Survival on rough ground, response to a step, pushes by phase, and what else was measured."""
+    """Draw the largest pushes, and without `ax` survival on rough ground and response to a step."""
     if given(ax):
         _pushes(ax, found)
         return ax
@@ -61,6 +63,23 @@ def _robustness(found: Robustness, ax: Axes | None = None) -> Axes | NDArray:
         fontsize="medium",
     )
     return np.array(axes)
+
+
+@picture.register(Gauntlet)
+def _gauntlet(found: Gauntlet, ax: Axes | None = None) -> Axes:
+    """Draw the share of walks that reach the time limit in each test, with its interval."""
+    ax = axes_for(ax, (6.4, 4.8))
+    columns = found.columns()
+    rows, share = -np.arange(len(columns["test"])), 100.0 * columns["survival"]
+    ax.hlines(rows, 100.0 * columns["low"], 100.0 * columns["high"], color=BLUE)
+    ax.plot(share, rows, "o", color=BLUE, label="walks that reach the time limit")
+    ax.axvline(100.0 * found.score, color=BLACK, linestyle="--", label="score: mean of the tests")
+    ax.set_yticks(rows, columns["test"], fontsize="small")
+    ax.set(xlabel="share of the walks (%), with 95 % interval", xlim=(0.0, 101.0))
+    facts = found.facts()
+    ax.set_title(f"{facts['controller']}, walker {facts['walker']}", fontsize="medium")
+    legend(ax)
+    return ax
 
 
 def _pushes(ax: Axes, found: Robustness) -> None:

@@ -1,7 +1,7 @@
 """The one style of all figures: sizes, lines, labels, legends.
 
-As in pyplot, a picture is drawn on the current axes unless others are given. `OWN` makes a figure
-without pyplot, for a picture that is written to a file: no open figure stays behind. Lines differ
+A picture is drawn in a new figure of pyplot unless axes are given. `OWN` makes a figure without
+pyplot, for a picture that is written to a file: no open figure stays behind. Lines differ
 in colour (Okabe and Ito's palette, which colour-blind people distinguish). They also differ in dash
 and marker, so that a figure printed in grey stays readable.
 """
@@ -65,23 +65,20 @@ def panels(
         rows: Number of rows of axes.
         columns: Number of columns of axes.
         size: Width and height in inches.
-        ax: `OWN`, or None for pyplot's current figure if that is empty, else a new one.
+        ax: `OWN`, or None for a new figure of pyplot.
         **options: Keywords of matplotlib's `Figure.subplots`.
 
     Raises:
         ImportError: if matplotlib is not installed.
     """
     with extra("figures"):
-        from matplotlib.figure import Figure
-    if ax is OWN:
-        figure = Figure(figsize=size)
-    else:
+        from matplotlib import figure as made
+    new = made.Figure
+    if ax is not OWN:
         from matplotlib import pyplot
 
-        empty = pyplot.get_fignums() and not pyplot.gcf().axes
-        figure = pyplot.gcf() if empty else pyplot.figure(figsize=size)
-    if figure.get_layout_engine() is None:
-        figure.set_layout_engine("constrained")  # this engine leaves room for legends
+        new = pyplot.figure
+    figure = new(figsize=size, layout="constrained")  # this layout leaves room for legends
     axes = list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
     for each in axes:
         plain(each)
@@ -95,18 +92,8 @@ def plain(ax: Axes) -> None:
 
 
 def axes_for(ax: Axes | None, size: tuple[float, float] = (5.6, 4.0)) -> Axes:
-    """The axes given, else pyplot's current ones, else new ones in a figure of this size (inches).
-
-    With `OWN`, new axes in a figure without pyplot.
-    """
-    if given(ax):
-        return ax
-    if ax is None:
-        with extra("figures"):
-            from matplotlib import pyplot
-        if pyplot.get_fignums() and pyplot.gcf().axes:
-            return pyplot.gca()
-    return panels(size=size, ax=ax)[1][0]
+    """The axes given, else those of a new figure of this size (inches); see `panels`."""
+    return ax if given(ax) else panels(size=size, ax=ax)[1][0]
 
 
 def given(ax: Axes | None) -> TypeGuard[Axes]:

@@ -175,6 +175,7 @@ def family_key(ax: Axes, *families: GaitFamily) -> None:
 
 @picture.register(GaitFamily)
 def _family(family: GaitFamily, ax: Axes | None = None, by: str = "stance_angle", **style) -> Axes:
+    """Draw one of `MEASURES` over the branch's parameter, with options of matplotlib's lines."""
     ax = axes_for(ax, (5.6, 4.6))
     draw_family(ax, family, by, **style)
     family_key(ax, family)
@@ -186,6 +187,7 @@ def _family(family: GaitFamily, ax: Axes | None = None, by: str = "stance_angle"
 
 @picture.register(BifurcationDiagram)
 def _diagram(diagram: BifurcationDiagram, ax: Axes | None = None, **style: Any) -> Axes:
+    """Draw settled walks' stance angles over the slope, with options of matplotlib's lines."""
     ax = axes_for(ax, (6.4, 4.6))
     dots = {"color": BLACK, "markersize": 0.7, "markeredgewidth": 0.0, "rasterized": True}
     ax.plot(diagram.slope, diagram.stance_angle, ".", **{**dots, **style})
@@ -204,6 +206,7 @@ def _diagram(diagram: BifurcationDiagram, ax: Axes | None = None, **style: Any) 
 
 @picture.register(Cascade)
 def _cascade(cascade: Cascade, ax: Axes | None = None, **style: Any) -> Axes:
+    """Draw how the doublings approach their limit, with options of matplotlib's lines."""
     ax = axes_for(ax)
     gaps = cascade.limit - np.array(cascade.slopes)
     ax.semilogy(cascade.periods, gaps, **{**series(0), **style})
@@ -218,6 +221,7 @@ def _cascade(cascade: Cascade, ax: Axes | None = None, **style: Any) -> Axes:
 
 @picture.register(Basin)
 def _basin(basin: Basin, ax: Axes | None = None) -> Axes:
+    """Draw the cells by the gait that walks from them converge to; cells of falls are light."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     ax = axes_for(ax, (5.6, 4.8))
@@ -257,6 +261,7 @@ def _gait_in_words(gait: Gait) -> str:
 
 @picture.register(RealityCheck)
 def _reality(check: RealityCheck, ax: Axes | None = None) -> Axes:
+    """Draw each reading of the check, and whether it satisfies its constraint."""
     ax = axes_for(ax, (7.6, 5.2))
     readings = [reading for reading in check.readings if not np.isnan(reading.extreme.value)]
     passed = check.passed
@@ -293,6 +298,7 @@ def _reality(check: RealityCheck, ax: Axes | None = None) -> Axes:
 
 @picture.register(Stride)
 def _stride(strides: Stride, ax: Axes | None = None) -> Axes:
+    """Draw the energy balance of each stride, in the walker's own units."""
     ax = axes_for(ax)
     paid = np.array([np.ravel(strides.gravity_work), np.ravel(strides.hip_work)])
     lost = -np.array([np.ravel(strides.kneestrike_loss), np.ravel(strides.heelstrike_loss)])
@@ -316,6 +322,7 @@ def _stride(strides: Stride, ax: Axes | None = None) -> Axes:
 
 @picture.register(Trajectory)
 def _trajectory(walk: Trajectory, ax: Axes | None = None) -> Axes | NDArray:
+    """Draw both legs' angles over time, and without `ax` the phase portrait beside them."""
     if not given(ax):
         return both(walk, ax)
     angles_over_time(ax, walk)
@@ -325,10 +332,10 @@ def _trajectory(walk: Trajectory, ax: Axes | None = None) -> Axes | NDArray:
 
 @picture.register(Gait)
 def _gait(gait: Gait, ax: Axes | None = None, optimum: Any = None) -> Axes | NDArray:
-    """Draw a gait's phase portrait and Floquet multipliers, and two more panels.
+    """Draw a gait's phase portrait, and without `ax` its Floquet multipliers and two more panels.
 
-    These are angles over time and a stroboscopic picture. Under a controller, they are the torques,
-    beside those of `optimum` if given, and the basin of attraction.
+    The two panels are angles over time and a stroboscopic picture. Under a controller, they are
+    the torques, beside those of `optimum` if given, and the basin of attraction.
     """
     walk = simulate(gait, strides=max(2, gait.period), samples=400)
     if given(ax):

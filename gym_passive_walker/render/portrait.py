@@ -148,8 +148,8 @@ def phase_portrait(
 
     Returns:
         Two axes, shape (2,): each leg's angles over time, and angular velocities over angles of the
-        stance leg and the swing leg. They are in pyplot's current figure if that is empty, else in
-        a new one; if a file is written, in a figure without pyplot.
+        stance leg and the swing leg. They are in a new figure of pyplot; if a file is
+        written, in one without pyplot.
 
     Raises:
         ValueError: if a number is not finite or out of its range.

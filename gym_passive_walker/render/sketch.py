@@ -23,6 +23,7 @@ _LARGEST = 16.0  # diameter in points of a disc for the total mass; area is prop
 
 @picture.register(Walker)
 def _walker(walker: Walker, ax: Axes | None = None) -> Axes:
+    """Draw the walker to scale, with its masses as discs."""
     length = walker.leg_length
     posture = pose(walker, _POSTURE)
     ax = axes_for(ax, (4.6, 4.8))

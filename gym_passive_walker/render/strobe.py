@@ -72,7 +72,7 @@ def strobe(
         hip_torque: Torque held through each stride: a number, or shape (strides,).
         terrain: Terrain of the footholds; smooth ground when None.
         terrain_seed: Seed of a random terrain.
-        ax: Axes to draw on; None is pyplot's current ones, or a figure without pyplot if a file is
+        ax: Axes to draw on; None is a new figure of pyplot, or one without pyplot if a file is
             written.
         path: File to write, in any format that matplotlib derives from its suffix.
 
@@ -170,7 +170,7 @@ def strobe_of(
             colour; a number if no heelstrike lies between the states.
         kneestrikes: Hip, knee and foot of the swing leg at each kneestrike, as (x, y) along and off
             the slope, shape (k, 3, 2).
-        ax: Axes to draw on; None is pyplot's current ones, or a figure without pyplot if a file is
+        ax: Axes to draw on; None is a new figure of pyplot, or one without pyplot if a file is
             written.
         path: File to write, in any format that matplotlib derives from its suffix.
 

@@ -32,7 +32,7 @@ def _swept(swept: SweepResult, ax: Axes | None = None, *, x: str, y: str, by: st
 
     Args:
         swept: The sweep.
-        ax: matplotlib's axes to draw on; pyplot's current ones when None.
+        ax: matplotlib's axes to draw on; a new figure when None.
         x: Column on the horizontal axis.
         y: Column on the vertical axis.
         by: Column that determines markers or colours.

@@ -1,5 +1,6 @@
 """Generated pages equal those of the present sources."""
 
+import inspect
 import json
 import re
 import subprocess
@@ -8,6 +9,8 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
+
+from gym_passive_walker.shown import picture
 
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.md"))
@@ -41,3 +44,14 @@ def test_a_rendered_notebook_has_the_cells_of_its_source_and_their_outputs(sourc
             assert any("image/png" in out.get("data", {}) for out in cell["outputs"]), stale
         for output in cell.get("outputs", ()):
             assert output["output_type"] != "error", stale
+
+
+def test_the_reference_lists_each_plot_with_the_options_of_its_class(render):
+    text = render.reference()
+    assert "### `shown.Shown.plot`" in text
+    for of in set(picture.registry) - {object}:
+        entry = re.search(rf"^### class `{of.__name__}`\n(.*?)(?=^### )", text, re.M | re.S)[1]
+        row = r"^\| \[`plot\((.*)\)`\]\(#shownshownplot\) \| (.+) \|$"
+        ((call, _),) = re.findall(row, entry, re.M)
+        options = list(inspect.signature(picture.dispatch(of)).parameters)[1:]
+        assert all(option in call for option in options), call

@@ -389,6 +389,7 @@ SHOWN = {  # for each class with a picture: an example, and what its picture can
     ),
     "Cascade": (lambda: gpw.doubling_cascade("D", 0.01, 0.0195, doublings=3), {"linewidth": 9.0}),
     "Gait": (closed, {"optimum": Later(lambda: baselines.optimal.load("level")[0])}),
+    "Gauntlet": (lambda: gpw.gauntlet("steep-ppo", walkers=2), {}),
     "GaitFamily": (
         lambda: gpw.gait_family("D", 0.008, 0.01),
         {"by": "froude_speed", "linewidth": 9.0},
@@ -450,9 +451,20 @@ def test_what_a_picture_is_asked_for_is_drawn(name):
     assert shown.plot(ax=axes) is axes and axes.has_data()
 
 
+@pytest.mark.parametrize("name", SHOWN)
+def test_each_plot_without_axes_is_a_new_figure(name):
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    shown, (figure, own) = SHOWN[name][0](), pyplot.subplots()
+    empty = pyplot.figure()  # current, and not used
+    made = [np.ravel(shown.plot())[0].get_figure(root=True) for _ in range(2)]
+    assert len({figure.number, empty.number, *(each.number for each in made)}) == 4
+    assert not own.has_data() and not empty.axes
+
+
 def test_every_picture_is_tested():
     known = {of.__name__ for of in pictures.registry if of is not object}
     assert known == {*SHOWN, "SweepResult"}  # of `tests/sweeps`
+    assert known == {name for name in gpw.__all__ if hasattr(getattr(gpw, name), "plot")}
     for name, (_, options) in SHOWN.items():
         asked = inspect.signature(pictures.dispatch(getattr(gpw, name))).parameters
         plain = {x for x, p in asked.items() if p.kind is not p.VAR_KEYWORD}

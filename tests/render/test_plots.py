@@ -95,7 +95,7 @@ def test_each_is_a_small_table_in_a_notebook(shown):
         assert html.startswith("<table>") and html.count("<tr>") == len(one.facts())
 
 
-def test_each_draws_where_pyplot_is_or_on_given_axes(shown):
+def test_each_draws_in_a_figure_of_its_own_or_on_given_axes(shown):
     for one in shown:
         plt.close("all")
         axes = one.plot()
@@ -107,23 +107,18 @@ def test_each_draws_where_pyplot_is_or_on_given_axes(shown):
         assert plt.get_fignums() == [1]
 
 
-def test_a_picture_takes_the_axes_that_are_current(gait, family):
-    figure, (left, right) = plt.subplots(1, 2)
-    assert family.plot() is right and right.has_data() and not left.has_data()
-    plt.sca(left)
-    assert family.plot() is left
-    assert plt.get_fignums() == [figure.number]
-    labels = [text.get_text() for text in left.get_legend().get_texts()]
-    family.plot()
-    assert [text.get_text() for text in left.get_legend().get_texts()] == labels
+def test_pictures_of_walks_are_figures_of_their_own(gait):
+    _, current = plt.subplots()
+    figures = {strobe(gait).figure, phase_portrait(gait, samples=9)[0].figure, current.figure}
+    assert len(figures) == 3 and not current.has_data()
 
 
-def test_several_panels_take_the_current_figure_if_it_is_empty_and_no_others(gait, family):
-    figure = plt.figure(figsize=(11.0, 3.0))
-    panels = gait.plot()
-    assert [*panels] == figure.axes and tuple(figure.get_size_inches()) == (11.0, 3.0)
-    assert gait.plot()[0].figure is not figure
-    assert [*panels] == figure.axes
+def test_two_pictures_on_given_axes_share_a_legend(family):
+    _, ax = plt.subplots()
+    family.plot(ax)
+    labels = [text.get_text() for text in ax.get_legend().get_texts()]
+    family.plot(ax)
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == labels
 
 
 def test_a_picture_that_is_written_leaves_nothing_open(gait, family, tmp_path):

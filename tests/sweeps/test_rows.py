@@ -189,7 +189,6 @@ def test_text_of_any_kind_returns_as_it_was(text, tmp_path):
 
 
 def pictured(tmp_path, by, **options):
-    pytest.importorskip("matplotlib.pyplot").figure()
     found = written(tmp_path / "out", FOUR, FOUND)
     return found.plot(x="slope", y="step_length", by=by, **options)
 
@@ -218,22 +217,27 @@ def test_a_picture_by_a_number_has_its_colours_and_a_bar(tmp_path):
 
 @pytest.mark.parametrize("by", ["step_length", "slope", "multiplier"])
 def test_a_bar_of_colours_has_the_label_and_the_unit_of_its_column(by, tmp_path):
-    pyplot = pytest.importorskip("matplotlib.pyplot")
-    figure = pyplot.figure()
     found = written(tmp_path / "out", FOUR, FOUND)
-    points, _ = found.plot(x="slope", y="multiplier", by=by).collections
-    _, bar = figure.axes
+    ax = found.plot(x="slope", y="multiplier", by=by)
+    points, _ = ax.collections
+    _, bar = ax.figure.axes
     assert bar.get_ylabel() == label(by)
     values = np.delete(found.columns()[by].astype(float), 1) / (0.81 if by == "step_length" else 1)
     np.testing.assert_allclose(np.ma.filled(points.get_array(), np.nan), values)
 
 
 def test_a_failed_task_is_drawn_where_its_parameters_are(tmp_path):
-    pytest.importorskip("matplotlib.pyplot").figure()
     found = written(tmp_path / "out", FOUR, FOUND)
     points, failed = found.plot(x="seconds", y="slope", by="multiplier").collections
     np.testing.assert_allclose(points.get_offsets(), [(0.0, 0.01), (0.5, 0.03), (0.75, 0.04)])
     np.testing.assert_allclose(failed.get_offsets(), [(0.25, 0.02)])
+
+
+def test_a_picture_without_axes_is_a_new_figure(tmp_path):
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    _, current = pyplot.subplots()
+    first, second = (pictured(tmp_path / f"{i}", "found") for i in range(2))
+    assert len({ax.figure.number for ax in (current, first, second)}) == 3
 
 
 def test_a_picture_goes_on_the_axes_that_are_given(tmp_path):
