@@ -272,7 +272,12 @@ def _above_optimum(scene: str, walks: Walks, speed: float, cost: float) -> float
     """
     if walks.endings.count(TIME_LIMIT) < LASTING * len(walks):
         return math.nan
+    return cost / least_cost(scene, speed) - 1.0
+
+
+def least_cost(scene: str, speed: float) -> float:
+    """Least cost of transport in a scene at a speed over √(g l); NaN if it is not known."""
     try:
-        return cost / optimal.least_cost(scene, speed) - 1.0
+        return optimal.least_cost(scene, speed)
     except ValueError:
         return math.nan

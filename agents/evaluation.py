@@ -88,10 +88,12 @@ def _above_optimum(config: Config, walks: Walks) -> str:
     cost = float(np.median(walks.cost_of_transport[lasting]))
     try:
         scene = undisturbed(envs.scene_of(config), "the optimum is of walks")
-        least = optimal.least_cost(optimal.stored_name(scene), speed)
+        name = optimal.stored_name(scene)
     except ValueError:
         return "No optimal gaits of this scene are stored to compare its cost with."
-    if not least > 0.0:
+    try:
+        least = optimal.least_cost(name, speed)
+    except ValueError:
         return f"No optimal gait is stored at its speed, {speed:.3f} √(g l)."
     share = cost / least - 1.0
     above = f"{share:.1%} above" if share >= 5e-4 else "no more than"

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import bootstrap, mannwhitneyu, trim_mean
 
-from agents.benchmark import AGENTS, LASTING, SCORES, Unit
+from agents.benchmark import AGENTS, LASTING, SCORES, Unit, least_cost
 from agents.config import ALGORITHMS
 from agents.evaluation import write_rows
 from agents.files import reading
@@ -173,7 +173,7 @@ def equal_speeds(scores: Sequence[Score]) -> str:
     for agent, walked in walking_on_level_ground(scores).items():
         speed = float(middle(np.array([s["speed"] for s in walked])))
         cost = float(middle(np.array([s["cost_of_transport"] for s in walked])))
-        best = optimal.least_cost("level", speed)
+        best = least_cost("level", speed)
         lines.append(
             f"| {agent} | {speed:.3f} | {cost:.4f} | {best:.4f} | {_cost_at(family, speed):.4f} |"
         )
@@ -292,7 +292,7 @@ def draw_learning(path: Path, runs: Path, scores: Sequence[Score]) -> None:
                     lines = curve.read_text(encoding="utf-8").splitlines()
                     lines = list(csv.DictReader(lines))[1:]  # skip the untrained
                     rows = np.array([[float(row[name]) for name in _CURVE] for row in lines])
-                above = [cost / optimal.least_cost("level", v) - 1.0 for v, cost in rows[:, 2:]]
+                above = [cost / least_cost("level", v) - 1.0 for v, cost in rows[:, 2:]]
                 for ax, values in zip(axes, (rows[:, 1], above), strict=True):
                     ax.plot(rows[:, 0], values, color=style["color"], linewidth=0.7, alpha=0.7)
         ends = {**style, "linestyle": "", "markersize": 5.0, "alpha": 0.7}

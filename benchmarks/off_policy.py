@@ -20,13 +20,13 @@ from typing import Any
 
 import numpy as np
 
+from agents.benchmark import least_cost
 from agents.config import configure
 from agents.envs import arena, training_envs
 from agents.exploration import explorers
 from agents.learner import LearnedPolicy, schedule
 from benchmarks.report import machine, table
 from gym_passive_walker import console
-from gym_passive_walker.control import optimal
 from gym_passive_walker.evaluation.walks import evaluate
 from gym_passive_walker.extras import extra
 
@@ -80,7 +80,7 @@ def learn(learner: str, seed: int, steps: int | None) -> dict[str, Any]:
     return {
         "learner": learner, "seed": seed, "steps": config.steps, "walks": int(lasting.sum()),
         "return": float(walks.reward.mean()), "speed": speed,
-        "gap": cost / optimal.least_cost("level", speed) - 1.0, "cpu": took,
+        "gap": cost / least_cost("level", speed) - 1.0, "cpu": took,
     }  # fmt: skip
 
 

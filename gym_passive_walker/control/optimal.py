@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import instance, number, shown
+from gym_passive_walker.arguments import instance, number, shown, unknown
 from gym_passive_walker.control.feedback import first_driven, powered_gait
 from gym_passive_walker.control.optimum import OptimalGait, Problem, slope_of
 from gym_passive_walker.control.ticks import ticked_stride
@@ -43,8 +43,9 @@ _SHARES = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0)  # of the largest push-off or ankle tor
 def optimal_gait(
     scene: Scene | str | dict[str, Any], speed: float, *, start: OptimalGait | None = None
 ) -> OptimalGait:
-    """Find the periodic gait of least cost of transport at a speed.
+    """Find the periodic gait of least cost of transport at a speed, on smooth ground.
 
+    Terrain, disturbances and command of the scene do not matter.
     The optimum is a local one: that which lies nearest to where the search starts. Where the scene
     ends an episode on a stubbed toe (`end_on_toe_stub`), the toe clears the ground on it. Where it
     does not, the toe may stub: `stubs` of the gait says so.
@@ -61,7 +62,7 @@ def optimal_gait(
 
     Raises:
         GaitNotFound: if none is found at that speed, or none that the scene's rule
-            `end_on_toe_stub` allows.
+            `end_on_toe_stub` allows; the message has speeds with a gait.
         ValueError: if the scene has a range of slopes, or the speed is not positive.
     """
     scene = make_scene(scene)
@@ -74,10 +75,13 @@ def optimal_gait(
     begun = near or constant_gait(scene)
     ticks = 1 if scene.control == "stride" else math.ceil(_SPARE * begun.step_period / scene.tick)
     problem = Problem(scene, speed, ticks, len(begun.point))
-    z = problem.solve(problem.begun_at(begun))
-    if not problem.allowed(z):
-        own = begun if start is None else _at_hand(scene, speed) or constant_gait(scene)
-        z = _clearing(problem, [z, problem.begun_at(begun), problem.begun_at(own)])
+    try:
+        z = problem.solve(problem.begun_at(begun))
+        if not problem.allowed(z):
+            own = begun if start is None else _at_hand(scene, speed) or constant_gait(scene)
+            z = _clearing(problem, [z, problem.begun_at(begun), problem.begun_at(own)])
+    except GaitNotFound as error:
+        raise GaitNotFound(f"{error}; {_known_speeds(scene, begun)}") from None
     best = first = _with_corners(problem, z)
     if near is None and ticks > 1:
         # From a start so far away, torques may have come to lie in ticks too late or too early.
@@ -140,6 +144,19 @@ def _at_hand(scene: Scene, speed: float) -> OptimalGait | None:
         return None
     nearest = min(gaits, key=lambda gait: abs(gait.speed - speed))
     return nearest if abs(nearest.speed - speed) < _AT_HAND else None
+
+
+def _known_speeds(scene: Scene, begun: OptimalGait) -> str:
+    """Return a clause on the speeds at which a scene is known to have gaits."""
+    speeds = [begun.speed]
+    with suppress(ValueError):  # none are stored
+        speeds += [gait.speed for gait in load(stored_name(scene))]
+    low, high = min(speeds), max(speeds)
+    known = f"speed {low:.4g}" if low == high else f"speeds from {low:.4g} to {high:.4g}"
+    return (
+        f"there are gaits at {known} √(g l), and gpw.optimal_gaits(scene, speeds) finds those that "
+        "exist at speeds around"
+    )
 
 
 def _edges(gait: OptimalGait, tick: float) -> list[float]:
@@ -283,7 +300,7 @@ def stored_name(scene: Scene) -> str:
 
 
 def least_cost(gaits: str | Sequence[OptimalGait], speed: float) -> float:
-    """Return the optimum's cost of transport at a speed; NaN outside the known speeds.
+    """Return the optimum's cost of transport at a speed.
 
     Between known speeds the logarithm of the cost is interpolated by monotone cubic polynomials.
     The costs of named scenes are stored at intervals of 0.00125 √(g l) or less. Midway between them
@@ -291,20 +308,27 @@ def least_cost(gaits: str | Sequence[OptimalGait], speed: float) -> float:
     of 0.01 √(g l), it is up to 0.7 %.
 
     Args:
-        gaits: Name of a scene with stored costs, or optimal gaits by growing speed.
+        gaits: Name of a scene with stored costs, or optimal gaits.
         speed: Speed over sqrt(g l).
 
     Raises:
-        ValueError: if no costs are stored for the scene.
+        ValueError: if no costs are stored for the scene, or the speed is beyond those known.
     """
+    speed = round(number(speed, "speed"), 9)
     if isinstance(gaits, str):
-        speeds, costs = np.array(stored_costs(gaits)).T
-    else:
-        speeds, costs = np.array([(gait.speed, gait.cost_of_transport) for gait in gaits]).T
+        known = stored_costs(gaits)
+    elif not (known := [(gait.speed, gait.cost_of_transport) for gait in gaits]):
+        raise ValueError("least_cost needs at least one gait")
+    speeds, costs = np.array(sorted(known)).T
+    speeds = speeds.round(9)
+    if not speeds[0] <= speed <= speeds[-1]:
+        raise ValueError(
+            f"least costs are known at speeds from {speeds[0]:g} to {speeds[-1]:g} √(g l), not at "
+            f"{speed:g}; gpw.optimal_gait(scene, speed) searches for the gait at another speed"
+        )
     if len(speeds) == 1 or not costs.min() > 0.0:  # no logarithm, or no curve
-        return float(np.interp(speed, speeds, costs, left=math.nan, right=math.nan))
-    curve = scipy.interpolate.PchipInterpolator(speeds.round(9), np.log(costs), extrapolate=False)
-    return math.exp(curve(round(speed, 9)))
+        return float(np.interp(speed, speeds, costs))
+    return math.exp(scipy.interpolate.PchipInterpolator(speeds, np.log(costs))(speed))
 
 
 @cache
@@ -316,7 +340,7 @@ def stored_costs(scene: str) -> list[tuple[float, float]]:
     """
     known = json.loads(COSTS.read_text(encoding="utf-8"))
     if scene not in known:
-        raise ValueError(f"no costs of optimal gaits are stored for scene {scene!r}")
+        raise ValueError(unknown([scene], sorted(known), "the list of least costs by scene"))
     return [(speed, cost) for speed, cost in known[scene]]
 
 

@@ -251,17 +251,17 @@ class Problem:
         Raises:
             GaitNotFound: if SLSQP finds none.
         """
-        z, said, free = start, "", np.zeros(len(start), bool)
+        z, free = start, np.zeros(len(start), bool)
         patience = _PATIENCE if known is None else _LITTLE
         if known is None:
-            z, said = self._minimised(start, self.box[:, 0] < self.box[:, 1], _FIRST)
+            z = self._minimised(start, self.box[:, 0] < self.box[:, 1], _FIRST)
         cost = math.inf
         for _ in range(_ROUNDS):
             wanted, before, cost = self._leaving(z), cost, self.at(z)[0]
             if not np.any(wanted & ~free) and not cost < before * (1.0 - _WORTH):
                 break
             free |= wanted
-            z, said = self._minimised(z, free, _ITERATIONS, patience)
+            z = self._minimised(z, free, _ITERATIONS, patience)
             if known is not None:
                 cost_now, _, gap, _ = self.at(z)
                 if cost_now > known and float(np.max(np.abs(gap))) > _OPEN:
@@ -271,19 +271,15 @@ class Problem:
         both = np.minimum(driving, braking)  # to push both ways at once does nothing, and costs
         driving -= both
         braking -= both
-        violation = float(np.max(np.abs(self.at(z)[2])))
-        if not violation < _CLOSED:
+        if not float(np.max(np.abs(self.at(z)[2]))) < _CLOSED:
             raise GaitNotFound(
-                f"no gait at speed {self.speed:g} by motors of {self._motors()} was found: {said}, "
-                f"{violation:.1e} from closing; try a speed nearer to one that has a gait"
+                f"no gait at speed {self.speed:g} by motors of {self._motors()} was found"
             )
         if self.clears and not self.allowed(z):
             raise GaitNotFound(
                 f"no gait at speed {self.speed:g} by motors of {self._motors()} was found on which "
                 "the toe clears the ground, as the scene's rule `end_on_toe_stub` asks for; try "
-                "another "
-                "`start`, a speed nearer to one that has a gait, or a scene with "
-                "end_on_toe_stub=False"
+                "another `start`, or a scene with end_on_toe_stub=False"
             )
         return z
 
@@ -312,10 +308,10 @@ class Problem:
 
     def _minimised(
         self, start: NDArray, free: NDArray, iterations: int, patience: int = _PATIENCE
-    ) -> tuple[NDArray, str]:
-        """Optimize some of the unknowns, the others held; return z and the message of SLSQP."""
+    ) -> NDArray:
+        """Return z with some of the unknowns optimized, the others held."""
         scale = 100.0  # of the cost, to the size of the constraints
-        z, best, said = start.copy(), start[free], "it gets no further"
+        z, best = start.copy(), start[free]
         least, since = math.inf, 0  # the best merit so far, and points since it became better
 
         def at(unknown: NDArray) -> tuple[Any, ...]:
@@ -343,10 +339,9 @@ class Problem:
                 beyond=lambda unknown: (at(unknown)[4], at(unknown)[5][:, free]),
                 iterations=iterations, accuracy=1e-11, callback=look,
             )  # fmt: skip
-            said = found.message
             look(found.x)
         z[free] = best
-        return np.clip(z, *self.box.T), said
+        return np.clip(z, *self.box.T)
 
     def _leaving(self, z: NDArray) -> NDArray[np.bool_]:
         """Return the unknowns to vary as booleans: not held by a bound, and with an effect."""

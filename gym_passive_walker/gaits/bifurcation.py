@@ -275,7 +275,7 @@ def crisis_slope(
         tolerance: Tolerance of the integration.
 
     Returns:
-        The slope in rad.
+        The slope in rad, from `low` to `high`.
 
     Raises:
         ValueError: if the walker falls at `low`, or walks on at `high`.
@@ -292,28 +292,31 @@ def crisis_slope(
     if not np.all(np.isfinite(points)):
         raise ValueError(f"the walker falls at slope {low}")
     batch = np.repeat(points, walkers, axis=0)
+    said = f"walking has not ended at slope {high}"
     for i in range(1, walkers):  # spread along the settled walk
         batch[i] = stride_map.apply(batch[i - 1 : i], low).ends[0]
-    if np.all(np.isfinite(_all_walk(stride_map, batch, high, strides))):
-        raise ValueError(f"walking has not ended at slope {high}")
+    if _all_walk(stride_map, batch, high, strides) is not None:
+        raise ValueError(said)
     step, fell = (high - low) / 64.0, False
     with progress("slopes tried") as tried:
         while step > accuracy or not fell:
-            there = _all_walk(stride_map, batch, low + step, strides)
-            if np.all(np.isfinite(there)):
-                low, batch = low + step, there
-            else:
+            there = min(low + step, high)
+            if (ends := _all_walk(stride_map, batch, there, strides)) is None:
                 step, fell = 0.5 * step, True
+            elif there == high:  # by small steps, though not by one from `low`
+                raise ValueError(said)
+            else:
+                low, batch = there, ends
             tried()
     return low
 
 
-def _all_walk(stride_map: StrideMap, points: NDArray, slope: float, strides: int) -> NDArray:
-    """Return walkers' points after some strides; stop as soon as one falls."""
+def _all_walk(stride_map: StrideMap, points: NDArray, slope: float, strides: int) -> NDArray | None:
+    """Return walkers' points after some strides; None as soon as one falls."""
     for _ in range(0, strides, 50):
         points = stride_map.apply(points, slope, strides=50).ends
         if not np.all(np.isfinite(points)):
-            break
+            return None
     return points
 
 

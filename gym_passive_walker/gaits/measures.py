@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import check_state, instance, one_slope
+from gym_passive_walker.arguments import check_state, instance, one_slope, shown
 from gym_passive_walker.gaits.forces import struck
 from gym_passive_walker.gaits.gait import Gait
+from gym_passive_walker.gaits.section import OFF
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import State
 from gym_passive_walker.physics.systems import body_of, system_of
@@ -65,9 +66,19 @@ def foot_velocity(walker: WalkerLike, state: ArrayLike) -> FootVelocity:
         walker: The walker, in a form that `as_walker` takes.
         state: States just *before* heelstrike, shape (6,) or (n, 6): the stance angle negative and
             the swing angle its opposite. `StrideMap.before_strike` finds them.
+
+    Raises:
+        ValueError: if a state is not just before heelstrike.
     """
     walker = as_walker(walker)
     states = check_state(state)
+    swing = states[..., 1 : 3 if walker.knees else 2]
+    if np.any(states[..., 0] > 0.0) or np.any(np.abs(swing + states[..., :1]) > OFF):
+        raise ValueError(
+            "state must be just before heelstrike, with a negative stance angle and the opposite "
+            "angles of thigh and shank, such as walk.states[-1] of gpw.simulate, not "
+            f"{shown(state)}"
+        )
     back, up = legs.striking_velocity(body_of(walker), State(*np.moveaxis(states, -1, 0)))
     return FootVelocity(-back * walker.leg_length, up * walker.leg_length)
 

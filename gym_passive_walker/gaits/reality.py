@@ -273,8 +273,9 @@ def reality_check(
         GaitNotFound: if no state is given, and the walker has no gait.
         NoStride: if a stride does not end with a heelstrike, or if its straight-leg phase has no
             duration.
-        ValueError: if a number is not finite or out of its range, or if the map has a terrain,
-            where the clearance of a foot between footholds is not defined.
+        ValueError: if a number is not finite or out of its range, if the state is not just after
+            heelstrike, or if the map has a terrain, where the clearance of a foot between
+            footholds is not defined.
     """
     walker, slope, state, motors, period, controlled = walk_of(walker, slope, state, hip_torque)
     check_parametric(walker, "reality_check")
@@ -291,6 +292,7 @@ def reality_check(
     walks, here = walks.with_tolerance(tolerance), check_state(state_on(walks, slope, state))
     if here.shape != (6,):
         raise ValueError(f"reality_check takes one walker: state must be (6,), not {here.shape}")
+    walks.points(here)  # refuses a state off the section
     time = 0.0
     phases: list[Phase] = []
     knees, heels, pushes = [], [], []

@@ -306,8 +306,6 @@ def _guesses(
     """Return initial guesses (n, m) in the chart: `guess`, or those for this period."""
     if guess is not None:
         states = np.atleast_2d(check_state(guess, "guess", stride_map.size))
-        if not stride_map.own and np.any(states[:, 0] <= 0.0):
-            raise ValueError("a guess must be a section state: its stance angle is positive")
         return stride_map.points(states).chart
     if slope <= 0.0 and stride_map.passive and stride_map.terrain is None and not stride_map.own:
         return np.empty((0, stride_map.dimension))

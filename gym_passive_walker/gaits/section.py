@@ -18,8 +18,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.arguments import shown
 from gym_passive_walker.units import Units, units_of
 from gym_passive_walker.walkers import Mechanism, Walker, state_size, varied
+
+OFF = 1e-6
+"""Largest angle in rad by which a state may lie off an impact: many digits, but not all of them."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -96,11 +100,27 @@ class Section:
         return Points(self, values)
 
     def points(self, states: ArrayLike) -> Points:
-        """Return the points of states (6,) or (n, 6) on the section, in the walker's own units."""
+        """Return the points of states (6,) or (n, 6) on the section, in the walker's own units.
+
+        Raises:
+            ValueError: if the shape does not fit, or a state is not one just after heelstrike.
+        """
         given = np.atleast_2d(states)
         if given.shape[-1] != self.size:
             raise ValueError(f"states must have shape ({self.size},) or (n, {self.size})")
-        return Points(self, self.point(self.units.to_dimensionless(given)))
+        found = Points(self, self.point(self.units.to_dimensionless(given)))
+        if not self.own:
+            angles = given[:, : 3 if self.walker.knees else 2]
+            off = angles[:, 0] <= 0.0
+            if getattr(self, "terrain", None) is None:  # else footholds determine the swing leg's
+                off |= np.abs(angles[:, 1:] + angles[:, :1]).max(axis=1) > OFF
+            if np.any(off):
+                raise ValueError(
+                    "a state on the Poincaré section is just after heelstrike: its stance angle is "
+                    "positive, and the angles of thigh and shank are its opposite, not "
+                    f"{shown(angles[off][0].tolist())}"
+                )
+        return found
 
     def from_chart(self, u: NDArray) -> Points:
         """Return the points with coordinates `u` (n, m) of the chart."""

@@ -46,8 +46,8 @@ def stride_jacobian(
         walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, which
             supplies slope, state and actuation where they are not given.
         slope: Slope in rad.
-        state: State on the Poincaré section, (6,), or several, (n, 6); that of the gait when None.
-            Thigh and shank angle are taken as minus the stance angle.
+        state: State on the Poincaré section, just after heelstrike, (6,), or several, (n, 6); that
+            of the gait when None.
         hip_torque: Torque held through the stride; 0 by default, or the gait's own.
         ankle_torque: Torque held through the stride, as for `stride`; 0 by default, or the gait's
             own.
@@ -65,7 +65,7 @@ def stride_jacobian(
     Raises:
         GaitNotFound: if no state is given, and the walker has no gait.
         NoStride: if a stride does not end with a heelstrike.
-        ValueError: if an argument is out of range.
+        ValueError: if an argument is out of range, or a state is not just after heelstrike.
     """
     tolerance = check_tolerance(number(tolerance, "tolerance"))
     walker, slope, state, motors, _, controlled = walk_of(

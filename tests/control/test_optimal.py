@@ -1,5 +1,6 @@
 """Gaits of least cost of transport, and the policy that plays them."""
 
+import re
 from dataclasses import replace
 
 import gymnasium as gym
@@ -47,7 +48,7 @@ def test_a_motor_that_pushes_both_ways_at_once_is_not_paid_for_it(monkeypatch):
     for parts in problem.parts(both):
         parts += 0.01
     np.clip(both, *problem.box.T, out=both)
-    monkeypatch.setattr(problem, "_minimised", lambda z, *_: (z, ""))
+    monkeypatch.setattr(problem, "_minimised", lambda z, *_: z)
     found = problem.solve(both)
     assert not np.minimum(*problem.parts(found)).any()
     assert problem.at(found)[0] == pytest.approx(problem.at(alone)[0], rel=1e-2)
@@ -100,7 +101,7 @@ def test_a_search_for_a_clear_toe_keeps_a_gait_that_clears_and_refuses_one_that_
     problem = Problem(scene, gait.speed, len(gait.torques), len(gait.point))
     problem.clears = True
     z = problem.begun_at(gait)
-    monkeypatch.setattr(problem, "_minimised", lambda z, *_: (z, ""))
+    monkeypatch.setattr(problem, "_minimised", lambda z, *_: z)
     np.testing.assert_allclose(problem.solve(z), z, atol=1e-8)
     monkeypatch.setattr(problem, "_stubs", lambda z: True)
     if end_on_toe_stub:
@@ -143,7 +144,10 @@ def test_stored_costs_are_those_of_the_stored_gaits_and_finer(scene):
     assert apart.max() < 1.3e-3  # faster walks of `lab` have no optimum at some speeds
     for gait in gaits:
         assert optimal.least_cost(scene, gait.speed) == pytest.approx(gait.cost_of_transport)
-    assert np.isnan(optimal.least_cost(scene, costs[-1][0] + 1e-6))
+    (low, _), *_, (high, _) = costs
+    for beyond in (low - 1e-6, high + 1e-6):
+        with pytest.raises(ValueError, match=f"speeds from {low:g} to {high:g} .*, not at"):
+            optimal.least_cost(scene, beyond)
 
 
 @pytest.mark.parametrize("speed", [0.088125, 0.165625])
@@ -161,12 +165,18 @@ def test_costs_between_gaits_given_are_interpolated_smoothly():
             optimal.least_cost("level", speed), rel=7e-3
         )
     assert optimal.least_cost(gaits[:1], gaits[0].speed) == gaits[0].cost_of_transport
-    assert np.isnan(optimal.least_cost(gaits[:1], 0.1))
+    with pytest.raises(ValueError, match=r"from 0\.05 to 0\.05 .*, not at 0\.1"):
+        optimal.least_cost(gaits[:1], 0.1)
+    for speed in (float("nan"), "0.1", None):
+        with pytest.raises(ValueError, match="speed must be"):
+            optimal.least_cost(gaits, speed)
+    with pytest.raises(ValueError, match="at least one gait"):
+        optimal.least_cost([], 0.1)
 
 
 def test_a_scene_without_stored_costs_is_named(tmp_path, monkeypatch):
-    with pytest.raises(ValueError, match="'moon'"):
-        optimal.least_cost("moon", 0.1)
+    with pytest.raises(ValueError, match=r"no levle \(level\?\); it has lab, level, steep"):
+        optimal.least_cost("levle", 0.1)
     monkeypatch.setattr(optimal, "COSTS", tmp_path / "costs.json")
     gaits = optimal.load("steep")
     optimal.save_costs("moon", gaits)
@@ -180,7 +190,8 @@ def test_level_walking_at_a_tenth_costs_a_third_of_a_percent():
     gaits = optimal.load("level")
     assert optimal.least_cost(gaits, 0.10) <= 0.00319
     assert optimal.least_cost(gaits, 0.15) <= 0.01317
-    assert np.isnan(optimal.least_cost(gaits, 0.4))
+    with pytest.raises(ValueError, match="optimal_gait"):
+        optimal.least_cost(gaits, 0.4)
 
 
 @pytest.mark.parametrize("name", ["lab", "steep"])
@@ -226,7 +237,8 @@ def test_optima_at_several_speeds_are_those_that_are_stored():
     speeds, costs = np.array([(gait.speed, gait.cost_of_transport) for gait in found]).T
     assert optimal.least_cost(found, speeds[1]) == pytest.approx(costs[1], rel=1e-12)
     for beyond in (speeds[0] - 1e-6, speeds[-1] + 1e-6):
-        assert np.isnan(optimal.least_cost(found, beyond))
+        with pytest.raises(ValueError, match="known at speeds"):
+            optimal.least_cost(found, beyond)
 
 
 @pytest.mark.parametrize("costs", [(3.0, 2.0, 1.0), (1.0, 2.0, 3.0)])
@@ -293,8 +305,19 @@ def test_what_has_no_optimum_is_refused(arguments, words):
 
 def test_a_speed_out_of_reach_is_said_to_be():
     scene = make_scene("level", control="stride")
-    with pytest.raises(gpw.GaitNotFound, match=r"no gait at speed 1\.5"):
+    with pytest.raises(
+        gpw.GaitNotFound,
+        match=r"^no gait at speed 1\.5 by motors of .* was found; there are gaits at speed 0\.\d+ ",
+    ) as said:
         optimal.optimal_gait(scene, 1.5)
+    speed = float(re.search(r"at speed (0\.\d+)", str(said.value))[1])
+    assert optimal.optimal_gait(scene, speed).speed == pytest.approx(speed)
+
+
+def test_the_speeds_of_stored_gaits_are_said_where_a_search_finds_none():
+    gait = optimal.load("level")[0]
+    said = optimal._known_speeds(make_scene("pushed"), gait)
+    assert "speeds from 0.05 to 0.2 √(g l)" in said and "optimal_gaits(scene, speeds)" in said
 
 
 def test_scenes_without_stored_gaits_say_how_to_get_them():

@@ -84,3 +84,42 @@ def test_walkers_may_be_named_wherever_they_are_taken():
     assert gpw.tune("C") == gpw.tune(gpw.WALKERS["C"])
     assert gpw.interpolate("C", "lab", 1.0) == gpw.WALKERS["lab"]
     assert gpw.tuning_errors("lab") == gpw.tuning_errors(gpw.WALKERS["lab"])
+
+
+AT_A_STATE = {
+    "stride_jacobian": lambda *at: gpw.stride_jacobian(*at),
+    "reality_check": lambda *at: gpw.reality_check(*at),
+    "bifurcation_diagram": lambda walker, slope, state: gpw.bifurcation_diagram(
+        walker, [slope], start=state, n_transient=0, n_recorded=33
+    ),
+    "lyapunov_exponents": lambda walker, slope, state: gpw.lyapunov_exponents(
+        walker, [slope], start=state, strides=1, n_transient=0
+    ),
+    "crisis_slope": lambda walker, slope, state: gpw.crisis_slope(
+        walker, slope, slope + 0.01, start=state
+    ),
+    "find_gaits": lambda walker, slope, state: gpw.find_gaits(walker, slope, guess=state),
+    "points_at": lambda walker, slope, state: gpw.stride_map(walker, slope).points_at(state),
+}
+
+
+@pytest.mark.parametrize("name, slope", [("lab", 0.036), ("D", 0.009)])
+@pytest.mark.parametrize("what", AT_A_STATE)
+def test_a_state_off_the_section_is_refused_where_one_on_it_is_asked_for(what, name, slope):
+    gait = gpw.find_gait(name, slope)
+    walk = gpw.simulate(gait, strides=1, samples=5).states
+    for state in (walk[2], walk[-1], gait.state * [0, 0, 0, 1, 1, 1]):
+        with pytest.raises(ValueError, match=r"just after heelstrike: its stance angle is posit"):
+            AT_A_STATE[what](name, slope, state)
+
+
+@pytest.mark.parametrize("name, slope", [("lab", 0.036), ("D", 0.009), ("A", 0.03)])
+def test_the_velocity_of_the_landing_foot_needs_a_state_before_heelstrike(name, slope):
+    gait = gpw.find_gait(name, slope)
+    walk = gpw.simulate(gait, strides=1, samples=5).states
+    np.testing.assert_allclose(
+        gpw.foot_velocity(name, walk[-1]), gpw.measures(gait).foot_velocity, rtol=1e-6, atol=1e-8
+    )
+    for state in (gait.state, walk[2], np.stack([walk[-1], gait.state])):
+        with pytest.raises(ValueError, match=r"^state must be just before heelstrike, with a neg"):
+            gpw.foot_velocity(name, state)

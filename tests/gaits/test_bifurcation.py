@@ -6,6 +6,7 @@ import pytest
 from gym_passive_walker import (
     WALKERS,
     GaitNotFound,
+    Walker,
     bifurcation_diagram,
     crisis_slope,
     doubling_cascade,
@@ -269,3 +270,13 @@ def test_a_crisis_is_found_to_the_accuracy_that_is_asked_for(accuracy):
     """Also where the range is hardly wider than that."""
     found = crisis_slope("D", 0.0125, 0.03, strides=200, walkers=4, accuracy=accuracy)
     assert found == pytest.approx(0.01905, abs=max(accuracy, 4e-4))
+
+
+def test_a_crisis_beyond_the_range_is_refused_however_far_its_walkers_are_moved():
+    """In one step to the steepest slope they fall; in small steps they walk on beyond it."""
+    walker = Walker(
+        thigh_length=0.6, shank_length=0.6, thigh_mass=0.5, thigh_com=0.5, thigh_gyration=0.2,
+        shank_mass=0.0, foot_radius=0.2, hip_mass=1.0, knees=False, gravity=1.0,
+    )  # fmt: skip
+    with pytest.raises(ValueError, match=r"walking has not ended at slope 0\.06"):
+        crisis_slope(walker, 0.01, 0.06, strides=300, walkers=16, accuracy=1e-4)

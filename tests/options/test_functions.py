@@ -217,7 +217,9 @@ OPTIONS = {
         ),
     ),
     "foot_velocity": Call(
-        gpw.foot_velocity, dict(walker="lab", state=STATE), dict(walker="D", state=OF_D)
+        gpw.foot_velocity,
+        dict(walker="lab", state=[-0.2, 0.2, 0.2, -1.1, -0.9, -0.9]),  # before heelstrike
+        dict(walker="D", state=[-0.3, 0.3, 0.3, -1.1, -0.9, -0.9]),
     ),
     "footholds": Call(
         gpw.footholds,
