@@ -224,9 +224,14 @@ def unknown(names: Iterable[Any], known: Sequence[str], owner: str) -> str | Non
     strange = [str(name) for name in names if name not in known]
     if not strange:
         return None
-    near = {name: get_close_matches(name[:100], known, 1) for name in strange}
-    said = [f"{name} ({close[0]}?)" if close else cut(name) for name, close in near.items()]
+    said = [cut(name) + near(name, known) for name in dict.fromkeys(strange)]
     return f"{owner} has no {', '.join(said)}; it has {', '.join(known)}"
+
+
+def near(name: Any, known: Iterable[str]) -> str:
+    """Return the known name that is most like a name, as " (level?)"; empty if none is."""
+    close = get_close_matches(str(name)[:100], [*known], 1)
+    return f" ({close[0]}?)" if close else ""
 
 
 def gait_kind(kind: Any) -> Any:

@@ -112,10 +112,10 @@ def export(command: ArgumentParser) -> Callable[[Namespace], Report]:
             )
         sizes = {"observation": policy.layers[0][0].shape[1], "action": len(policy.layers[-1][1])}
         text = listing(
-            f"{arguments.policy}, {policy.name}",
+            f"{arguments.policy}, {policy.algorithm}",
             {name: f"float32 (n, {size})" for name, size in sizes.items()},
         )
-        data = {"policy": arguments.policy, "algorithm": policy.name, **sizes}
+        data = {"policy": arguments.policy, "algorithm": policy.algorithm, **sizes}
         return Report(text, data, {arguments.out: policy.to_onnx})
 
     return run

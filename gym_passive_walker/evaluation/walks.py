@@ -64,6 +64,14 @@ class Walks:
     def __len__(self) -> int:
         return len(self.endings)
 
+    def __repr__(self) -> str:
+        if not len(self):
+            return "<Walks: episodes 0>"
+        endings = ", ".join(f"{ending} {n}" for ending, n in Counter(self.endings).most_common())
+        medians = {name.replace("_", " "): _median(getattr(self, name)) for name in _MEDIANS}
+        said = ", ".join(f"{name} {median:.4g}" for name, median in medians.items())
+        return f"<Walks: episodes {len(self)}: {endings}; medians: {said}>"
+
     @property
     def speed(self) -> NDArray:
         """Mean speed over sqrt(g l); 0 without a stride."""

@@ -273,9 +273,9 @@ def reality_check(
         GaitNotFound: if no state is given, and the walker has no gait.
         NoStride: if a stride does not end with a heelstrike, or if its straight-leg phase has no
             duration.
-        ValueError: if a number is not finite or out of its range, if the state is not just after
-            heelstrike, or if the map has a terrain, where the clearance of a foot between
-            footholds is not defined.
+        ValueError: if a number is not finite or out of its range, or the state is not just after
+            heelstrike; or if the map has a terrain, where the foot's clearance between footholds
+            is not defined.
     """
     walker, slope, state, motors, period, controlled = walk_of(walker, slope, state, hip_torque)
     check_parametric(walker, "reality_check")

@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from gym_passive_walker.arguments import shown
+from gym_passive_walker.arguments import near, shown
 from gym_passive_walker.console import cut
 from gym_passive_walker.control import controllers
 from gym_passive_walker.envs.scene import Scene, make_scene
@@ -32,7 +32,8 @@ class TrainedPolicy(Network):
     """A trained policy and the scene that it was trained for.
 
     Attributes:
-        name: Name of the algorithm, in capitals.
+        name: Name of its folder: that of a policy of the package, such as "level-ppo".
+        algorithm: Name of the algorithm, in capitals.
         scene: Scene of the training.
         folder: Folder of the policy's files.
         trained: Complete configuration of the training run; empty if the files do not include it.
@@ -43,14 +44,14 @@ class TrainedPolicy(Network):
         description = _description(folder / DESCRIPTION)
         with reading(folder, "is not a policy"):
             acting = {name: description[name] for name in ("algo", "activation", "normalizer")}
-            self.name = str(acting["algo"]).upper()
+            self.name, self.algorithm = folder.resolve().name, str(acting["algo"]).upper()
             self._trained_in = description["scene"], _names(description["env"], "env")
             self.scene: Scene = make_scene(self._trained_in[0], **self._trained_in[1])
             self.trained: dict[str, Any] = _names(description.get("trained", {}), "trained")
             super().__init__(read_tensors(folder / TENSORS), **acting)
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.folder.name}>"
+        return f"<{type(self).__name__} {self.name}>"
 
     def to_onnx(self, path: str | Path) -> None:
         """Write the policy as an ONNX file, with its observation normalizer.
@@ -75,7 +76,7 @@ class TrainedPolicy(Network):
             OSError: if the file cannot be written.
         """
         scene, env = self._trained_in
-        write_onnx(self, path, scene=scene, env=env, algorithm=self.name)
+        write_onnx(self, path, scene=scene, env=env, algorithm=self.algorithm)
 
 
 def shipped_policies() -> list[str]:
@@ -94,9 +95,10 @@ def policy_folder(name: str | Path) -> Path:
             with suppress(OSError, ValueError):  # invalid file names
                 if (folder / DESCRIPTION).is_file():
                     return folder
+    known = shipped_policies()
     raise PolicyError(
-        f"no policy {cut(str(name))!r}: choose from {', '.join(shipped_policies())}; or give a "
-        f"folder with {TENSORS} and {DESCRIPTION}, as `python train.py export RUN FOLDER` writes "
+        f"no policy {cut(str(name))!r}{near(name, known)}: choose from {', '.join(known)}; or give "
+        f"a folder with {TENSORS} and {DESCRIPTION}, as `python train.py export RUN FOLDER` writes "
         f"it; or an ONNX file (.onnx), or a file of stable-baselines3 (.zip)"
     )
 

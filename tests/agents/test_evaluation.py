@@ -176,3 +176,13 @@ def test_a_passive_walk_costs_the_sine_of_its_slope():
     assert walks.motor_work.tolist() == [0.0, 0.0]
     # Distance counts the stride under way, the strides only what they completed.
     assert np.all(np.abs(walks.distance - walks.length) < 1.0)
+
+
+def test_walks_are_shown_by_their_endings_and_medians():
+    vectors = gymnasium.make_vec(envs.ID, num_envs=8, scene="rolling", max_episode_steps=150)
+    walks = evaluate(Wavering(), vectors, seed=40)
+    said = repr(walks)
+    assert said.startswith("<Walks: episodes 8: ") and len(said) < 250 and "\n" not in said
+    for ending in set(walks.endings):
+        assert f"{ending} {walks.endings.count(ending)}" in said
+    assert f"distance {np.median(walks.distance):.4g}" in said and "array" not in said

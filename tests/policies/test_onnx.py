@@ -48,7 +48,7 @@ def test_a_file_acts_as_the_shipped_policy(name, tmp_path):
     assert np.max(np.abs(actions)) <= 1.0
     assert np.std(expected) > 0.01
     found = session.get_modelmeta().custom_metadata_map
-    assert found["scene"] == name.rpartition("-")[0] and found["algorithm"] == policy.name
+    assert found["scene"] == name.rpartition("-")[0] and found["algorithm"] == policy.algorithm
     names = json.loads(found["observation"])
     assert len(names) == size and names[:2] == ["stance leg angle", "swing thigh angle"]
     assert len(json.loads(found["action"])) == expected.shape[1]

@@ -185,7 +185,8 @@ def test_a_shipped_policy_is_what_its_files_say(name):
     folder = policy_folder(name)
     about = json.loads((folder / DESCRIPTION).read_text())
     policy = gpw.load_policy(name)
-    assert policy.folder == folder and policy.name == about["algo"].upper()
+    assert policy.folder == folder and policy.name == folder.name
+    assert policy.algorithm == about["algo"].upper()
     assert policy.scene == make_scene(about["scene"], **about["env"])
     assert policy.trained == about["trained"] and repr(policy) == f"<TrainedPolicy {name}>"
     arrays = read_tensors(folder / TENSORS)

@@ -31,7 +31,8 @@ def test_a_shipped_policy_is_numbers_and_text(name):
 @pytest.mark.parametrize("name", shipped_policies())
 def test_a_shipped_policy_walks_in_its_scene(name):
     policy = gpw.load_policy(name)
-    assert policy.name.lower().startswith(name.rpartition("-")[2])
+    assert policy.name == name and repr(policy) == f"<TrainedPolicy {name}>"
+    assert policy.algorithm.lower().startswith(name.rpartition("-")[2])
     arena = gymnasium.make_vec("PassiveWalker-v0", num_envs=10, scene=name.rpartition("-")[0])
     assert arena.scene == policy.scene
     observations, _ = arena.reset(seed=77)
