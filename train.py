@@ -5,7 +5,7 @@
     python train.py --resume runs/level-ppo-fast-1  Continue a run, to more steps with --steps.
     python train.py --scene lab --from level-ppo  Begin with a policy; all else is a new run.
     python train.py evaluate runs/level-ppo-fast-1  Evaluate its policy again.
-    python train.py evaluate --policy level-ppo   Evaluate a policy of the package.
+    python train.py evaluate level-ppo            Evaluate a policy of the package.
     python train.py optimal --scene level         Print gaits of least cost of transport.
     python train.py gait level-ppo --out gait.png Find and draw the gait under a policy.
     python train.py benchmark --seeds 10          Compare all agents in all scenes; resumable.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import shlex
 from collections.abc import Sequence
 from contextlib import suppress
@@ -15,6 +14,9 @@ from agents.checkpoint import last_policy
 from agents.config import ConfigError
 from agents.learner import LearnedPolicy, export, export_onnx, learned
 from gym_passive_walker import GaitNotFound
+from gym_passive_walker.arguments import unknown, whole
+from gym_passive_walker.cli.arguments import Parser
+from gym_passive_walker.console import cut
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import BASELINES
 from gym_passive_walker.control.controllers import acting
@@ -33,31 +35,38 @@ FINER = 8
 """In each interval between those speeds, the number of intervals between stored costs."""
 
 
-def _parser(command: str, description: str) -> argparse.ArgumentParser:
+def _parser(command: str, description: str) -> Parser:
     """A parser of a command's arguments."""
-    return argparse.ArgumentParser(prog=f"train.py {command}", description=description)
+    return Parser(prog=f"train.py {command}", description=description)
 
 
 def evaluate(arguments: Sequence[str]) -> int:
     """Evaluate the policy of a run, or one of the package."""
     parser = _parser("evaluate", "Evaluate a policy beside the passive walker.")
     which = parser.add_mutually_exclusive_group(required=True)
-    which.add_argument("run", type=Path, nargs="?", help="folder of the run")
     known = ", ".join(shipped_policies())
-    which.add_argument("--policy", metavar="NAME", help=f"policy of the package: {known}")
+    about = f"folder of a run or of an exported policy, or a policy of the package: {known}"
+    which.add_argument("run", nargs="?", metavar="RUN|POLICY", help=about)
+    which.add_argument(
+        "--policy", metavar="NAME", help="the same, but a policy of the package comes first"
+    )
     add = parser.add_argument
     add("--episodes", type=int, default=evaluation.EPISODES, metavar="N",
         help="number of episodes (%(default)s)")  # fmt: skip
     add("--seed", type=int, default=evaluation.SEED, help="seed of the episodes (%(default)s)")
     args = parser.parse_args(arguments)
-    if args.run is not None and not args.run.is_dir():
-        raise ConfigError(f"{args.run} is not the folder of a run")
+    name = args.run or args.policy
+    folder = Path(name) if Path(name).is_dir() else None
+    if folder is None and name not in shipped_policies():
+        near = unknown([name], shipped_policies(), "the package")
+        raise ConfigError(f"{cut(name)} is not the folder of a run, and {near}")
     text, rows = evaluation.evaluate_policy(
-        args.run or args.policy, episodes=args.episodes, seed=args.seed
-    )
+        folder if args.run and folder else name,
+        episodes=whole(args.episodes, "--episodes"), seed=whole(args.seed, "--seed", least=0),
+    )  # fmt: skip
     print(text)
-    if args.run is not None:
-        evaluation.write_evaluation(args.run, text, rows)
+    if args.run and folder:
+        evaluation.write_evaluation(folder, text, rows)
     return 0
 
 
@@ -126,9 +135,10 @@ def show_gait(arguments: Sequence[str]) -> int:
     except GaitNotFound as error:
         raise ConfigError(str(error)) from None
     known, least = [], float("nan")
-    with suppress(ValueError):  # no optimal gaits of this scene are stored
+    with suppress(ValueError):  # none are stored for this scene, or none at this speed
         name = optimal.stored_name(scene)
-        known, least = optimal.load(name), optimal.least_cost(name, gait.froude_speed)
+        known = optimal.load(name)
+        least = optimal.least_cost(name, gait.froude_speed)
     print(_described(gait, least))
     if out is not None:
         near = min(known, key=lambda other: abs(other.speed - gait.froude_speed), default=None)

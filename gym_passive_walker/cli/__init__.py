@@ -11,10 +11,10 @@ import argparse
 import json
 from collections.abc import Sequence
 from textwrap import dedent, indent
-from typing import NoReturn
 
 import gym_passive_walker
 from gym_passive_walker import console
+from gym_passive_walker.cli.arguments import Parser
 from gym_passive_walker.cli.disturbances import gauntlet, robustness
 from gym_passive_walker.cli.gaits import basin, bifurcation, check, family, gait, walkers
 from gym_passive_walker.cli.pictures import figures, play, strobe, video
@@ -33,16 +33,9 @@ COMMANDS = (
 _PROGRAM = "passive-walker"
 
 
-class _Parser(argparse.ArgumentParser):
-    """A parser that reports an error in one sentence and exits with status 2."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(2, f"error: {message} (see {self.prog} --help)\n")
-
-
 def parser() -> argparse.ArgumentParser:
     """The parser of the command line, with all commands."""
-    top = _Parser(prog=_PROGRAM, description="Passive walkers and their gaits.")
+    top = Parser(prog=_PROGRAM, description="Passive walkers and their gaits.")
     version = f"{_PROGRAM} {gym_passive_walker.__version__}"
     top.add_argument("--version", action="version", version=version)
     commands = top.add_subparsers(metavar="COMMAND", title="commands")
@@ -55,7 +48,7 @@ def parser() -> argparse.ArgumentParser:
             epilog="examples:\n" + indent(dedent(examples), "  ").rstrip(),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        below.set_defaults(run=command(below))
+        below.set_defaults(run=command(below), by_option=below.by_option)
         below.add_argument("--json", action="store_true", help="print JSON, for programs")
     return top
 
@@ -81,7 +74,11 @@ def _command(words: Sequence[str] | None) -> None:
     if "run" not in arguments:
         top.print_help()
         return
-    report = arguments.run(arguments)
+    try:
+        report = arguments.run(arguments)
+    except (GaitNotFound, ValueError) as error:
+        error.args = (arguments.by_option(str(error)), *error.args[1:])
+        raise
     print(json.dumps(plain(report.data)) if arguments.json else report.text, flush=True)
     for path, write in report.files.items():
         write(path)

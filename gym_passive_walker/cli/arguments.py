@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from typing import Any
+import re
+from argparse import Action, ArgumentError, ArgumentParser, ArgumentTypeError, Namespace
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gym_passive_walker.arguments import unknown
 from gym_passive_walker.control.baselines import BASELINES
 from gym_passive_walker.control.maps import stride_map
 from gym_passive_walker.gaits.actuation import Actuation
@@ -25,6 +27,51 @@ A_WALKER = (
 
 A_POLICY = "the path of an exported folder, an ONNX file or a stable-baselines3 file (.zip)"
 """Help text of an argument that names a policy of the user's own."""
+
+
+_OPTIONS = {
+    "hip_torque": "--torque", "slope_min": "LOW", "slope_max": "HIGH", "folder": "--out",
+}  # fmt: skip
+"""Options for arguments of Python that have another name."""
+
+
+class Parser(ArgumentParser):
+    """A parser that reports an error in one sentence, with similar names, and exits with 2."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the message, and exit."""
+        self.exit(2, f"error: {message} (see {self.prog} --help)\n")
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse arguments; options that this parser does not have are an error."""
+        found, rest = super().parse_known_args(args, namespace)
+        strange = [word for word in rest if re.match("-+[a-z]", word)]
+        known = [name for name in self._option_string_actions if name.startswith("--")]
+        if said := unknown(strange, known, self.prog):
+            self.error(said)
+        return found, rest
+
+    def _check_value(self, action: Action, value: Any) -> None:
+        """Raise an error for a value that is none of the choices."""
+        if action.choices is not None and value not in action.choices:
+            known = [*map(str, action.choices)]
+            raise ArgumentError(action, str(unknown([value], known, "the list of choices")))
+
+    def by_option(self, message: str) -> str:
+        """Return an error's message with options in place of the arguments of Python functions."""
+        names = {
+            action.dest: action.option_strings[-1] if action.option_strings else action.metavar
+            for action in self._actions
+        }
+        names = {name: option for name, option in {**_OPTIONS, **names}.items() if option}
+
+        def option(found: re.Match[str]) -> str:
+            return str(names.get(found[0], found[0]))
+
+        message = re.sub(r"^\w+(?= must | needs | takes )|\bslope_m(?:in|ax)\b", option, message)
+        message = message.replace("stride_map(walker, controller=...)", "a --controller")
+        calls = r"\bmake_scene\(scene, (\w+)=[^()]*\)|(?<=\bby )(\w+)=(?=$|\W)"
+        return re.sub(calls, lambda found: names.get(found[1] or found[2], found[0]), message)
 
 
 def a_walker(text: str) -> Walker:
@@ -117,6 +164,8 @@ def map_of(arguments: Namespace, slope: float | None = None) -> StrideMap:
     """
     parts = (getattr(arguments, name, 0.0) for name in ("torque", "ankle_torque", "push_off"))
     held, walker = Actuation(*parts), walker_of(arguments)
+    if arguments.controller is None and arguments.scene is not None:
+        raise ValueError("--scene is that of a --controller, which is not given")
     if arguments.controller is None:
         return stride_map(walker, slope, controller=None if held.passive else held)
     if not held.passive:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from gym_passive_walker.arguments import KEPT, one_slope, whole
 from gym_passive_walker.cli.arguments import (
     add_kind,
     add_motors,
@@ -132,9 +133,13 @@ def bifurcation(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add("--n-recorded", type=int, default=64, metavar="N", help="recorded strides (%(default)s)")
 
     def run(arguments: Namespace) -> Report:
-        slopes = np.linspace(arguments.low, arguments.high, arguments.slopes)
+        count = whole(arguments.slopes, "--slopes", 1, KEPT)
+        low, high = one_slope(arguments.low, "LOW"), one_slope(arguments.high, "HIGH")
+        slopes, strides = np.linspace(low, high, count), map_of(arguments)
+        if strides.passive and slopes.min() <= 0.0:
+            raise ValueError("LOW and HIGH must be slopes above 0: only motors walk uphill")
         found = bifurcation_diagram(
-            map_of(arguments), slopes, kind=arguments.kind,
+            strides, slopes, kind=arguments.kind,
             n_transient=arguments.n_transient, n_recorded=arguments.n_recorded,
         )  # fmt: skip
         angles = found.stance_angle

@@ -6,6 +6,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
+from gym_passive_walker.arguments import near
 from gym_passive_walker.cli.arguments import A_WALKER, a_walker, add_walk, map_of, start_of
 from gym_passive_walker.cli.report import Report
 from gym_passive_walker.extras import need
@@ -123,7 +124,8 @@ def figures(command: ArgumentParser) -> Callable[[Namespace], Report]:
         paths, names = [], arguments.names or list(FIGURES)
         for name in names:
             if name not in FIGURES:
-                raise ValueError(f"no figure {name!r}: choose from {', '.join(FIGURES)}")
+                like = near(name, FIGURES)
+                raise ValueError(f"no figure {name!r}{like}: choose from {', '.join(FIGURES)}")
         arguments.out.mkdir(parents=True, exist_ok=True)
         with progress("figures", len(names)) as drawn:
             for name in names:

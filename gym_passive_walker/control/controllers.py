@@ -7,7 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from gym_passive_walker.arguments import shown
+from gym_passive_walker.arguments import near, shown
 from gym_passive_walker.control.baselines import BASELINES
 from gym_passive_walker.control.policy import FunctionPolicy, ModulePolicy, Policy, is_module
 from gym_passive_walker.envs.scene import Scene, make_scene
@@ -33,7 +33,15 @@ def as_policy(controller: ControllerLike) -> Policy:
         ValueError: if there is no such controller, or it cannot act.
     """
     if isinstance(controller, str | PathLike):
-        return LOADERS[0](controller if isinstance(controller, str) else Path(controller))
+        try:
+            return LOADERS[0](controller if isinstance(controller, str) else Path(controller))
+        except ValueError:
+            if Path(controller).suffix or not (like := near(controller, BASELINES)):
+                raise
+            raise ValueError(
+                f"no controller {shown(controller)}{like}: give a feedback, one of "
+                f"{', '.join(BASELINES)}, or the name or path of a trained policy"
+            ) from None
     if callable(getattr(controller, "predict", None)):
         return controller  # type: ignore[return-value]
     if is_module(controller):

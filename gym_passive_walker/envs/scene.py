@@ -12,6 +12,7 @@ from gym_passive_walker.arguments import (
     boolean,
     check_slope,
     check_tolerance,
+    near,
     real_array,
     shown,
     unknown,
@@ -482,7 +483,10 @@ def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any)
             f"the system {scene.title!r} is no scene: give its arguments, system=... among them"
         )
     else:
-        raise SceneError(f"no scene {shown(scene)}: give a Scene, or one of {', '.join(SCENES)}")
+        raise SceneError(
+            f"no scene {shown(scene)}{near(scene, SCENES)}: give a Scene, or one of "
+            f"{', '.join(SCENES)}"
+        )
     for given in (arguments, changes):
         if "system" not in given:
             continue

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from gym_passive_walker.arguments import near
 from gym_passive_walker.extras import need
 from gym_passive_walker.gaits.bifurcation import bifurcation_diagram
 from gym_passive_walker.gaits.doubling import doubling_cascade
@@ -284,7 +285,9 @@ def draw(name: str, folder: str | Path, kind: str = "png") -> Path:
         ValueError: if the figure or the format is unknown.
     """
     if name not in FIGURES:
-        raise ValueError(f"no figure {name!r}: choose from {', '.join(FIGURES)}")
+        raise ValueError(
+            f"no figure {name!r}{near(name, FIGURES)}: choose from {', '.join(FIGURES)}"
+        )
     need("matplotlib", "figures")
     if kind not in KINDS:
         raise ValueError(f"no kind of file {kind!r}: choose from {', '.join(KINDS)}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gym_passive_walker.arguments import one_slope
+from gym_passive_walker.arguments import number, one_slope
 from gym_passive_walker.files import prepare, replacing
 from gym_passive_walker.gaits.actuation import PASSIVE
 from gym_passive_walker.gaits.given import GaitLike, walk_of
@@ -115,6 +115,7 @@ def play(
 
         setup, start = _asked(walker, slope, policy, start)
         return PlayerWidget(*setup, start=start)
+    seconds = None if seconds is None else number(seconds, "seconds", above=0.0)
     pygame = load_pygame()
     from gym_passive_walker.viewer.player import FPS, SIZE, Player
     from gym_passive_walker.viewer.view import View

@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, TypeAlias, TypeGuard
 
-from gym_passive_walker.arguments import shown
+from gym_passive_walker.arguments import near, shown
 from gym_passive_walker.console import cut
 from gym_passive_walker.loading import SUFFIXES, is_file, read_content
 from gym_passive_walker.walkers.mechanism import Mechanism, check_parametric
@@ -126,8 +126,8 @@ def as_walker(walker: WalkerLike) -> Walker:
     if is_file(walker):
         return _of_file(walker)
     raise WalkerError(
-        f"no walker {shown(walker)}: give a Walker, one of the names {', '.join(WALKERS)}, "
-        f"a mapping of parameters, or a file of them ({', '.join(SUFFIXES)})"
+        f"no walker {shown(walker)}{near(walker, WALKERS)}: give a Walker, one of the names "
+        f"{', '.join(WALKERS)}, a mapping of parameters, or a file of them ({', '.join(SUFFIXES)})"
     )
 
 

@@ -121,6 +121,17 @@ def test_rows_of_former_evaluations_may_lack_columns(tmp_path):
         assert list(csv.DictReader(file)) == [{"a": "1", "b": ""}, {"a": "2", "b": "x, ü"}]
 
 
+def test_a_policy_of_the_package_is_evaluated_by_its_name_and_writes_nothing(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    text, _ = evaluate_policy("steep-ppo", episodes=2, seed=7)
+    for name in (["steep-ppo"], ["--policy", "steep-ppo"]):
+        assert train.main(["evaluate", *name, "--episodes", "2", "--seed", "7"]) == 0
+        assert capsys.readouterr().out == f"{text}\n"
+    assert not list(tmp_path.iterdir())
+
+
 def test_an_evaluation_compares_the_policy_with_the_passive_walker_on_the_same_episodes(tmp_path):
     text, rows = evaluate_policy("steep-ppo", episodes=3, seed=7)
     config, policy = evaluation.learned("steep-ppo")
@@ -294,7 +305,10 @@ def test_a_copy_of_a_shipped_policy_and_a_run_s_file_are_told_apart(tmp_path, ca
     for words, said in (
         (["export", "steep-ppo", str(tmp_path / "out")], "steep-ppo was exported before"),
         (["evaluate", str(tmp_path / "none")], "none is not the folder of a run"),
-        (["evaluate", "--policy", "nobody"], "nobody is neither a run nor an exported policy"),
+        (["evaluate", "--policy", "nobody"], "not the folder of a run, and the package has no no"),
+        (["evaluate", "levle-ppo"], "the package has no levle-ppo (level-ppo?); it has anywhere-p"),
+        (["evaluate", "level-ppo", "--episodes", "0"], "--episodes must be a whole number from 1"),
+        (["evaluate", "level-ppo", "--seed", "-1"], "--seed must be a whole number from 0"),
     ):
         assert train.main(words) == 2
         assert said in capsys.readouterr().err
