@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import gym_passive_walker as gpw
+from tests.docs.printed import Printed
 
 DOCS = Path(__file__).parents[2]
 
@@ -55,7 +56,7 @@ def test_a_recipe_runs_by_itself(recipe, monkeypatch, tmp_path, capsys):
             pytest.importorskip(library)
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     monkeypatch.chdir(tmp_path)
-    exec(compile(code, recipe, "exec"), {"__name__": "__main__"})
+    Printed().run(code, recipe)
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -71,7 +72,25 @@ def test_the_code_on_a_page_runs_from_top_to_bottom(page, monkeypatch, tmp_path,
     for learner in ("torch", "stable_baselines3"):  # a large extra; pages without it run anywhere
         if re.search(rf"(import|from) {learner}\b", "".join(blocks)):
             pytest.importorskip(learner)
-    exec(compile("\n".join(blocks), page, "exec"), {"__name__": "__main__"})
+    Printed().run("\n".join(blocks), page)
+
+
+@pytest.mark.parametrize(
+    ("comment", "right"),
+    [
+        ("0.757 s, 0.389 m", True), ("0.756 s, 0.389 m", False), ("39 % of them", True),
+        ("2, below 3", True), ("below 1", False), ("1.99 and 0.39", False), ("no float32", True),
+        ("mean, and its 95 % interval", True),
+        ("2.0, then 3", False), ("0.7", False), ("0.8", True), ("-0.757", False),
+    ],
+)  # fmt: skip
+def test_a_number_beside_a_print_is_one_that_is_printed(comment, right, capsys):
+    code = f"for x in (0.75684, 2):\n    print(\n        x, 0.38915\n    )  # {comment}\n"
+    if right:
+        Printed().run(code, "page")
+    else:
+        with pytest.raises(AssertionError, match=r"is not printed, but 0\.75684 0\.38915"):
+            Printed().run(code, "page")
 
 
 @pytest.mark.slow

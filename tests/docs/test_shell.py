@@ -14,6 +14,7 @@ import pytest
 
 from benchmarks import tables
 from gym_passive_walker.cli import main
+from tests.numbers import alike
 
 ROOT = Path(__file__).parents[2]
 
@@ -68,7 +69,7 @@ ONLY_PARSED = {
     r"passive-walker sweep": "ten thousand tasks",
     r"passive-walker warmup": "compiles everything, which takes minutes",
     r"SDL_VIDEODRIVER=dummy passive-walker play": "redraws a picture of the documentation",
-    r"python train\.py(?! optimal --scene level +#| evaluate --p| gait )": "trains",
+    r"python train\.py(?! optimal --scene level +#| evaluate level-| gait )": "trains",
     r".*python3? -m (pytest|venv|pip|benchmarks|agents)": "installs, tests or measures for long",
     r".*pip install": "installs",
     r".*/python train\.py$": "trains for minutes",
@@ -174,6 +175,31 @@ def test_a_short_command_does_what_it_says(line, tmp_path, monkeypatch, capsys):
         assert words[0] == "passive-walker"
         status = main(words[1:])
     assert status == 0, capsys.readouterr().err
+
+
+OUTPUTS = {
+    " ".join(command.split()): output
+    for page in PAGES
+    for command, output in re.findall(
+        r"`(passive-walker [^`]+)`(?:[^`]|`(?!``))*?:\n\n```text\n(.*?)```", page.read_text(), re.S
+    )
+}
+"""What pages show as the output of a command that the sentence before names."""
+
+
+@pytest.mark.parametrize("line", OUTPUTS)
+def test_a_command_prints_what_its_page_shows(line, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(words_of(line)[1:]) == 0
+    shown, printed = (
+        text.strip().splitlines() for text in (OUTPUTS[line], capsys.readouterr().out)
+    )
+    for before, now in zip(shown, printed, strict=True):
+        assert alike(before, now, 1e-3, 1e-6), f"{before}, now {now}"
+
+
+def test_outputs_are_found():
+    assert len(OUTPUTS) == 1
 
 
 def test_each_reason_not_to_run_a_command_is_needed():
