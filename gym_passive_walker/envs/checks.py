@@ -15,6 +15,13 @@ class SceneError(ValueError):
     """The arguments describe no scene; the message says which, and what is allowed."""
 
 
+class UnknownArgumentError(SceneError, TypeError):
+    """A scene has no argument of that name.
+
+    It is a `TypeError` with Python's own words, by which libraries find arguments to leave out.
+    """
+
+
 def checked(check: Callable[..., Any], *given: Any, **limits: Any) -> Any:
     """Return the result of a check; its errors become a `SceneError`."""
     try:

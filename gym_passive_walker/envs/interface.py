@@ -160,6 +160,73 @@ class EnergyCost:
         self.batch.rules["charged"] = rules.ENERGIES.index(energy)
 
 
+OF_EACH = {
+    "walker": "walkers", "slope": "slopes", "state": "states", "np_random": "np_random",
+    "set_slope": "set_slopes", "render": "render",
+}  # fmt: skip
+"""Names of a single environment that differ in a batch, and the batch's names for all of them."""
+
+OF_ALL = {
+    "scene": "scene", "energy_cost": "energy_cost", "render_mode": "render_mode",
+    "observation_space": "single_observation_space", "action_space": "single_action_space",
+    "set_scene": "set_scene", "set_energy_cost": "set_energy_cost",
+}  # fmt: skip
+"""Names of a single environment that are alike in a batch, and the batch's names of them."""
+
+
+class SingleNames:
+    """A vector environment's access to its single environments, as in Gymnasium's own."""
+
+    num_envs: int
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Return an attribute of each environment, or what a method of each returns.
+
+        The results are those of Gymnasium's `SyncVectorEnv`. A method acts on all environments.
+
+        Args:
+            name: An attribute ("walker", "slope", "state", "np_random", "scene", "energy_cost",
+                "render_mode", "observation_space", "action_space") or a method ("render",
+                "set_slope", "set_scene", "set_energy_cost") of `PassiveWalkerEnv`.
+            *args: Arguments of the method.
+            **kwargs: Keyword arguments of the method.
+
+        Returns:
+            The values, one for each environment.
+
+        Raises:
+            AttributeError: if it is another name. A batch has no single environments, of which one
+                could be stepped, reset or saved.
+            TypeError: if there are arguments, and the name is an attribute.
+        """
+        known = OF_EACH | OF_ALL
+        if name not in known:
+            raise AttributeError(
+                f"call and get_attr have no {name!r}, because a batch is stepped, reset and saved "
+                f"as a whole: choose {', '.join(known)}, or use attributes of the batch itself"
+            )
+        found = getattr(self, known[name])
+        if callable(found):
+            found = found(*args, **kwargs)
+        elif args or kwargs:
+            raise TypeError(f"{name} is an attribute, which takes no arguments")
+        return (found,) * self.num_envs if name in OF_ALL or found is None else tuple(found)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """Return an attribute of each environment; see `call`."""
+        return self.call(name)
+
+    def set_attr(self, name: str, values: Any) -> NoReturn:
+        """Raise an error: attributes of the simulation are read-only.
+
+        Raises:
+            AttributeError: always.
+        """
+        raise AttributeError(
+            f"{name} of a batch is read-only: use set_scene, set_slopes or set_energy_cost"
+        )
+
+
 class Adapter:
     """Methods that an adapter passes to its vector environment."""
 

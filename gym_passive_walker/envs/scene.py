@@ -20,6 +20,7 @@ from gym_passive_walker.arguments import (
 )
 from gym_passive_walker.envs.checks import (
     SceneError,
+    UnknownArgumentError,
     bounded,
     checked,
     checked_constraints,
@@ -468,7 +469,8 @@ def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any)
             user's own, is another name of "walker".
 
     Raises:
-        SceneError: if the scene is unknown, or an argument is invalid.
+        SceneError: if the scene is unknown, or an argument is invalid. For an unknown argument it
+            is a `TypeError` as well.
         WalkerError: if the walker is invalid.
     """
     known = [f.name for f in fields(Scene)]
@@ -495,7 +497,9 @@ def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any)
         given["walker"] = given.pop("system")
         if not isinstance(given["walker"], Mechanism):
             raise SceneError(f"system must be a gpw.System, not {shown(given['walker'])}")
-    arguments.update(changes)
     if said := unknown(arguments, known, "a scene"):
         raise SceneError(said)
-    return Scene(**arguments)
+    if said := unknown(changes, known, "a scene"):
+        strange = [f"unexpected keyword argument {shown(n)}" for n in changes if n not in known]
+        raise UnknownArgumentError(f"{', '.join(strange)}: {said}")
+    return Scene(**arguments | changes)

@@ -26,7 +26,9 @@ from gym_passive_walker.walkers import Walker, WalkerLike, as_any
 _OUTCOMES = np.array(interface.OUTCOMES, object)
 
 
-class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, NDArray]):
+class PassiveWalkerVectorEnv(
+    interface.EnergyCost, interface.SingleNames, VectorEnv[NDArray, NDArray, NDArray]
+):
     """A batch of `PassiveWalkerEnv`; trajectories are bitwise equal to single environments.
 
     Observations, rewards, terminations and infos are bitwise equal to those of a `SyncVectorEnv` of
@@ -41,7 +43,8 @@ class PassiveWalkerVectorEnv(interface.EnergyCost, VectorEnv[NDArray, NDArray, N
         autoreset_mode: "NextStep", "SameStep" or "Disabled". "NextStep": the step after the end of
             an episode is its reset. "SameStep": the last step of an episode returns the first
             observation of the next one, and has the last one in ``infos["final_obs"]``.
-            "Disabled": call ``reset(options={"reset_mask": ...})``.
+            "Disabled": call ``reset(options={"reset_mask": ...})``. Gymnasium's vector wrappers of
+            observations refuse "SameStep"; all of them take "NextStep".
         walkers: Walkers of one kind, (num_envs,), instead of the scene's.
         slopes: Slopes in rad, (num_envs,), instead of the scene's.
         threads: Number of threads for large batches; numba's number when None. Results do not

@@ -109,6 +109,30 @@ def test_what_is_no_scene_is_refused_in_words(arguments, message):
         make_scene(**arguments)
 
 
+TAKING = {
+    "make": lambda **given: gymnasium.make("PassiveWalker-v0", **given),
+    "make_vec": lambda **given: gymnasium.make_vec("PassiveWalker-v0", num_envs=2, **given),
+    "set_scene": lambda **given: gymnasium.make("PassiveWalker-v0").unwrapped.set_scene(**given),
+    "make_scene": make_scene,
+}
+
+
+@pytest.mark.parametrize("of", TAKING)
+def test_an_unknown_argument_is_refused_in_the_words_by_which_libraries_drop_it(of):
+    given = {"slop": 0.1, "frameskip": 1}
+    with pytest.raises(SceneError, match=r"a scene has no slop \(slope\?\), frameskip;") as refused:
+        TAKING[of](**given)
+    assert isinstance(refused.value, TypeError)
+    for name in given:
+        assert f"unexpected keyword argument '{name}'" in str(refused.value)
+
+
+def test_an_unknown_entry_of_a_mapping_is_no_argument():
+    with pytest.raises(SceneError, match=r"^a scene has no frameskip;") as refused:
+        make_scene({"frameskip": 4})
+    assert not isinstance(refused.value, TypeError)
+
+
 @pytest.mark.parametrize(
     ("walker", "message"),
     [

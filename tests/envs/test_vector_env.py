@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import vector as wrappers
 
 from gym_passive_walker import WALKERS
-from gym_passive_walker.envs import task
+from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import SceneError
 
@@ -229,6 +229,88 @@ def test_normalisation_wraps_it(make_vec):
     for act, _ in zip(actions(8), range(20), strict=False):
         observations, rewards, *_ = env.step(act)
     assert np.isfinite(observations).all() and np.isfinite(rewards).all()
+
+
+OBSERVATIONS = {
+    "NormalizeObservation": wrappers.NormalizeObservation,
+    "TransformObservation": lambda envs: wrappers.TransformObservation(envs, lambda x: 2.0 * x),
+    "RescaleObservation": lambda envs: wrappers.RescaleObservation(envs, 0.0, 1.0),
+    "FlattenObservation": wrappers.FlattenObservation,
+    "DtypeObservation": lambda envs: wrappers.DtypeObservation(envs, np.float64),
+}
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning", "ignore::RuntimeWarning")  # of their bounds
+@pytest.mark.parametrize("name", OBSERVATIONS)
+@pytest.mark.parametrize("mode", MODES)
+def test_gymnasium_s_wrappers_of_observations_need_the_reset_at_the_next_step(make_vec, name, mode):
+    envs = make_vec(3, autoreset_mode=mode, max_episode_steps=5)
+    if mode == "SameStep":
+        with pytest.raises((ValueError, AssertionError), match="NEXT_STEP"):
+            OBSERVATIONS[name](envs)
+    elif mode == "NextStep":
+        wrapped = OBSERVATIONS[name](envs)
+        wrapped.reset(seed=0)
+        seen = [wrapped.step(zeros(3))[0] for _ in range(12)]
+        assert all(each in wrapped.observation_space for each in seen)
+
+
+def alike(a, b):
+    """Whether two attributes are equal; generators by their states, arrays by their numbers."""
+    if isinstance(a, np.random.Generator):
+        return a.bit_generator.state == b.bit_generator.state
+    if np.ndim(a) == 3:  # a batch has smaller pictures
+        return np.ndim(b) == 3
+    return np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b
+
+
+@pytest.mark.parametrize("name", interface.OF_EACH | interface.OF_ALL)
+def test_each_environment_is_called_as_gymnasium_calls_its_own(make_vec, name):
+    if name == "render":
+        pytest.importorskip("pygame")
+    arguments = {"slope": (0.0, 0.02), "render_mode": "rgb_array" if name == "render" else None}
+    calls = {"set_slope": (0.03,), "set_scene": ("steep",), "set_energy_cost": ("net",)}
+    results = []
+    for kind in ("vector_entry_point", "sync"):
+        envs = make_vec(3, vectorization_mode=kind, **arguments)
+        envs.reset(seed=4)
+        steps = 0 if name == "set_slope" else 3
+        for act, _ in zip(actions(3), range(steps), strict=False):
+            envs.step(act)
+        results += [envs.call(name, *calls.get(name, ()))]
+        if name == "set_scene":
+            results[-1] += tuple(envs.reset(seed=1)[0])
+        elif name == "set_energy_cost":
+            results[-1] += (*envs.get_attr("energy_cost"), *envs.step(np.ones((3, 1)))[1])
+    native, sync = results
+    assert len(native) == len(sync) >= 3
+    assert all(alike(a, b) for a, b in zip(native, sync, strict=True))
+
+
+def test_an_environment_without_pictures_is_called_for_none(make_vec):
+    envs = make_vec(2)
+    envs.reset(seed=0)
+    assert envs.call("render") == (None, None)
+
+
+def test_every_name_of_one_environment_is_answered_or_refused(make_vec):
+    envs = make_vec(2)
+    envs.reset(seed=0)
+    known = interface.OF_EACH | interface.OF_ALL
+    single = [name for name in dir(gymnasium.make(ID).unwrapped) if not name.startswith("_")]
+    assert known.keys() <= set(single)
+    for name in {*single, "slop"} - known.keys():
+        with pytest.raises(AttributeError, match=f"no '{name}', because .* choose walker, slope"):
+            envs.get_attr(name)
+
+
+def test_an_attribute_takes_no_arguments_and_no_value(make_vec):
+    envs = make_vec(2)
+    with pytest.raises(TypeError, match="slope is an attribute"):
+        envs.call("slope", 0.1)
+    for name in ("slope", "scene", "colour"):
+        with pytest.raises(AttributeError, match=f"{name} of a batch is read-only: use set_scene"):
+            envs.set_attr(name, 0.1)
 
 
 def test_infos_become_lists(make_vec):

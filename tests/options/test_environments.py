@@ -322,6 +322,13 @@ def seeds(seed, of):
     return env.reset()
 
 
+def refusal(call):
+    """The error of a call that is refused."""
+    with pytest.raises(AttributeError) as refused:
+        call()
+    return refused.value
+
+
 MASK = np.array([True, False, True])
 FROM = {"state": np.array([0.3, -0.3, -0.3, -1.2, -0.8, -1.0])}
 OTHER_STATE = {"state": np.array([0.2, -0.2, -0.2, -1.2, -0.8, -1.0]), "slope": 0.02}
@@ -384,6 +391,24 @@ METHODS = {
         dict(energy=None),
         dict(energy="absolute"),
         of=PassiveWalkerVectorEnv.set_energy_cost,
+    ),
+    "PassiveWalkerVectorEnv.call": Call(
+        lambda name: vector(slope=(0.0, 0.1)).call(name),
+        dict(name="slope"),
+        dict(name="render_mode"),
+        of=PassiveWalkerVectorEnv.call,
+    ),
+    "PassiveWalkerVectorEnv.get_attr": Call(
+        lambda name: vector(slope=(0.0, 0.1)).get_attr(name),
+        dict(name="slope"),
+        dict(name="render_mode"),
+        of=PassiveWalkerVectorEnv.get_attr,
+    ),
+    "PassiveWalkerVectorEnv.set_attr": Call(
+        lambda name, values: str(refusal(lambda: vector().set_attr(name, values))),
+        dict(name="slope", values=0.1),
+        dict(name="scene", values=To(0.2, same=True)),
+        of=PassiveWalkerVectorEnv.set_attr,
     ),
     "PassiveWalkerVectorEnv.set_scene": Call(
         lambda **given: renewed(vector(), **given),
