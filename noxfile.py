@@ -60,3 +60,25 @@ def rllib(session: nox.Session) -> None:
         "learning or not slow",
     ]
     session.run("python", "-m", "pytest", *chosen, *session.posargs, env=QUIET | kernels)
+
+
+CLIENTS = {
+    "sb3_contrib": ["sb3-contrib"],
+    "sbx": ["sbx-rl"],
+    "rl_zoo3": ["rl_zoo3"],
+    "tianshou": ["tianshou[eval]"],
+    "minari": ["minari[all]", "pillow"],
+    "agilerl": ["agilerl", "peft"],
+    "evotorch": ["evotorch", "pandas"],
+}
+"""Libraries of `tests/clients/test_others.py`, and what their examples need besides."""
+
+
+@nox.session(default=False)
+@nox.parametrize("client", CLIENTS)
+def clients(session: nox.Session, client: str) -> None:
+    """Run a library's first example with a walker, in an environment of its own."""
+    session.install(".[test,render]", "torch", *CLIENTS[client])
+    kernels = {"XDG_CACHE_HOME": session.create_tmp(), "TMPDIR": gettempdir(), "FAIL_ON_SKIP": ""}
+    chosen = ["tests/clients/test_others.py", "-k", client]
+    session.run("python", "-m", "pytest", *chosen, *session.posargs, env=QUIET | kernels)

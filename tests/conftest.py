@@ -25,8 +25,13 @@ os.environ["MPLBACKEND"] = "Agg"  # no test opens a window
 STRICT = bool(os.environ.get("FAIL_ON_SKIP"))
 """Whether a test that is skipped for a missing library fails, as in `.ci/run`."""
 
-MAY_LACK = ("ray",)
-"""Libraries that the gate does without: ray is large, and its RLlib pins another Gymnasium."""
+MAY_LACK = (
+    "ray", "sb3_contrib", "sbx", "rl_zoo3", "tianshou", "minari", "agilerl", "evotorch",
+)  # fmt: skip
+"""Libraries that the gate does without: `nox -s rllib` and `nox -s clients` install them.
+
+ray is large, and its RLlib pins another Gymnasium; the others are tested by their first examples.
+"""
 
 FOLDERS_NEED = ("torch", "stable_baselines3")
 """Libraries without which whole folders of tests are not even collected."""

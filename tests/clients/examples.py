@@ -50,22 +50,23 @@ def with_walker(example: str, changes: Mapping[str, str]) -> str:
     return example
 
 
-def run(example: str, folder: Path, *arguments: str, timeout: float = 600.0) -> str:
-    """Run an example in a process of its own; return what it prints.
-
-    Args:
-        example: Python code, or the name of a module if `arguments` are given.
-        folder: Folder for files that it writes.
-        *arguments: Arguments of the module's command line.
-        timeout: Time after which it has failed, in s.
-    """
+def run(example: str, folder: Path) -> str:
+    """Run an example in a process of its own, in a folder; return what it prints."""
     script = folder / "example.py"
     script.write_text(example, encoding="utf-8")
-    command = ["-m", example, *arguments] if arguments else [str(script)]
-    quiet = {"SDL_VIDEODRIVER": "dummy", "MPLBACKEND": "Agg", "WANDB_MODE": "disabled"}
+    return _run(folder, str(script))
+
+
+def run_module(module: str, folder: Path, *arguments: str) -> str:
+    """Run a module's command line in a folder; return what it prints."""
+    return _run(folder, "-m", module, *arguments)
+
+
+def _run(folder: Path, *command: str) -> str:
+    quiet = {"SDL_VIDEODRIVER": "dummy", "MPLBACKEND": "Agg"}
     done = subprocess.run(
-        [sys.executable, *command], cwd=folder, capture_output=True, text=True, timeout=timeout,
-        env=os.environ | quiet, check=False,
+        [sys.executable, *command], cwd=folder, env=os.environ | quiet, check=False,
+        capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, f"{done.stdout[-2000:]}\n{done.stderr[-6000:]}"
     return done.stdout
