@@ -36,20 +36,10 @@ OUTCOMES = (
 """Names of outcomes, indexed by their numbers; empty where no stride or episode ends."""
 
 
-def info_of(words: bytes, others: Mapping[str, NDArray]) -> dict[str, Any]:
-    """Return the info of a single environment: NumPy numbers by name, and the outcome's name.
-
-    Args:
-        words: The `words` of an `EntryPoint`.
-        others: Entries of `Batch.info_values`, each (1,).
-    """
-    numbers, (strides, outcome) = np.frombuffer(words), np.frombuffer(words, np.int64)[-2:]
-    many = len(task.EVERY_STEP) - 1
-    info = dict(zip(task.EVERY_STEP, (*numbers[:many], strides), strict=True))
-    info |= zip(task.EVERY_STRIDE, numbers[many:-2], strict=True)
-    info |= {name: column[0] for name, column in others.items()}
-    info["outcome"] = OUTCOMES[outcome]
-    return info
+UNFINISHED: dict[str, Any] = {
+    **dict.fromkeys((*task.EVERY_STEP, *task.EVERY_STRIDE), np.float64(0.0)), "outcome": "",
+}  # fmt: skip
+"""The info of a single environment while no stride has ended, without what each step measures."""
 
 
 def observation_space(scene: Scene, custom: Custom | None = None) -> Any:

@@ -314,6 +314,7 @@ class EntryPoint:
         results: Rewards, terminations and truncations, each (count,), from `step_here`.
         words: EVERY_STEP without the strides, EVERY_STRIDE, and as integers the number of strides
             and the outcome, of the first walker: the words of its row that `info` reports.
+        outcomes: The last two of them, number of strides and outcome, as integers.
     """
 
     def __init__(
@@ -341,6 +342,7 @@ class EntryPoint:
             self._places["ends"] = custom.address("terminated")
         reported = len(task.EVERY_STEP) + len(task.EVERY_STRIDE) + 1
         self.words = arrays["ledger"].view(np.float64)[:reported]
+        self.outcomes = self.words.view(np.int64)[-2:]
 
     def _put(self, **arrays: NDArray) -> None:
         for name, array in arrays.items():

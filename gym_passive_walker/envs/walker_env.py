@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import gymnasium
@@ -12,10 +11,9 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import seed_number
-from gym_passive_walker.envs import interface, saved
+from gym_passive_walker.envs import interface, saved, task
 from gym_passive_walker.envs.batch import OPTIONS, Batch
 from gym_passive_walker.envs.frames import frame
-from gym_passive_walker.envs.infos import Infos
 from gym_passive_walker.envs.one_thread import one_thread, refuse_second
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.extras import need
@@ -312,7 +310,7 @@ class PassiveWalkerEnv(
         self._ready, self.batch.unfinished = True, False
         if self.render_mode == "human":
             self._draw()
-        return observation, self._info(np.zeros(1, bool))
+        return observation, self._info(0, np.zeros(1, bool))
 
     def step(
         self, action: NDArray[np.float32]
@@ -344,8 +342,8 @@ class PassiveWalkerEnv(
                     "first"
                 )
             observation = np.empty(batch.observation_size, _SINGLE)
-            _, ended = batch.step_alone(act, observation)
-            info = self._info()
+            struck, ended = batch.step_alone(act, observation)
+            info = self._info(struck or ended)
             if ended:
                 self._ready = False
             batch.unfinished = False
@@ -356,12 +354,26 @@ class PassiveWalkerEnv(
             if mine:
                 token.append(None)
 
-    def _info(self, stepped: NDArray[np.bool_] | None = None) -> Infos:
-        """Return the info of the last step or reset; `stepped` as for `Batch.info_values`."""
-        batch = self.batch
-        words = batch.entry_point.words
-        info = Infos(distance=words[0])
-        info.make = partial(interface.info_of, words.tobytes(), batch.info_values(stepped))
+    def _info(self, finished: int, stepped: NDArray[np.bool_] | None = None) -> dict[str, Any]:
+        """Return the info of the last step or reset: NumPy numbers, and the outcome's name.
+
+        It is a plain dictionary, since libraries such as JAX take a subclass for a single value.
+
+        Args:
+            finished: Whether a stride or an episode has ended.
+            stepped: As for `Batch.info_values`.
+        """
+        batch, info = self.batch, interface.UNFINISHED.copy()
+        words, counts = batch.entry_point.words, batch.entry_point.outcomes
+        info["distance"], info["energy"] = words[0], words[1]  # task.EVERY_STEP
+        info["episode_distance"], info["episode_energy"] = words[2], words[3]
+        info["strides"] = counts[0]
+        if finished:
+            info |= zip(task.EVERY_STRIDE, words[len(task.EVERY_STEP) - 1 : -2], strict=True)
+            info["outcome"] = interface.OUTCOMES[counts[1]]
+        if batch.disturbances or self.scene.reward_terms:
+            others = {name: column[0] for name, column in batch.info_values(stepped).items()}
+            info |= others | {"outcome": info.pop("outcome")}
         return info
 
     @one_thread
