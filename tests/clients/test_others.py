@@ -51,7 +51,9 @@ def test_tianshou(tmp_path):
     """Its seeds are left out: with them the example fails with its own environment too."""
     pytest.importorskip("tianshou")
     example = described("tianshou", "DQNExperimentBuilder")
-    example = re.sub(r"^.*(DQNParams|training_seed=|test_seed=).*\n(?!    \.)", "", example, flags=re.M)
+    example = re.sub(
+        r"^.*(DQNParams|training_seed=|test_seed=).*\n(?!    \.)", "", example, flags=re.M
+    )
     networks = ".with_actor_factory_default((64, 64)).with_common_critic_factory_default((64, 64))"
     example = re.sub(r"\.with_dqn_params\(.*\.with_model_factory_default\([^\n]*", networks, example,
                      flags=re.S)  # fmt: skip
