@@ -1,0 +1,1 @@
+"""Libraries that train with this package: their first examples run."""

@@ -51,17 +51,18 @@ def test_tianshou(tmp_path):
     """Its seeds are left out: with them the example fails with its own environment too."""
     pytest.importorskip("tianshou")
     example = described("tianshou", "DQNExperimentBuilder")
-    example = re.sub(
-        r"^.*(DQNParams|training_seed=|test_seed=).*\n(?!    \.)", "", example, flags=re.M
-    )
-    networks = ".with_actor_factory_default((64, 64)).with_common_critic_factory_default((64, 64))"
-    example = re.sub(r"\.with_dqn_params\(.*\.with_model_factory_default\([^\n]*", networks, example,
-                     flags=re.S)  # fmt: skip
+    example = re.sub(r"^ *(training|test)_seed=.*\n", "", example, flags=re.M)
+    networks = ".with_actor_factory_default((64, 64)).with_common_critic_factory_default()"
+    discrete = r"\.with_dqn_params\(.*\.with_model_factory_default\([^\n]*"
+    example = re.sub(discrete, networks, example, flags=re.S)
     changes = {
-        "CartPole-v1": NAME, "DQNExperimentBuilder": "SACExperimentBuilder", "watch=True": "watch=False",
-        "max_epochs=10": "max_epochs=1", "epoch_num_steps=10000": "epoch_num_steps=500",
+        "CartPole-v1": NAME,
+        "DQNExperimentBuilder": "SACExperimentBuilder",
+        "watch=True": "watch=False",
+        "max_epochs=10": "max_epochs=1",
+        "epoch_num_steps=10000": "epoch_num_steps=500",
         "num_test_envs=100": "num_test_envs=2",
-    }  # fmt: skip
+    }
     run(with_walker(example, changes), tmp_path)
 
 
