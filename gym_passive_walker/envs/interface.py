@@ -195,7 +195,7 @@ class SingleNames:
                 f"call and get_attr have no {name!r}, because a batch is stepped, reset and saved "
                 f"as a whole: choose {', '.join(known)}, or use attributes of the batch itself"
             )
-        found = getattr(self, known[name])
+        found: Any = getattr(self, known[name])
         if callable(found):
             found = found(*args, **kwargs)
         elif args or kwargs:

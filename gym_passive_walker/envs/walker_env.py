@@ -363,13 +363,15 @@ class PassiveWalkerEnv(
             finished: Whether a stride or an episode has ended.
             stepped: As for `Batch.info_values`.
         """
-        batch, info = self.batch, interface.UNFINISHED.copy()
+        batch = self.batch
+        info: dict[str, Any] = interface.UNFINISHED.copy()
         words, counts = batch.entry_point.words, batch.entry_point.outcomes
         info["distance"], info["energy"] = words[0], words[1]  # task.EVERY_STEP
         info["episode_distance"], info["episode_energy"] = words[2], words[3]
         info["strides"] = counts[0]
         if finished:
-            info |= zip(task.EVERY_STRIDE, words[len(task.EVERY_STEP) - 1 : -2], strict=True)
+            ways = words[len(task.EVERY_STEP) - 1 : -2]
+            info |= dict(zip(task.EVERY_STRIDE, ways, strict=True))
             info["outcome"] = interface.OUTCOMES[counts[1]]
         if batch.disturbances or self.scene.reward_terms:
             others = {name: column[0] for name, column in batch.info_values(stepped).items()}
