@@ -91,6 +91,7 @@ def test_evotorch(tmp_path):
     pytest.importorskip("evotorch")
     changes = {
         "Humanoid-v4": NAME, "popsize=200": "popsize=8", "200 * 1000 * 0.75": "200",
-        "popsize_max=3200": "popsize_max=16", "searcher.run(500)": "searcher.run(2)", '"max"': "1",
+        "popsize_max=3200": "popsize_max=16", "searcher.run(500)": "searcher.run(2)",
+        "problem.visualize(trained_policy)": "", '"max"': "1",
     }  # fmt: skip
     run(with_walker(described("evotorch", "GymNE"), changes), tmp_path)
