@@ -1,8 +1,9 @@
 """Mathematical functions for custom rewards, observations and terminations.
 
 They accept numbers, NumPy arrays, torch tensors and the symbolic numbers that the compiler traces,
-so that one definition runs on all of them. Arithmetic operators, `abs`, comparisons, and `&`, `|`,
-`~` for "and", "or", "not" are available too.
+so that one definition runs on all of them. Arithmetic operators, powers that are whole numbers,
+`abs`, comparisons, and `&`, `|`, `^`, `~` for "and", "or", "either", "not" are available too. In
+arithmetic a condition counts as 1.0 where it holds, and as 0.0 elsewhere.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gym_passive_walker.engine.expressions import Expression, choose, square_root
+from gym_passive_walker.engine.expressions import Expression, choose
 from gym_passive_walker.engine.jit import selecting, shared
 from gym_passive_walker.physics.numbers import sine_cosine
 
@@ -21,27 +22,27 @@ __all__ = ["cos", "exp", "maximum", "minimum", "sin", "sqrt", "tanh", "where"]
 
 def exp(x: Any) -> Any:
     """The exponential function."""
-    return x._with("exp", x) if isinstance(x, Expression) else _library(x).exp(x)
+    return _applied("exp", x)
 
 
 def tanh(x: Any) -> Any:
     """The hyperbolic tangent."""
-    return x._with("tanh", x) if isinstance(x, Expression) else _library(x).tanh(x)
+    return _applied("tanh", x)
 
 
 def sqrt(x: Any) -> Any:
     """The square root."""
-    return square_root(x) if isinstance(x, Expression) else _library(x).sqrt(x)
+    return _applied("sqrt", x)
 
 
 def sin(x: Any) -> Any:
     """The sine of an angle in rad."""
-    return sine_cosine(x)[0] if _library(x) is np else _library(x).sin(x)
+    return _applied("sin", x)
 
 
 def cos(x: Any) -> Any:
     """The cosine of an angle in rad."""
-    return sine_cosine(x)[1] if _library(x) is np else _library(x).cos(x)
+    return _applied("cos", x)
 
 
 @shared
@@ -58,15 +59,32 @@ def maximum(a: Any, b: Any) -> Any:
 
 @selecting
 def where(condition: Any, yes: Any, no: Any) -> Any:
-    """`yes` where the condition holds, `no` elsewhere."""
+    """`yes` where the condition holds, `no` elsewhere; a number that is not zero holds."""
     if isinstance(condition, Expression):
         return choose(condition, yes, no)
-    if isinstance(condition, bool | np.bool_):
+    if isinstance(condition, bool | int | float | np.bool_):
         return yes if condition else no
     library = _library(condition)
     if library is not np:  # torch makes Python's numbers single precision
-        yes, no = (library.as_tensor(x, dtype=library.float64) for x in (yes, no))
+        condition = condition != 0
+        yes, no = map(library.as_tensor, (yes, no))
+        kind = library.bool if yes.dtype == no.dtype == library.bool else library.float64
+        yes, no = yes.to(kind), no.to(kind)
     return library.where(condition, yes, no)
+
+
+def _applied(function: str, x: Any) -> Any:
+    """Return a function of a number of any kind; of a condition, that of 1.0 or 0.0."""
+    library = _library(x)
+    if library is not np:
+        return getattr(library, function)(x if x.is_floating_point() else x.double())
+    if isinstance(x, Expression):
+        x = x.number(x)
+    elif isinstance(x, bool) or getattr(x, "dtype", None) == np.bool_:
+        x = x * 1.0  # NumPy's functions of booleans have half precision
+    if function in ("sin", "cos"):
+        return sine_cosine(x)[function == "cos"]
+    return x.applied(function) if isinstance(x, Expression) else getattr(np, function)(x)
 
 
 def _library(x: Any) -> Any:

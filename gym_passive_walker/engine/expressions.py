@@ -7,8 +7,11 @@ expressions exactly, and `native` compiles them to machine code.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from gym_passive_walker.physics.numbers import larger, sine_cosine
 
@@ -20,8 +23,17 @@ _FOLDED: dict[str, Callable[[float, float], float]] = {
 }
 
 
+CONDITIONS = ("<", "<=", ">", ">=", "and", "or", "not")
+"""Operations that give conditions. In arithmetic a condition counts as 1.0 or 0.0."""
+
+_MOST = 64  # largest power that is written as products
+
+
 class Expression:
     """An operation on other expressions, a constant, or an entry that is read.
+
+    An operator without compiled form raises a `TypeError`. Equality is an operation too, so
+    expressions are found in mappings by their identity.
 
     Attributes:
         op: "constant", "read", or the name of an operation.
@@ -44,8 +56,21 @@ class Expression:
         return Expression(self.known, op, *others)
 
     def number(self, x: Any) -> Expression:
-        """Return a number as an expression of the same code."""
-        return x if isinstance(x, Expression) else self._with("constant", float(x))
+        """Return a number or a condition as a number of the same code.
+
+        Raises:
+            TypeError: if it is neither.
+        """
+        if isinstance(x, Expression):
+            return x._with("choose", x, *map(x.number, (1.0, 0.0))) if x.is_condition else x
+        if not hasattr(x, "__float__") or getattr(x, "ndim", 0):
+            raise TypeError(f"{type(x).__name__} is no number")
+        return self._with("constant", float(x))
+
+    @property
+    def is_condition(self) -> bool:
+        """Whether this is a condition, neither true nor false until the code runs."""
+        return self.op in CONDITIONS
 
     def _binary(self, op: str, a: Any, b: Any) -> Expression:
         a, b = self.number(a), self.number(b)
@@ -98,18 +123,30 @@ class Expression:
         return self._binary("div", other, self)
 
     def __neg__(self) -> Expression:
-        return self.args[0] if self.op == "neg" else self._with("neg", self)
+        return self.args[0] if self.op == "neg" else self.applied("neg")
 
-    def __pow__(self, power: Any) -> Expression:
+    def __pos__(self) -> Expression:
+        return self.number(self)
+
+    def __pow__(self, power: Any, modulo: None = None) -> Expression:
+        power = power.value if isinstance(power, Expression) else power
+        if not isinstance(power, int | float | np.integer | np.floating) or modulo is not None:
+            raise _refusal("** with another power than a number")
         if power == 0.5:
             return square_root(self)
-        if power not in range(1, 9):
-            return NotImplemented
+        if power % 1 != 0 or abs(power) > _MOST:
+            raise TypeError(f"** takes 0.5 or a whole number up to {_MOST} here; see gpw.math.exp")
+        if power < 0:
+            return 1.0 / self**-power
         half = self ** (power // 2) if power > 1 else self.number(1.0)
         return half * half * self if power % 2 else half * half
 
     def __abs__(self) -> Expression:
-        return self._with("abs", self.args[0] if self.op == "neg" else self)
+        return self.args[0].applied("abs") if self.op == "neg" else self.applied("abs")
+
+    def applied(self, function: str) -> Expression:
+        """Return a function of this number, by the name of its operation."""
+        return self._with(function, self.number(self))
 
     def __lt__(self, other: Any) -> Expression:
         return self._binary("<", self, other)
@@ -123,19 +160,88 @@ class Expression:
     def __ge__(self, other: Any) -> Expression:
         return self._binary(">=", self, other)
 
-    def __and__(self, other: Expression) -> Expression:
-        return self._with("and", self, other)
+    def __eq__(self, other: Any) -> Expression:  # type: ignore[override]
+        return (self <= other) & (self >= other)
 
-    def __or__(self, other: Expression) -> Expression:
-        return self._with("or", self, other)
+    def __ne__(self, other: Any) -> Expression:  # type: ignore[override]
+        return ~(self == other)
+
+    __hash__ = object.__hash__
+
+    def _logical(self, op: str, other: Any) -> Expression:
+        """Return an operation on conditions; plain booleans are conditions too."""
+        if isinstance(other, bool | np.bool_):
+            other = self.number(1.0) <= float(other)
+        if not (self.is_condition and getattr(other, "is_condition", False)):
+            raise TypeError("&, | and ^ take conditions such as x > 0, not numbers")
+        return self._with(op, self, other)
+
+    def __and__(self, other: Any) -> Expression:
+        return self._logical("and", other)
+
+    def __or__(self, other: Any) -> Expression:
+        return self._logical("or", other)
+
+    def __xor__(self, other: Any) -> Expression:
+        return (self | other) & ~(self & other)
+
+    __rand__, __ror__, __rxor__ = __and__, __or__, __xor__
 
     def __invert__(self) -> Expression:
+        if not self.is_condition:
+            raise TypeError("~ takes a condition such as x > 0, not a number")
         return self._with("not", self)
 
     def __bool__(self) -> bool:
         raise TypeError(
-            "an expression is neither true nor false yet: use choose() or gpw.math.where(), & and |"
+            "`if`, `and`, `or`, `not`, `min` and `max` need a number that is known already: use "
+            "choose() or gpw.math.where(), &, | and ~, or gpw.math.minimum()"
         )
+
+    def __array_ufunc__(self, function: Any, method: str, *given: Any, **options: Any) -> Any:
+        """Apply an operator on numbers and arrays of NumPy, entry by entry."""
+        if method != "__call__" or options or function.__name__ not in _OPERATORS:
+            raise _refusal(f"np.{function.__name__}")
+        entries = np.frompyfunc(_OPERATORS[function.__name__], function.nin, 1)
+        return entries(*(np.asarray(x).astype(object) for x in given))
+
+
+def _refusal(what: str) -> TypeError:
+    return TypeError(f"{what} has no compiled form; see gpw.math for what has")
+
+
+def _refused(what: str) -> Callable[..., Any]:
+    """Return a method for an operator that is refused."""
+
+    def method(self: Expression, *others: Any) -> Any:
+        raise _refusal(what)
+
+    return method
+
+
+REFUSED = {
+    "//": ("floordiv", "rfloordiv"), "%": ("mod", "rmod"), "divmod()": ("divmod", "rdivmod"),
+    "@": ("matmul", "rmatmul"), "<<": ("lshift", "rlshift"), ">>": ("rshift", "rrshift"),
+    "** with a base that is known": ("rpow",), "round()": ("round",), "int()": ("int", "trunc"),
+    "math.floor()": ("floor",), "math.ceil()": ("ceil",), "an index": ("index",),
+    "float(), as math.sin() and others take it,": ("float",), "complex()": ("complex",),
+}  # fmt: skip
+"""Operators of Python that have no compiled form, with their methods."""
+
+for _what, _methods in REFUSED.items():
+    for _method in _methods:
+        setattr(Expression, f"__{_method}__", _refused(_what))
+
+_OPERATORS: dict[str, Callable[..., Any]] = {
+    "add": operator.add, "subtract": operator.sub, "multiply": operator.mul,
+    "divide": operator.truediv, "power": operator.pow, "negative": operator.neg,
+    "positive": operator.pos, "absolute": abs, "square": lambda x: x * x,
+    "less": operator.lt, "less_equal": operator.le, "greater": operator.gt,
+    "greater_equal": operator.ge, "equal": operator.eq, "not_equal": operator.ne,
+    "bitwise_and": operator.and_, "bitwise_or": operator.or_, "bitwise_xor": operator.xor,
+    "invert": operator.invert,
+}  # fmt: skip
+"""Operators by the names of NumPy's functions."""
 
 
 def read(known: dict, *place: Any) -> Expression:
@@ -144,7 +250,10 @@ def read(known: dict, *place: Any) -> Expression:
 
 
 def choose(condition: Expression, yes: Any, no: Any) -> Expression:
-    """Return `yes` where the condition holds, else `no`."""
+    """Return `yes` where the condition holds, else `no`; a number is a condition if not zero."""
+    condition = condition if condition.is_condition else condition != 0.0
+    if all(isinstance(x, bool | np.bool_) or getattr(x, "is_condition", False) for x in (yes, no)):
+        return (condition & yes) | (~condition & no)
     yes, no = condition.number(yes), condition.number(no)
     return yes if yes is no else condition._with("choose", condition, yes, no)
 
@@ -156,7 +265,7 @@ def _(a: Expression, b: Any) -> Expression:
 
 def square_root(x: Expression) -> Expression:
     """Return the square root."""
-    return x._with("sqrt", x)
+    return x.applied("sqrt")
 
 
 _ONE, _PLACES = 0x3FF0000000000000, 10
@@ -263,4 +372,4 @@ _RULES: dict[str, Callable[..., Expression | None]] = {
     "choose": _choice,
 }
 _CONSTANT = frozenset({"constant", "read", "argument", "rounding", "inverse root"})
-_CONSTANT |= {"<", "<=", ">", ">=", "and", "or", "not"}
+_CONSTANT |= {*CONDITIONS}

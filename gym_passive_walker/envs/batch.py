@@ -239,6 +239,8 @@ class Batch:
         where = np.array(lanes, np.int64)
         if not len(where):
             return
+        if self.custom and len(where) == self.count:
+            self.custom.look_again()
         plain = observations if self._plain is None else self._plain
         if self.starts_alike and not options:
             self._prepare()

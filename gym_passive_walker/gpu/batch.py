@@ -94,8 +94,8 @@ class DeviceBatch:
         for name, rule in self.custom.rules.items():
             if not rule.native:
                 raise SceneError(
-                    f"{name} cannot be compiled, which walkers on a GPU need: use gpw.math, and "
-                    "its where() instead of if"
+                    f"{name} cannot be compiled, which walkers on a GPU need ({rule.untraced}): "
+                    "use gpw.math, and its where() instead of if"
                 )
         self._shown = interface.observation_space(self.scene).shape[0]
         self.observation_size = self.custom.observation_size or self._shown

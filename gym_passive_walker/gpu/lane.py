@@ -15,7 +15,7 @@ from gym_passive_walker.engine.device_linker import DeviceLinker
 from gym_passive_walker.engine.layout import HISTORY, PAIR, history_for, layout_of, tile_for
 from gym_passive_walker.engine.one_walker import entry, integrate_phase
 from gym_passive_walker.envs.constraints import equipped, look_code, push_code
-from gym_passive_walker.envs.custom import Rule
+from gym_passive_walker.envs.rule import Rule
 from gym_passive_walker.gpu import primitives
 from gym_passive_walker.gpu.device import kind
 from gym_passive_walker.gpu.source import Source

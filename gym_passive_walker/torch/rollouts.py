@@ -25,6 +25,7 @@ from gym_passive_walker.envs.vector_env import seed_randoms
 from gym_passive_walker.gaits.flow import states_in
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import UNEVEN, system_of
+from gym_passive_walker.torch.counting import applied, check_alone, each_tensor
 from gym_passive_walker.torch.operation import (
     FlowOptions,
     FlowResult,
@@ -86,16 +87,8 @@ class RolloutState(NamedTuple):
             states=self.states.detach(),
             starts=self.starts.detach(),
             progress=self.progress.detach(),
-            last=_detached(self.last),
+            last=each_tensor(self.last, Tensor.detach),
         )
-
-
-def _detached(part: Any) -> Any:
-    """Detach all tensors of a nested structure from the graph."""
-    if isinstance(part, Tensor):
-        return part.detach()
-    parts = map(_detached, part)
-    return type(part)._make(parts) if hasattr(part, "_make") else tuple(parts)
 
 
 class Rollout(NamedTuple):
@@ -239,7 +232,8 @@ def rollout(
     Raises:
         TypeError: if the actions are not float64 tensors on the CPU.
         ValueError: if the actions or `pushes` have another shape.
-        SceneError: if the scene has noise, delays, random pushes or feasibility constraints.
+        SceneError: if the scene has noise, delays, random pushes or feasibility constraints, or if
+            a function of its own mixes walkers.
     """
     scene, horizon = _differentiable(make_scene(scene)), whole(horizon, "horizon")
     here = initial_state(scene, count, seed=seed) if start is None else start
@@ -260,6 +254,8 @@ def rollout(
     for k in range(horizon):
         results, here = _tick(policy, scene, here, None if impulses is None else impulses[k])
         ticks.append(results)
+        if k == 0 and _ruled(scene):
+            check_alone(scene, here.last)
     results = [torch.stack(columns) for columns in zip(*ticks, strict=True)]
     return Rollout._make([results[0].sum(0), *results, here])
 
@@ -288,8 +284,7 @@ def _ground(scene: Scene, here: RolloutState, ahead: int = 0) -> Tensor:
 def observed(scene: Scene, here: RolloutState) -> Tensor:
     """Return the observations of the environment in float64, (n, k)."""
     if scene.observation is not None:
-        seen = scene.observation(here.last)
-        return _stacked(seen if isinstance(seen, tuple | list) else [seen], here)
+        return _stacked(applied(scene.observation, here.last), here)
     slopes, body = here.slopes + _ground(scene, here)[:, 0], ()
     locked = None if scene.own_system is not None else _locked(scene, here.phases).double()
     ahead = [_ground(scene, here, place).T[1:] for place in range(scene.terrain_lookahead)]
@@ -337,7 +332,7 @@ def _tick(
     inputs_by = dict(zip(scene.channels, columns_of(scene.walker).controls, strict=True))
     motors = tuple(inputs_by[name] for name in scene.actions)
     other = () if pushes is None else ("push",)
-    ruled = any(getattr(scene, name) is not None for name in RULES)
+    ruled = _ruled(scene)
     other += ("start",) if ruled or scene.command is not None else ()  # for the step length
     parameters, given = tuple(here.parameters), len(here.footholds) > 0
     uneven = UNEVEN if given or scene.terrain is not None else ()
@@ -389,10 +384,11 @@ def _tick(
         )  # fmt: skip
         ends = ends._replace(last=step)
         if scene.reward is not None:
-            rewards = torch.where(going, zero + rule_of(scene.reward)(step), 0.0)
+            (paid,) = applied(rule_of(scene.reward), step)
+            rewards = torch.where(going, paid, 0.0)
         if scene.terminated is not None:
-            stops = torch.as_tensor(scene.terminated(step)).bool()
-            outcomes = torch.where(going & ~falls & stops, STOPPED, outcomes)
+            (stops,) = applied(scene.terminated, step)
+            outcomes = torch.where(going & ~falls & (stops != 0.0), STOPPED, outcomes)
     results = (rewards, distances, energies, seen, outcomes, going, moved.margins)
     over = going & rules.ends_episode(outcomes)
     return results, ends._replace(outcome=torch.where(over, outcomes, here.outcome))
@@ -438,6 +434,11 @@ def _step(
         slope_change=turns,
         last_action=last.action,
     )
+
+
+def _ruled(scene: Scene) -> bool:
+    """Return whether a scene has functions of the user's own."""
+    return any(getattr(scene, name) is not None for name in RULES)
 
 
 def _works(scene: Scene) -> NDArray[np.float64]:

@@ -10,12 +10,14 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.envs.checks import SceneError
-from gym_passive_walker.envs.custom import TERMS, Rule, Shape, of_notes
+from gym_passive_walker.envs.custom import TERMS
 from gym_passive_walker.envs.registration import ID
+from gym_passive_walker.envs.rule import Rule
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.envs.transitions import BOOLEANS, NOTE, SEVERAL, Transition
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.envs.views import Shape, of_notes
 
 COUNT, STEPS = 5, 40
 SCENES = {
@@ -469,7 +471,7 @@ def test_an_observation_may_be_an_array(axis, same):
         ({"reward": lambda step: step.nothing}, "has no attribute 'nothing'"),
         ({"reward": lambda step: (step.distance, step.energy)}, "reward fails: .*2 numbers"),
         ({"observation": lambda step: ()}, "observation fails: .*0 numbers"),
-        ({"reward": lambda step: "much"}, "reward fails"),
+        ({"reward": lambda step: "much"}, "reward must return numbers, and <lambda> returns .much"),
         ({"observation": lambda step: np.zeros((2, 2, 2))}, "gives arrays of shape"),
     ],
 )
