@@ -63,13 +63,14 @@ def where(condition: Any, yes: Any, no: Any) -> Any:
     if isinstance(condition, Expression):
         return choose(condition, yes, no)
     if isinstance(condition, bool | int | float | np.bool_):
-        return yes if condition else no
+        found = yes if condition else no
+        return type(condition != 0)(found) if isinstance(found, bool) else found
     library = _library(condition)
     if library is not np:  # torch makes Python's numbers single precision
+        kinds = {getattr(x, "dtype", type(x)) for x in (yes, no)}
+        kind = library.bool if kinds <= {bool, library.bool} else library.float64
+        yes, no = (library.as_tensor(x, dtype=kind) for x in (yes, no))
         condition = condition != 0
-        yes, no = map(library.as_tensor, (yes, no))
-        kind = library.bool if yes.dtype == no.dtype == library.bool else library.float64
-        yes, no = yes.to(kind), no.to(kind)
     return library.where(condition, yes, no)
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import linecache
+import traceback
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -68,6 +69,7 @@ class Rule:
         self.native, self.noted, self.text, self.untraced = 0, _ALL, None, ""
         self._together = self._as_numbers = True
         self._trusted = False
+        self._of_user = getattr(function, "__module__", "") != f"{__package__}.custom"
         notes = views.samples(shape, begun=name == "observation")
         alone = self._tried(notes)
         self.size = alone.shape[1]
@@ -84,7 +86,7 @@ class Rule:
                 "use gpw.math, and its where() instead of if"
             )
         if text and text != self.text:
-            self._warn(_FROZEN)
+            self._warn(_FROZEN.format(name))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Rule, (self.name, self.function, self.shape, self.text)
@@ -120,7 +122,7 @@ class Rule:
                 raise SceneError(f"{self.name} fails: {_in_words(error)}") from error
         if np.isnan(found).any():
             k = int(np.flatnonzero(np.isnan(found).any(axis=1))[0])
-            raise SceneError(f"{self._wanted(np.nan)}, as {_SAMPLED[k]}; return a number there too")
+            raise SceneError(f"{self._wanted(np.nan)} {_SAMPLED[k]}; return a number there too")
         return found
 
     def _wanted(self, found: Any) -> str:
@@ -168,9 +170,8 @@ class Rule:
             return second
         return second[_RESULTS[self.name]][:, None]
 
-    def _traced(self, known: dict) -> list[Any]:
+    def _traced(self, step: Transition) -> list[Any]:
         """Return the expressions from the function; raises TypeError for other results."""
-        step = self._step(known)
         found, again = (_listed(self.function(step)) for _ in range(2))
         for result in found:
             if not isinstance(result, Expression | int | float | np.number | np.bool_):
@@ -178,12 +179,6 @@ class Rule:
         if not _same(found, again):
             raise TypeError("it gives another result each time")
         return found
-
-    def _step(self, known: dict) -> Transition:
-        """Return the transition of expressions that the function is traced with."""
-        note = Memory(note_for(self.shape.layout), int(self.name != "observation"), known)
-        row = Memory(task.ledger_for(self.shape.layout), 0, known)
-        return views.traced(note, None if self.name == "observation" else row, self.shape)
 
     def write(self, module: Module) -> int:
         """Add the function under the name "rule" to a module that rounds each operation.
@@ -198,8 +193,9 @@ class Rule:
 
         def code(first: Memory, second: Memory) -> None:
             nonlocal noted
-            results = self._traced(first.known)
-            self._known, self._results = first.known, results
+            step = views.traced(*((first, None) if noting else (second, first)), self.shape)
+            results = self._traced(step)
+            self._trace = step, results
             zero = Expression(first.known, "constant", 0.0)
             for i, result in enumerate(results):
                 second[("seen", i) if noting else _RESULTS[self.name]] = zero.number(result)
@@ -219,13 +215,14 @@ class Rule:
         that is called with arrays is compared at its next call with each walker alone.
         """
         self._trusted = False
-        if self.native and self.function.__module__ != __package__ + ".custom":
+        if self.native and self._of_user:
+            step, results = self._trace
             try:
-                same = _same(_listed(self.function(self._step(self._known))), self._results)
+                same = _same(_listed(self.function(step)), results)
             except Exception:
                 same = False
             if not same:
-                self._warn(_FROZEN)
+                self._warn(_FROZEN.format(self.name))
 
     def __call__(self, notes: NDArray) -> NDArray[np.float64]:
         """Return results (n, size) for transitions (n,), from arrays or one walker at a time.
@@ -233,15 +230,18 @@ class Rule:
         Raises:
             SceneError: if the function returns no numbers.
         """
-        if self._together and not self._trusted and len(notes) > 1:
-            self._trusted = True
-            self._together = self._is_together(notes[:_FEW], self._alone(notes[:_FEW]))
-            if not self._together:
-                self._warn("mixes walkers: it is called walker by walker, which takes longer")
         try:
-            return self._of_arrays(notes) if self._together else self._alone(notes)
+            if self._together and not self._trusted and len(notes) > 1:
+                self._trusted, few = True, notes[:_FEW]
+                self._together = self._is_together(few, self._alone(few))
+                if not self._together:
+                    self._warn("mixes walkers: it is called walker by walker, which takes longer")
+            found = self._of_arrays(notes) if self._together else self._alone(notes)
         except _NoNumber as error:
             raise SceneError(str(error)) from None
+        if found.shape[1] != self.size:
+            raise SceneError(f"{self.name} gives {found.shape[1]} numbers, and gave {self.size}")
+        return found
 
     def _is_together(self, notes: NDArray, alone: NDArray[np.float64]) -> bool:
         """Return whether arrays of all walkers give the results of each alone."""
@@ -265,8 +265,7 @@ class Rule:
         with np.errstate(all="ignore"):
             rows = [_listed(self.function(views.of_one(note, self.shape))) for note in each]
         found = [[self._floats(number) for number in row] for row in rows]
-        if any(number.ndim for row in found for number in row):
-            shape = next(number.shape for row in found for number in row if number.ndim)
+        for shape in {number.shape for row in found for number in row} - {()}:
             raise TypeError(f"it gives arrays of shape {shape}, not numbers")
         return np.array(found, float).reshape(len(notes), -1)
 
@@ -297,8 +296,8 @@ _SAMPLED = (
 """Descriptions of `views.samples`."""
 
 _FROZEN = (
-    "has changed since it was compiled: values that it holds are read when an environment is made, "
-    "also when it is copied. set_scene(reward=...), observation= or terminated= makes it again"
+    "has other constants than when it was compiled: values that a function holds are read when an "
+    "environment is made or copied; set_scene({}=...) reads them again"
 )
 
 
@@ -327,12 +326,14 @@ def _agree(found: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
 
 
 def _in_words(error: BaseException) -> str:
-    """Return what an error says, and the line of the user's function that it comes from."""
-    place, trace = "", error.__traceback__
-    while trace is not None:
-        file = trace.tb_frame.f_code.co_filename
-        if not file.startswith(_PACKAGE):
-            line = linecache.getline(file, trace.tb_lineno).strip()
-            place = f" in line {trace.tb_lineno}" + (f", `{line}`" if line else "")
-        trace = trace.tb_next
-    return f"{error}{place}"
+    """Return what an error says, and the line of the user's file that it comes from."""
+    frames = [
+        (frame.f_code.co_filename, line)
+        for frame, line in traceback.walk_tb(error.__traceback__)
+        if not frame.f_code.co_filename.startswith(_PACKAGE)
+    ]
+    lines = [line for file, line in frames if file == frames[0][0]]  # libraries are called from it
+    if not lines:
+        return str(error)
+    text = linecache.getline(frames[0][0], lines[-1]).strip()
+    return f"line {lines[-1]}{f', `{text}`' * bool(text)}: {error}"

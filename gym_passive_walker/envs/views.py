@@ -143,16 +143,21 @@ _LOGICAL = (
 """Functions in which a condition is one; in all others it is a number."""
 
 
+IN_PLACE = ("add", "sub", "mul", "truediv", "floordiv", "mod", "pow", "and", "or", "xor")
+"""Operators with a form such as `+=`."""
+
+
 class _Counting(NDArrayOperatorsMixin):
     """Numbers and conditions on which all operators act as on the compiler's expressions."""
 
     def __array_ufunc__(self, function: Any, method: str, *given: Any, **options: Any) -> Any:
         """Apply a function of NumPy, with conditions as numbers unless it is logical."""
         plain = [_plain(x, counted=function not in _LOGICAL) for x in given]
-        (out,) = options.pop("out", (None,)) if function.nout == 1 else (None,)
-        if isinstance(out, np.ndarray):
-            getattr(function, method)(*plain, out=out.view(np.ndarray), **options)
-            return out
+        out = options.pop("out", ())
+        if any(isinstance(x, np.ndarray) for x in out):  # `x += 1` of a number gives a new one
+            options["out"] = tuple(x.view(np.ndarray) for x in out)
+            getattr(function, method)(*plain, **options)
+            return out[0] if len(out) == 1 else out
         return _wrapped(getattr(function, method)(*plain, **options))
 
 
@@ -183,6 +188,14 @@ class Array(_Counting, np.ndarray):
     """An array of one entry for each walker."""
 
     __slots__ = ()
+
+    def __array_function__(self, *given: Any) -> Any:
+        """Apply a function of NumPy; its result counts too."""
+        return _wrapped(super().__array_function__(*given))
+
+
+for _name in IN_PLACE:  # as for numbers: `x += 1` changes no field of the step
+    setattr(Array, f"__i{_name}__", getattr(np.ndarray, f"__{_name}__"))
 
 
 class Truth(_Counting, int):

@@ -11,6 +11,7 @@ from torch import Tensor
 from gym_passive_walker.envs.checks import SceneError
 from gym_passive_walker.envs.custom import RULES, rule_of
 from gym_passive_walker.envs.transitions import Transition
+from gym_passive_walker.envs.views import IN_PLACE
 
 _ARITHMETIC = frozenset(
     name
@@ -38,13 +39,17 @@ class _Counting(Tensor):
         return super().__torch_function__(function, types, given, options or {})
 
 
+for _name in IN_PLACE:  # as for numbers: `x += 1` changes no field of the step
+    setattr(_Counting, f"__i{_name}__", getattr(Tensor, f"__{_name}__"))
+
+
 def _is_condition(x: Any) -> bool:
     return isinstance(x, Tensor) and x.dtype == torch.bool
 
 
 def applied(function: Callable[[Transition], Any], step: Transition) -> list[Tensor]:
     """Return the results of a user's function of tensors (n,), each (n,) and float64."""
-    found = function(each_tensor(step, lambda x: x.as_subclass(_Counting)))
+    found = function(each_tensor(step, lambda x: x.clone().as_subclass(_Counting)))
     found = [*found] if isinstance(found, tuple | list) else [found]
     plain = (torch.as_tensor(x).as_subclass(Tensor).double() for x in found)
     return [x.expand(step.time.shape) for x in plain]

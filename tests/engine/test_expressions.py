@@ -30,12 +30,15 @@ from tests.physics import statements  # noqa: F401 - SymPy's sine and cosine
 class Kit:
     """Functions that have different names for expressions and for symbols of SymPy."""
 
-    def __init__(self, root, pick, larger) -> None:
-        self.root, self.pick, self.larger = root, pick, larger
+    def __init__(self, root, pick, larger, count, equal) -> None:
+        self.root, self.pick, self.larger, self.count, self.equal = root, pick, larger, count, equal
 
 
-OURS = Kit(square_root, choose, larger)
-SYMPY = Kit(sp.sqrt, lambda c, a, b: sp.Piecewise((a, c), (b, True)), sp.Max)
+OURS = Kit(square_root, choose, larger, lambda c: c, lambda x, y: x == y)
+SYMPY = Kit(
+    sp.sqrt, lambda c, a, b: sp.Piecewise((a, c), (b, True)), sp.Max,
+    lambda c: sp.Piecewise((1, c), (0, True)), sp.Eq,
+)  # fmt: skip
 
 OPERATIONS = {
     "x + y": lambda kit, x, y: x + y,
@@ -65,6 +68,13 @@ OPERATIONS = {
     "a choice with a number": lambda kit, x, y: kit.pick(x < y, x * y, 2.0),
     "another choice with a number": lambda kit, x, y: kit.pick(x <= y, 2.0, x * y),
     "a choice of numbers": lambda kit, x, y: kit.pick(x >= y, 2.0, 3.0),
+    "x to the power -2": lambda kit, x, y: x**-2,
+    "x to the power 0": lambda kit, x, y: x**0 * y,
+    "x to the power 11": lambda kit, x, y: x**11,
+    "a condition as a factor": lambda kit, x, y: x * kit.count(x < y),
+    "a number less a condition": lambda kit, x, y: y - kit.count(x < y) * 2.0,
+    "the negative of a condition": lambda kit, x, y: -kit.count(x >= y) + x,
+    "a choice of equals": lambda kit, x, y: kit.pick(kit.equal(x, x + 1.0), x, y),
     "what does not change": lambda kit, x, y: x * 0.0 + 3.0,
 }
 

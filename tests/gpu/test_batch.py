@@ -10,10 +10,12 @@ from gym_passive_walker.engine.counter_rng import uniform
 from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.scene import SceneError, make_scene
 from gym_passive_walker.envs.starts import Starts
+from gym_passive_walker.envs.views import Shape
 from gym_passive_walker.gpu import batch as device_batch
 from gym_passive_walker.gpu import device
 from gym_passive_walker.gpu.batch import DeviceBatch
 from gym_passive_walker.physics.systems import bodies
+from tests.envs.forms import COMPILED, function, plain_values, several
 from tests.gpu.reference import Reference
 
 
@@ -132,6 +134,28 @@ def test_another_seed_is_another_walk():
     there.seed(1)
     there.reset()
     assert same(there.buffers.observations[: rules.SIZE], first[rules.SIZE :])
+
+
+def test_functions_of_ones_own_are_those_of_plain_python():
+    """Every form, as an observation; a reward and a termination of conditions."""
+    ends = function("(s.time > 0.35) * (s.steps != 2)")
+    paid = function("s.distance - 5 * s.fell + 0.1 * ~s.heelstrike - (s.steps == 2)")
+    scene = make_scene(observation=several(COMPILED), reward=paid, terminated=ends)
+    there = DeviceBatch(2, scene)
+    there.reset()
+    over = np.zeros(2, bool)
+    for k in range(5):
+        there.buffers.actions[:] = [0.3, 0.9]
+        there.step()
+        seen, notes = np.array(there.buffers.numbers), np.array(there.walkers.notes)
+        expected = plain_values(COMPILED, notes, Shape(1))
+        np.testing.assert_allclose(seen, expected, rtol=1e-12, atol=1e-14)
+        over = np.array(there.buffers.terminated)
+        assert over.all() == (k == 3)
+        if k < 3:
+            found = plain_values(["s.distance + 0.1 * (not s.heelstrike) - (s.steps == 2)"], notes,
+                                 Shape(1))  # fmt: skip
+            np.testing.assert_allclose(there.buffers.rewards, found[:, 0], rtol=1e-12, atol=1e-14)
 
 
 def test_a_function_that_cannot_be_compiled_is_refused():
