@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import gym_passive_walker
 from gym_passive_walker.arguments import shown
 from gym_passive_walker.engine import compiled
 from gym_passive_walker.engine.expressions import Expression
@@ -32,10 +31,10 @@ from gym_passive_walker.envs.views import Shape
 from gym_passive_walker.physics.hybrid import Outcome
 
 _ALL = (1 << len(PARTS)) - 1
-_FEW = 3  # walkers whose results are compared, together and alone
+_FEW = 3  # walkers in a comparison of results, together and alone
 _ROUNDING = 1e-9  # relative; formulas may cancel digits
 _SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 4, *[ctypes.c_double] * 2)
-_PACKAGE = str(Path(gym_passive_walker.__file__).parent)
+_PACKAGE = str(Path(__file__).parents[1])
 
 
 class Rule:

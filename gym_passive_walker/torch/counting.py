@@ -1,4 +1,4 @@
-"""Tensors in whose arithmetic conditions count as 1.0 and 0.0, for users' functions."""
+"""Tensors for users' functions: in arithmetic, conditions count as 1.0 and 0.0."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def applied(function: Callable[[Transition], Any], step: Transition) -> list[Ten
 
 
 def check_alone(scene: Any, step: Transition) -> None:
-    """Refuse functions of a scene whose result for a walker depends on other walkers.
+    """Refuse functions of a scene that give a walker another result beside other walkers.
 
     Raises:
         SceneError: if three walkers of a step together give other numbers than each alone.
