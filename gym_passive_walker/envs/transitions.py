@@ -29,8 +29,9 @@ _HEELSTRIKE = int(Outcome.HEELSTRIKE)
 class Transition(NamedTuple):
     """The result of one control step of an environment, dimensionless.
 
-    Each field is a number; for a batch of n walkers it is an array or a tensor (n,). Lengths are
-    in leg lengths l, times in sqrt(l/g), energies and torques in m g l.
+    Each field is a number; for a batch of n walkers it is an array or a tensor (n,). A condition,
+    such as `fell`, counts as 1.0 or 0.0 in arithmetic. Lengths are in leg lengths l, times in
+    sqrt(l/g), energies and torques in m g l.
 
     Attributes:
         before: State as the step began: angles `stance`, `thigh` and `shank` in rad, angular

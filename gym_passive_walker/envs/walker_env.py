@@ -221,8 +221,8 @@ class PassiveWalkerEnv(
     `reward`, `observation` and `terminated` are functions of a `gym_passive_walker.Transition`, the
     result of one control step. They replace the reward and the observation above; `terminated` ends
     episodes in addition to the rules above. A function is compiled if it uses arithmetic,
-    comparisons and `gym_passive_walker.math` alone; others are called after each step. In arithmetic
-    a condition counts as 1.0 or 0.0. Values that a function holds are read once, when the
+    comparisons and `gym_passive_walker.math` alone; others are called after each step. A condition
+    counts as 1.0 or 0.0 in arithmetic. Values that a function holds are read once, when the
     environment is made or copied; `set_scene(reward=...)` reads them again. Of a reward, weights of
     terms by name are enough: `reward={"distance": 1.0, "energy": -10.0, "alive": 0.1}`.
 
