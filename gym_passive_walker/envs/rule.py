@@ -65,6 +65,7 @@ class Rule:
         text: str | None = None,
     ) -> None:
         self.name, self.function, self.shape = name, function, shape
+        self._trace: tuple[Any, ...] = ()  # the step and the results that were traced
         self.native, self.noted, self.text, self.untraced = 0, _ALL, None, ""
         self._together = self._as_numbers = True
         self._trusted = False
@@ -155,6 +156,8 @@ class Rule:
 
     def _of_code(self, native: int, notes: NDArray) -> NDArray[np.float64]:
         """Return results (n, size) of compiled code."""
+        first: NDArray[Any]
+        second: NDArray[Any]
         if self.name == "observation":
             first, second = notes, np.zeros((len(notes), self.size))
         else:

@@ -202,14 +202,14 @@ class Truth(_Counting, int):
     """A condition of one walker, 1 or 0."""
 
     __slots__ = ()
-    __hash__ = int.__hash__
+    __hash__ = int.__hash__  # type: ignore[assignment]
 
 
 class Number(_Counting, float):
     """A number of one walker."""
 
     __slots__ = ()
-    __hash__ = float.__hash__
+    __hash__ = float.__hash__  # type: ignore[assignment]
 
 
 def _quick(operator: Callable[..., Any], usual: Callable[..., Any]) -> Callable[..., Any]:
