@@ -12,6 +12,7 @@ import pickle
 import re
 import sys
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -53,15 +54,30 @@ def reason(error: Exception) -> str:
     return f"{said} is missing" if isinstance(error, KeyError) else said
 
 
+def once(pairs: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
+    """Return a mapping of keys to values, each given once.
+
+    Raises:
+        ValueError: if a key is repeated, since only its last value would count.
+    """
+    found: dict[Any, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise ValueError(f"{key!r} is given twice: give it once")
+        found[key] = value
+    return found
+
+
 def parse_json(text: str | bytes) -> Any:
     """Return the content of a JSON text, or of its bytes in UTF-8.
 
     Raises:
-        ValueError: if it is not JSON, nests too deeply, or has a number beyond all floats.
+        ValueError: if it is not JSON, nests too deeply, repeats a key, or has a number beyond all
+            floats.
     """
     try:
         text = text if isinstance(text, str) else text.decode("utf-8")
-        return _checked(json.loads(text, parse_float=_float))
+        return _checked(json.loads(text, parse_float=_float, object_pairs_hook=once))
     except RecursionError:
         raise ValueError(_NESTED) from None
 
@@ -129,6 +145,12 @@ def _yaml(name: str, content: str) -> Any:
 
     class Loader(yaml.SafeLoader):
         """Loader of YAML 1.1 that also reads floats as YAML 1.2 writes them: 2e-1, 1e6."""
+
+        def compose_mapping_node(self, anchor: Any) -> Any:
+            """Return the node of a mapping after a check for repeated keys."""
+            node = super().compose_mapping_node(anchor)
+            once((key.value, None) for key, _ in node.value if isinstance(key.value, str))
+            return node
 
         def construct_float(self, node: Any) -> float:
             """Return a float; see `_float`."""

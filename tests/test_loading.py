@@ -79,3 +79,32 @@ def test_exponents_of_yaml_are_numbers_and_words_with_an_e_are_words(written, tm
     assert found == {"number": 1000.0, "word": "1e3x", "other": "e3", "whole": 12}
     assert type(found["number"]) is float and type(found["whole"]) is int
     assert json.dumps(found)
+
+
+REPEATED = {
+    "a.json": '{"outer": {"mass": 1, "mass": 2}}',
+    "b.json": '{"mass": 1, "mass": 1}',
+    "a.yaml": "outer: {mass: 1, mass: 2}",
+    "b.yaml": "mass: 1\nlength: 2\nmass: 1\n",
+    "a.toml": "[outer]\nmass = 1\nmass = 2\n",
+}
+
+
+@pytest.mark.parametrize("name", REPEATED)
+def test_a_repeated_key_is_refused(name, tmp_path):
+    """Only its last value would count."""
+    if name.endswith("yaml"):
+        pytest.importorskip("yaml")
+    path = tmp_path / name
+    path.write_text(REPEATED[name])
+    said = "overwrite a value" if name.endswith("toml") else "'mass' is given twice"
+    with pytest.raises(ValueError, match=said) as refused:
+        read_content(path)
+    assert str(path) in str(refused.value)
+
+
+def test_a_mapping_of_yaml_that_is_merged_into_another_gives_what_that_one_leaves_open(tmp_path):
+    pytest.importorskip("yaml")
+    path = tmp_path / "a.yaml"
+    path.write_text("base: &base {mass: 1, length: 2}\nown: {<<: *base, mass: 3}\n")
+    assert read_content(path)["own"] == {"mass": 3, "length": 2}

@@ -142,7 +142,7 @@ REFUSALS = [
     (gpw.optimize_walker, OF_A_DESIGN, "maximize", NO_TRUTHS),
     (gpw.optimize_walker, OF_A_DESIGN, "iterations", (*NO_COUNTS, 0)),
     (scene, {}, "action_delay", (*NO_COUNTS, 10**9)),
-    (scene, {"terrain": {"rough": {}}}, "terrain_lookahead", (*NO_COUNTS, 10**9)),
+    (scene, {"terrain": {"stairs": {"rise": 0.0}}}, "terrain_lookahead", (*NO_COUNTS, 10**9)),
     (scene, {}, "actions", ([], {}, 3, ["no"], [["hip"]], ["hip", "hip"])),
     (scene, {}, "start", ("no", 3, [nan] * 6, STATE[:5], {}, LONG)),
     (scene, {}, "end_on_toe_stub", ("no", 0, 1.0, nan, [])),

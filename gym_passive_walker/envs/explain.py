@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from gym_passive_walker.arguments import shown
+from gym_passive_walker.console import cut
 from gym_passive_walker.envs import interface
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.custom import ABOUT_TERMS, Custom
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.physics.systems import kind_of
-from gym_passive_walker.walkers import describe
+from gym_passive_walker.walkers import Mechanism, Walker, describe
 
 _ANGLES = "stance leg angle", "swing thigh angle", "swing shank angle"
 _SEEN = (
@@ -40,6 +43,8 @@ Rows = list[dict[str, Any]]
 
 def explain(env: Any = "level") -> None:
     """Print observation, action, reward and termination of an environment.
+
+    A table of the scene's arguments follows, with those that differ from the default scene's.
 
     Args:
         env: An environment, single, vector or stable-baselines3's; or a scene, by its name, as a
@@ -83,7 +88,11 @@ def as_text(env: Any = "level") -> str:
 
 
 def as_rows(env: Any = "level") -> dict[str, Rows]:
-    """Return the rows of the tables "observation", "action", "reward" and "episode end"."""
+    """Return the rows of the tables of a scene or an environment, by title.
+
+    The titles are "observation", "action", "reward", "episode end", and "scene" for the arguments
+    in which the scene differs from the default one. Tables without rows are left out.
+    """
     scene, batch, limit = _parts(env)
     seen: Rows = [{"number": i, **row} for i, row in enumerate(_observed(scene))]
     paid = _rewarded(scene)
@@ -108,6 +117,7 @@ def as_rows(env: Any = "level") -> dict[str, Rows]:
     ]
     ends = _ends(scene, limit)
     tables = {"observation": seen, "action": acts, "reward": paid, "episode end": ends}
+    tables["scene"] = _differences(scene)
     return {title: rows for title, rows in tables.items() if rows}
 
 
@@ -196,6 +206,31 @@ def _ends(scene: Scene, limit: float | None) -> Rows:
     if limit is not None:
         rows.append({"outcome": "", "when": f"{limit:g} steps", "kind": "truncated"})
     return rows
+
+
+def _differences(scene: Scene) -> Rows:
+    """Return the arguments of a scene that differ from those of the default scene."""
+    default = Scene()
+    pairs = {each.name: (getattr(scene, each.name), getattr(default, each.name))
+             for each in fields(Scene)}  # fmt: skip
+    return [
+        {"argument": name, "default": _stated(usual), "value": _stated(value)}
+        for name, (value, usual) in pairs.items()
+        if value != usual
+    ]
+
+
+def _stated(value: Any) -> str:
+    """Return the text of a scene's argument."""
+    if isinstance(value, Walker):
+        return describe(value)
+    if isinstance(value, Mechanism):
+        return f"system {value.title!r}"
+    if isinstance(value, Terrain):
+        own = {each.name: getattr(value, each.name) for each in fields(value)}
+        parts = [f"{name}={x!r}" for name, x in own.items() if x != getattr(Terrain(), name)]
+        return cut(f"Terrain({', '.join(parts)})")
+    return _name(value) if callable(value) else shown(value)
 
 
 def _name(function: Any) -> str:

@@ -239,7 +239,8 @@ class PassiveWalkerEnv(
     With `system`, a `gym_passive_walker.System` walks. The actions are its controls, the
     observation is its state and the slope.
 
-    `gym_passive_walker.explain(env)` prints observation, action, reward and termination as tables.
+    `gym_passive_walker.explain(env)` prints observation, action, reward and termination as tables,
+    and the arguments of the scene that differ from those above.
     `env.unwrapped.set_scene(slope=0.02)` changes arguments for the episodes that follow.
 
     `PassiveWalkerEasy-v0` is the same environment with another default scene, "level" with

@@ -21,7 +21,7 @@ from gym_passive_walker.arguments import boolean, number, shown, unknown, whole
 from gym_passive_walker.console import cut
 from gym_passive_walker.engine.counter_rng import normal
 from gym_passive_walker.engine.jit import Kernel
-from gym_passive_walker.loading import is_file, parse_json, read_content
+from gym_passive_walker.loading import is_file, once, parse_json, read_content
 from gym_passive_walker.walkers import Walker
 
 _HEIGHTS, _SLOPES = 100, 101  # streams of random numbers
@@ -94,8 +94,10 @@ class Terrain:
         return found.reshape(*keys.shape, 3)
 
 
-def rough(height_std: float = 0.0, slope_std: float = 0.0) -> Terrain:
+def rough(height_std: float | None = None, slope_std: float | None = None) -> Terrain:
     """Return random footholds with normally distributed heights and slopes.
+
+    At least one of the two standard deviations is required; the other one is 0.
 
     Example:
         >>> import gym_passive_walker as gpw
@@ -107,8 +109,14 @@ def rough(height_std: float = 0.0, slope_std: float = 0.0) -> Terrain:
     Args:
         height_std: Standard deviation of the heights, in leg lengths.
         slope_std: Standard deviation of the slopes, in rad.
+
+    Raises:
+        ValueError: if neither is given, or one is no number from 0 on.
     """
-    return Terrain(height_std=height_std, slope_std=slope_std)
+    if height_std is None and slope_std is None:
+        raise ValueError("rough ground needs height_std in leg lengths, slope_std in rad, or both")
+    heights, slopes = (0.0 if std is None else std for std in (height_std, slope_std))
+    return Terrain(height_std=heights, slope_std=slopes)
 
 
 def stairs(rise: float) -> Terrain:
@@ -134,9 +142,14 @@ def footholds(
         heights: Height of each foothold, in leg lengths, (n,); all equal when None. The walk begins
             on the first.
         slopes: Slope of each foothold beyond the slope of the walk, in rad, (n,); 0 when None.
+
+    Raises:
+        ValueError: if neither is given, or their numbers differ.
     """
     given = [row for row in (heights, slopes) if row is not None]
-    count = max((np.size(row) for row in given), default=1)
+    if not given:
+        raise ValueError("footholds need heights in leg lengths, slopes in rad, or both")
+    count = max(np.size(row) for row in given)
     level = (0.0,) * count
     high = _row(level if heights is None else heights, "heights", _HIGHEST)
     steep = _row(level if slopes is None else slopes, "slopes", 0.5 * math.pi)
@@ -208,16 +221,20 @@ def _of_text(text: str) -> Terrain:
         try:
             content = parse_json(text)
         except ValueError as error:
-            raise ValueError(f"terrain {shown(text)} is no JSON: {error}") from None
+            raise ValueError(f"terrain {shown(text)} cannot be read: {error}") from None
         return _of_mapping(content)
     name, _, rest = text.partition(":")
     if _ARGUMENT.sub("", rest):
         raise ValueError(f"a terrain is written as {EXAMPLES}, or as a mapping, not {shown(text)}")
     try:
-        arguments = {key: parse_json(word) for key, word in _ARGUMENT.findall(rest)}
+        arguments = [(key, parse_json(word)) for key, word in _ARGUMENT.findall(rest)]
     except ValueError:
         raise ValueError(f"terrain {cut(name)} takes numbers, not {shown(rest)}") from None
-    return _of_mapping({name: arguments})
+    try:
+        once(arguments)
+    except ValueError as error:
+        raise ValueError(f"terrain {cut(name)}: {error}") from None
+    return _of_mapping({name: dict(arguments)})
 
 
 def _of_mapping(value: Any) -> Terrain:

@@ -232,6 +232,14 @@ def test_a_file_that_lacks_a_field_or_has_another_is_refused_by_its_name(name, t
         Config.load(path)
 
 
+def test_a_file_that_repeats_a_field_is_refused(tmp_path):
+    path = tmp_path / "config.yml"
+    configure("ppo", "level").save(path)
+    path.write_text(path.read_text() + "seed: 3\n")
+    with pytest.raises(ConfigError, match="'seed' is given twice"):
+        Config.load(path)
+
+
 WRONG = {
     "algo": [None, 1, "dqn"], "scene": [None, 1, ["level"]], "env": [None, [], "level"],
     "n_envs": [0, 1.5, "2", True, None], "steps": [0, -1, 1.5, None], "seed": [-1, 2**31, 0.5],

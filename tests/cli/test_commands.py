@@ -343,7 +343,7 @@ WRONG = {
     "simulate lab 0.036 --terrain rough:depth=1": "unexpected keyword argument 'depth'",
     "simulate lab 0.036 --terrain rough:height_std=x": "takes numbers, not 'height_std=x'",
     "strobe lab 0.036 --terrain stairs:-0.01": "a terrain is written as rough:height_std",
-    "video lab 0.036 --terrain {rough": "'{rough' is no JSON: Expecting",
+    "video lab 0.036 --terrain {rough": "'{rough' cannot be read: Expecting",
     "evaluate level-ppo --terrain waves:height=1,strides=1": "strides must be a whole number from",
     "evaluate level-ppo --terrain list.json": "a terrain is a Terrain, None, or a mapping",
     "simulate lab 0.036 --terrain rough:height_std=1e-3 --terrain-seed -1": "error: "

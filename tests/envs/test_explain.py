@@ -1,5 +1,6 @@
 """What is said of a scene is what its environment does; scenes of environments change."""
 
+import dataclasses
 import re
 
 import gymnasium
@@ -13,7 +14,7 @@ from gym_passive_walker.envs.explain import as_rows, as_text
 from gym_passive_walker.envs.interface import OUTCOMES, REASONS
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
-from gym_passive_walker.envs.scene import SCENES, make_scene
+from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from tests.modeling.statements import DRIVEN
 
@@ -316,3 +317,63 @@ def test_of_several_walkers_the_first_one_is_shown():
     found = as_rows(env)
     assert found["observation"][7]["now"] == pytest.approx(0.01)
     assert sum(row["last"] for row in found["reward"]) == pytest.approx(rewards[0], abs=1e-12)
+
+
+CHANGED = {
+    "walker": ({"walker": "lab"}, "walker 'lab'"),
+    "slope": ({"slope": (0.0123456, 0.03)}, "(0.0123456, 0.03)"),
+    "control": ({"control": "stride"}, "'stride'"),
+    "tick": ({"tick": 0.2}, "0.2"),
+    "actions": ({"actions": ("push_off", "hip")}, "('push_off', 'hip')"),
+    "max_hip_torque": ({"max_hip_torque": 0.01}, "0.01"),
+    "max_ankle_torque": ({"max_ankle_torque": 0.01}, "0.01"),
+    "max_push_off": ({"max_push_off": 0.3}, "0.3"),
+    "energy_weight": ({"energy_weight": 5.0}, "5.0"),
+    "energy": ({"energy": "net"}, "'net'"),
+    "end_on_toe_stub": ({"end_on_toe_stub": False}, "False"),
+    "reset_noise_scale": ({"reset_noise_scale": 0.2}, "0.2"),
+    "domain_randomization": ({"domain_randomization": {"hip_mass": 0.1}}, "{'hip_mass': 0.1}"),
+    "randomization_pool": (
+        {"domain_randomization": {"hip_mass": 0.1}, "randomization_pool": 7}, "7"
+    ),
+    "observe_body": ({"observe_body": ("hip_mass",)}, "('hip_mass',)"),
+    "start": ({"start": [0.2, -0.2, -0.2, -0.2, -0.1, -0.1]},
+              "(0.2, -0.2, -0.2, -0.2, -0.1, -0.1)"),
+    "max_stride_time": ({"max_stride_time": 12.5}, "12.5"),
+    "tolerance": ({"tolerance": 1e-6}, "1e-06"),
+    "pushes": (
+        {"pushes": {"rate": 0.1, "impulse": 0.02}}, "{'rate': 0.1, 'impulse': (0.02, 0.02)}"
+    ),
+    "observation_noise": ({"observation_noise": 0.01}, "0.01"),
+    "action_noise": ({"action_noise": 0.2}, "0.2"),
+    "action_delay": ({"action_delay": 3}, "3"),
+    "command": ({"command": 0.15}, "0.15"),
+    "command_weight": ({"command_weight": 1.0}, "1.0"),
+    "constraints": ({"constraints": {"contact": "report"}}, "{'contact': 'report'}"),
+    "terrain": ({"terrain": "rough:height_std=0.002"}, "Terrain(height_std=0.002)"),
+    "terrain_lookahead": ({"terrain": "stairs:rise=0.001", "terrain_lookahead": 2}, "2"),
+    "friction": ({"friction": 0.6}, "0.6"),
+    "knee_latch": ({"knee_latch": 0.3}, "0.3"),
+    "scuff_depth": ({"scuff_depth": 0.02}, "0.02"),
+    "reward": ({"reward": WEIGHTS}, "{'distance': 1.0, 'alive': 0.1, 'action': -0.2}"),
+    "observation": ({"observation": far}, "far"),
+    "terminated": ({"terminated": far}, "far"),
+    "reward_terms": ({"reward_terms": True}, "True"),
+}  # fmt: skip
+"""Another value of each argument of a scene, and its text."""
+
+
+@pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(Scene)])
+def test_every_argument_in_which_a_scene_differs_from_the_default_one_is_explained(name):
+    arguments, text = CHANGED[name]
+    for scene in (arguments, gymnasium.make(ID, **arguments)):
+        rows = {row["argument"]: row for row in as_rows(scene)["scene"]}
+        assert rows[name]["value"] == text and arguments.keys() <= rows.keys()
+        line = rf"^  {name} +{re.escape(rows[name]['default'])} +{re.escape(text)}$"
+        assert re.search(line, as_text(scene), re.MULTILINE)
+
+
+def test_the_default_scene_differs_in_nothing_and_a_long_terrain_is_shortened():
+    assert "scene" not in as_rows("level")
+    (row,) = as_rows({"terrain": gpw.footholds(np.linspace(0.0, 0.1, 1000))})["scene"]
+    assert row["default"] == "None" and len(row["value"]) < 400

@@ -244,6 +244,33 @@ def test_pushes_have_a_rate_and_a_range_within_limits():
             Scene(pushes=more)
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"terrain": "rough"}, "rough ground needs height_std in leg lengths, slope_std in rad"),
+        ({"terrain": {"rough": {}}}, "rough ground needs height_std"),
+        ({"terrain": {"rough": {"height_std": None}}}, "rough ground needs height_std"),
+        ({"terrain": {"footholds": {}}}, "footholds need heights in leg lengths, slopes in rad"),
+        ({"terrain": {"footholds": {"heights": []}}}, "at least one"),
+        ({"terrain": {"stairs": {}}}, "rise"),
+        ({"terrain": {"waves": {"height": 0.1}}}, "strides"),
+        ({"terrain": {}}, "a mapping of one of rough, stairs, waves and"),
+        ({"terrain": "rough:slope_std=0.1,slope_std=0.2"}, "'slope_std' is given twice"),
+        ({"pushes": {"rate": 0.1}}, "pushes must have a rate"),
+        ({"pushes": []}, "pushes must have a rate"),
+        ({"reward": {}}, "reward must have weights"),
+    ],
+)
+def test_what_leaves_out_its_numbers_is_refused_and_not_taken_for_zero(given, said):
+    with pytest.raises(SceneError, match=said):
+        make_scene(**given)
+
+
+def test_terrain_of_given_zeros_is_smooth():
+    for ground in ({"rough": {"height_std": 0}}, "footholds:slopes=[0]", "stairs:rise=0"):
+        assert make_scene(terrain=ground).terrain.smooth
+
+
 def test_noise_of_each_entry_is_checked_by_its_index():
     assert Scene(observation_noise=range(8)).observation_noise == tuple(map(float, range(8)))
     for i in range(8):

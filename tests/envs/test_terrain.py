@@ -122,8 +122,9 @@ def test_a_walk_over_rough_ground_is_saved_and_goes_on():
 
 
 def test_smooth_terrain_changes_a_walk_by_no_more_than_rounding():
-    level = walk(gym.make("PassiveWalker-v0", walker="C", slope=0.05), 40)[0]
-    other = walk(gym.make("PassiveWalker-v0", walker="C", slope=0.05, terrain=gpw.rough()), 40)[0]
+    smooth = {"walker": "C", "slope": 0.05}
+    level = walk(gym.make("PassiveWalker-v0", **smooth), 40)[0]
+    other = walk(gym.make("PassiveWalker-v0", **smooth, terrain=gpw.rough(0.0)), 40)[0]
     np.testing.assert_allclose(level, other, atol=2e-6)
 
 

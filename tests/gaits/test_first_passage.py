@@ -103,7 +103,7 @@ def test_a_wheel_on_smooth_ground_keeps_its_rate():
     apex = math.sqrt(steady_rate() ** 2 - 2.0 * (1.0 - math.cos(HALF - SLOPE)))
     assert apex * math.sqrt(9.8) == pytest.approx(1.209733838, rel=1e-9)
     exact = replace(WHO, tolerance=1e-12)
-    left = survivors(exact, START, SLOPE, rough(), walkers=2, strides=50)
+    left = survivors(exact, START, SLOPE, rough(0.0), walkers=2, strides=50)
     assert left.tolist() == [2] * 51
 
 

@@ -132,7 +132,7 @@ def test_an_error_must_be_a_share(error):
 
 
 @pytest.mark.parametrize(
-    "ground", [gpw.rough(slope_std=0.01), gpw.rough(), gpw.stairs(0.01), gpw.rough(0.01, 0.01)]
+    "ground", [gpw.rough(slope_std=0.01), gpw.rough(0.0), gpw.stairs(0.01), gpw.rough(0.01, 0.01)]
 )
 def test_ground_must_have_random_heights_alone(ground):
     with pytest.raises(ValueError, match="random heights alone"):

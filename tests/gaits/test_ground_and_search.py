@@ -55,7 +55,7 @@ def test_footholds_are_those_of_the_list_and_then_like_the_last():
     np.testing.assert_allclose(rows(footholds([0.0, 0.02]), 3)[:, 1], [0.02, 0.0, 0.0])
     alone = rows(footholds(slopes=[0.0, 0.1]), 3)
     np.testing.assert_allclose(alone, [[0.0, 0.0, 0.1], [0.1, 0.0, 0.0], [0.1, 0.0, 0.0]])
-    assert rows(footholds(), 2).tolist() == [[0.0] * 3] * 2
+    assert rows(footholds([0.0]), 2).tolist() == [[0.0] * 3] * 2
 
 
 def test_random_footholds_deviate_from_level_each_by_itself():
@@ -78,7 +78,7 @@ def test_random_footholds_deviate_from_level_each_by_itself():
 @pytest.mark.parametrize(
     ("ground", "random", "smooth"),
     [
-        (rough(), False, True), (rough(0.01), True, False), (rough(0.0, 0.01), True, False),
+        (rough(0.0), False, True), (rough(0.01), True, False), (rough(0.0, 0.01), True, False),
         (stairs(0.0), False, True), (stairs(0.1), False, False),
         (footholds(slopes=[0.0, 0.1]), False, False), (footholds([0.0, 0.0]), False, True),
     ],
@@ -110,7 +110,18 @@ def test_ground_in_each_form(text, tmp_path):
 WRONG = {
     "rough:height_std": "a terrain is written as rough",
     "rough:height_std=high": "terrain 'rough' takes numbers, not|terrain rough takes numbers, not",
-    "{": "is no JSON",
+    "{": "cannot be read: Expecting",
+    "rough": "rough ground needs height_std",
+    "rough:": "rough ground needs height_std",
+    "footholds": "footholds need heights",
+    "stairs": "rise",
+    "waves": "height",
+    "waves:height=0.1": "strides",
+    '{"rough": {}}': "rough ground needs height_std",
+    '{"footholds": {}}': "footholds need heights",
+    "rough:height_std=0.1,height_std=0.2": "terrain rough: 'height_std' is given twice",
+    '{"rough": {"height_std": 0.1, "height_std": 0.2}}': "'height_std' is given twice",
+    '{"rough": {"height_std": 0.1}, "rough": {"height_std": 0.2}}': "'rough' is given twice",
     "hills:height=1": "hills",
     "rough:height=1": "height",
     "stairs:rise=1e9": "rises",

@@ -404,7 +404,7 @@ OPTIONS = {
             ),
         ),
     ),
-    "rough": Call(gpw.rough, {}, dict(height_std=0.01, slope_std=0.01)),
+    "rough": Call(gpw.rough, dict(height_std=0.02), dict(height_std=0.01, slope_std=0.01)),
     "simulate": Call(
         gpw.simulate,
         dict(walker="D", slope=0.009, state=OF_D, strides=2, samples=5),
