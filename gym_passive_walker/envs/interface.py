@@ -126,6 +126,7 @@ class EnergyCost:
 
     batch: Any
     token: Token
+    _next: Any = None  # the batch in a scene that begins later
 
     @property
     def energy_cost(self) -> str:
@@ -143,11 +144,13 @@ class EnergyCost:
             ValueError: if there is no such kind.
             RuntimeError: if another thread is using this environment.
         """
-        energy = self.batch.scene.energy if energy is None else energy
-        if energy not in rules.ENERGIES:
+        if energy is not None and energy not in rules.ENERGIES:
             allowed = ", ".join(map(repr, rules.ENERGIES))
             raise ValueError(f"motors are charged for {allowed} or None, not {energy!r}")
-        self.batch.rules["charged"] = rules.ENERGIES.index(energy)
+        for batch in (self.batch, self._next):
+            if batch is not None:
+                kind = batch.scene.energy if energy is None else energy
+                batch.rules["charged"] = rules.ENERGIES.index(kind)
 
 
 OF_EACH = {

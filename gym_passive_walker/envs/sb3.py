@@ -8,40 +8,119 @@
 Its results are those of a `DummyVecEnv` of monitored single environments, at the cost of one kernel
 call. The step that ends an episode returns the first observation of the next one. The `info` of
 that environment then has "terminal_observation", "TimeLimit.truncated" and "episode".
+
+A batch has one scene. `set_scene` and `set_energy_cost` therefore act on all environments, and are
+refused for some of them. Attributes of the simulation are read-only.
 """
 
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, replace
 from typing import Any
 
+import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
+from gymnasium.wrappers import OrderEnforcing, TimeLimit
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.batch import UNFINISHED
 from gym_passive_walker.envs.one_thread import one_thread
-from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
+from gym_passive_walker.envs.registration import ID, MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
 from gym_passive_walker.extras import extra
 from gym_passive_walker.walkers import Walker, WalkerLike
 
 with extra("train"):
+    from stable_baselines3.common.monitor import Monitor
     from stable_baselines3.common.vec_env import VecEnv
+
+_OF_ALL = ("set_scene", "set_energy_cost")  # methods that act on all walkers of a batch
+_ARGUMENTS = tuple(field.name for field in fields(Scene))
 
 
 class Lane:
-    """Access to one of the walkers, for `get_attr` and `env_method`."""
+    """One of the walkers, with attributes and methods of a monitored single environment.
+
+    `get_attr` and `env_method` use it.
+
+    Attributes:
+        episode_returns: Sum of the rewards of each finished episode.
+        episode_lengths: Number of steps of each finished episode.
+        episode_times: Time at its end, in s since the environment was made.
+        notes: Attributes of the user's own, by name.
+    """
 
     def __init__(self, vec_env: PassiveWalkerVecEnv, index: int) -> None:
         self._vec_env, self._index = vec_env, index
+        self.episode_returns: list[float] = []
+        self.episode_lengths: list[int] = []
+        self.episode_times: list[float] = []
+        self.notes: dict[str, Any] = {}
 
-    def set_scene(self, scene: Any = None, **changes: Any) -> None:
-        """Change the scene of all walkers; see `PassiveWalkerVectorEnv.set_scene`."""
-        self._vec_env.set_scene(scene, **changes)
+    def __getattr__(self, name: str) -> Any:
+        own = self.__dict__
+        if name not in own.get("notes", {}):
+            of_all = " of its own: use that of all" * hasattr(own.get("_vec_env"), name)
+            raise AttributeError(f"a walker of a batch has no {name!r}{of_all}")
+        return own["notes"][name]
+
+    def get_wrapper_attr(self, name: str) -> Any:
+        """Return an attribute."""
+        return getattr(self, name)
+
+    def has_wrapper_attr(self, name: str) -> bool:
+        """Return whether there is an attribute of that name."""
+        return hasattr(self, name)
+
+    @property
+    def unwrapped(self) -> Lane:
+        """This walker."""
+        return self
+
+    @property
+    def spec(self) -> EnvSpec:
+        """The specification of the single environment, for `gymnasium.make`."""
+        limit, kwargs = self._vec_env.batch.step_limit, {"scene": self.scene}
+        steps = None if limit == np.inf else int(limit)
+        return replace(gymnasium.spec(ID), kwargs=kwargs, max_episode_steps=steps)
+
+    @property
+    def render_mode(self) -> str | None:
+        """The render mode of all walkers."""
+        return self._vec_env.envs.render_mode
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """Render modes and frames per second."""
+        return self._vec_env.metadata
+
+    @property
+    def observation_space(self) -> Any:
+        """Observation space of one walker."""
+        return self._vec_env.observation_space
+
+    @property
+    def action_space(self) -> Any:
+        """Action space of one walker."""
+        return self._vec_env.action_space
+
+    @property
+    def scene(self) -> Scene:
+        """The scene of all walkers."""
+        return self._vec_env.scene
+
+    @property
+    def energy_cost(self) -> str:
+        """Work that the energy term counts, of all walkers."""
+        return self._vec_env.envs.energy_cost
 
     @property
     def walker(self) -> Walker:
@@ -61,13 +140,69 @@ class Lane:
         """
         return self._vec_env.envs.states[self._index]
 
+    @property
+    def contact(self) -> float:
+        """Contact point of the stance foot along the slope, in the walker's units of length."""
+        return self._vec_env.batch.contact(self._index).x
+
+    @property
+    def reward_terms(self) -> dict[str, float]:
+        """Terms of the last reward by name; the reward is their sum."""
+        terms = self._vec_env.envs.reward_terms
+        return {name: float(term[self._index]) for name, term in terms.items()}
+
+    @property
+    def np_random(self) -> np.random.Generator:
+        """The random generator."""
+        return self._vec_env.batch.randoms[self._index]
+
+    @property
+    def needs_reset(self) -> bool:
+        """Whether no episode has begun."""
+        return not self._vec_env.envs._begun
+
+    @property
+    def total_steps(self) -> int:
+        """Number of steps in all episodes."""
+        return self._vec_env.total_steps
+
+    def get_total_steps(self) -> int:
+        """Return the number of steps in all episodes."""
+        return self.total_steps
+
+    def get_episode_rewards(self) -> list[float]:
+        """Return the sum of the rewards of each finished episode."""
+        return self.episode_returns
+
+    def get_episode_lengths(self) -> list[int]:
+        """Return the number of steps of each finished episode."""
+        return self.episode_lengths
+
+    def get_episode_times(self) -> list[float]:
+        """Return the time at the end of each finished episode, in s."""
+        return self.episode_times
+
+    def set_scene(self, scene: Any = None, **changes: Any) -> None:
+        """Change the scene of a batch of one; see `PassiveWalkerVectorEnv.set_scene`."""
+        self._vec_env.env_method("set_scene", scene, indices=self._index, **changes)
+
     def set_energy_cost(self, energy: str | None) -> None:
-        """Set the work that the energy term counts, for all walkers; see `PassiveWalkerEnv`."""
-        self._vec_env.set_energy_cost(energy)
+        """Set the work that the energy term counts, in a batch of one; see `PassiveWalkerEnv`."""
+        self._vec_env.env_method("set_energy_cost", energy, indices=self._index)
+
+    def set_slope(self, slope: float) -> NDArray[np.float32]:
+        """Set the slope of the stride that begins; see `PassiveWalkerEnv.set_slope`."""
+        mask = np.zeros(self._vec_env.num_envs, bool)
+        mask[self._index] = True
+        return self._vec_env.set_slopes(slope, mask)[self._index]
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the walker; None without a render mode."""
         return self._vec_env.get_images()[self._index]
+
+    def close(self) -> None:
+        """Close the renderers of all walkers."""
+        self._vec_env.close()
 
 
 class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
@@ -76,7 +211,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
     Args:
         num_envs: Number of walkers.
         scene: A scene, its name, or its arguments; see `PassiveWalkerEnv`.
-        seed: Seed of the first reset; `seed()` sets those of later resets.
+        seed: Seed of the first reset, as for `seed()`, which sets those of later resets.
         max_episode_steps: As for `PassiveWalkerVectorEnv`, as are the next four.
         walkers: Walkers of one kind, (num_envs,), instead of the scene's.
         slopes: Slopes in rad, (num_envs,), instead of the scene's.
@@ -93,7 +228,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         num_envs: int = 1,
         scene: Scene | str | Mapping[str, Any] = "level",
         *,
-        seed: int | None = None,
+        seed: int | Sequence[int | None] | None = None,
         max_episode_steps: int | None = MAX_EPISODE_STEPS,
         walkers: Sequence[WalkerLike] | None = None,
         slopes: Sequence[float] | None = None,
@@ -111,11 +246,13 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         self.lanes = [Lane(self, i) for i in range(num_envs)]
         spaces = self.envs.single_observation_space, self.envs.single_action_space
         super().__init__(num_envs, *spaces)
-        metadata: dict[str, Any] = self.metadata
-        metadata["render_fps"] = self.scene.frames_per_second
+        fps = {"render_fps": self.scene.frames_per_second}
+        self.metadata: dict[str, Any] = PassiveWalkerEnv.metadata | fps
+        limited = self.batch.step_limit != np.inf
+        self._wrappers = (Monitor, OrderEnforcing, *[TimeLimit] * limited)  # what they do is done
+        self.total_steps = 0
         if seed is not None:
             self.seed(seed)
-        self._actions = np.zeros(num_envs * len(self.scene.actions))
         self._born = time.perf_counter()
 
     def reset(self) -> NDArray[np.float32]:
@@ -135,6 +272,26 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         self._reset_seeds()
         self._reset_options()
         return observations
+
+    def seed(self, seed: int | Sequence[int | None] | None = None) -> Sequence[int | None]:
+        """Set the seeds of the next reset.
+
+        Args:
+            seed: Seed of the first environment, the others use seed + 1, ...; or one for each. None
+                draws them at random.
+
+        Returns:
+            The seed of each environment.
+
+        Raises:
+            ValueError: if there is not one seed for each environment.
+        """
+        if seed is None or isinstance(seed, int | np.integer):
+            return super().seed(seed)  # type: ignore[arg-type]
+        if len(seed) != self.num_envs:
+            raise ValueError(f"{len(seed)} seeds for {self.num_envs} environments")
+        self._seeds = list(seed)
+        return self._seeds
 
     def step_async(self, actions: NDArray) -> None:
         """Set the actions of the next step, (num_envs, actions of the scene).
@@ -156,7 +313,12 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
 
         Returns:
             Observations (num_envs, k), rewards and ends of episodes, each (num_envs,), and infos.
+
+        Raises:
+            ResetNeeded: if no episode has begun.
         """
+        if not self.envs._begun:
+            raise ResetNeeded("no episode has begun: call reset first")
         observations = np.empty((self.num_envs, self.batch.observation_size), np.float32)
         rewards = np.empty(self.num_envs)
         dones, truncated = np.empty((2, self.num_envs), bool)
@@ -164,6 +326,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         if self.batch.unfinished:
             raise ResetNeeded(UNFINISHED)
         _, endings = self.batch.step(self._actions, flat, rewards, dones, truncated)
+        self.total_steps += 1
         infos = self._infos(np.ones(self.num_envs, bool))
         for info in infos:
             info["TimeLimit.truncated"] = False
@@ -173,6 +336,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
             lanes = np.flatnonzero(dones).tolist()
             for i in lanes:
                 infos[i] |= self._last_info(i, observations[i].copy(), bool(terminated[i]))
+                self._monitor(i)
             self.envs.renew()
             self.batch.start(lanes, flat)
         self.batch.unfinished = False
@@ -209,6 +373,13 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
             },
         }
 
+    def _monitor(self, lane: int) -> None:
+        """Keep return, length and time of an episode that has ended."""
+        own, row = self.lanes[lane], self.batch.ledger[lane]
+        own.episode_returns.append(float(row["total"]))
+        own.episode_lengths.append(int(row["steps"]))
+        own.episode_times.append(time.perf_counter() - self._born)
+
     def close(self) -> None:
         """Close the renderers."""
         self.envs.close()
@@ -216,28 +387,39 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """Return a picture of each walker; None without a render mode."""
         frames = self.envs.render()
-        return [None] * self.num_envs if frames is None else list(frames)
+        if frames is None:
+            warnings.warn("pictures need render_mode='rgb_array'", stacklevel=2)
+            return [None] * self.num_envs
+        return list(frames)
 
     def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
-        """Return an attribute of some environments, from `Lane` or from the vector environment."""
-        lanes = [self.lanes[i] for i in self._get_indices(indices)]
-        return [
-            getattr(lane if hasattr(lane, attr_name) else self.envs, attr_name) for lane in lanes
-        ]
+        """Return an attribute of some environments, as of single environments; see `Lane`."""
+        return [getattr(self.lanes[i], attr_name) for i in self._get_indices(indices)]
 
     def set_attr(
         self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None
     ) -> None:
-        """Set a new attribute of some environments; attributes of the simulation are read-only.
+        """Set an attribute of the user's own; attributes of the simulation are read-only.
 
         Raises:
-            AttributeError: if the walkers or the vector environment have a read-only attribute of
-                that name.
+            AttributeError: if the attribute belongs to the simulation.
         """
-        if hasattr(self.envs, attr_name):
+        lanes = [self.lanes[i] for i in self._get_indices(indices)]
+        if attr_name in _ARGUMENTS:
+            raise AttributeError(
+                f"{attr_name} cannot be set: it is an argument of the scene, which "
+                f'env_method("set_scene", {attr_name}=...) changes for all environments'
+            )
+        taken = any(hasattr(each, attr_name) for each in (Lane, PassiveWalkerEnv, Monitor))
+        if (
+            taken
+            or attr_name.startswith("_")
+            or hasattr(self.envs, attr_name)
+            or any(attr_name in vars(lane) for lane in lanes)
+        ):
             raise AttributeError(f"{attr_name} cannot be set: it belongs to the environment")
-        for i in self._get_indices(indices):
-            setattr(self.lanes[i], attr_name, value)
+        for lane in lanes:
+            lane.notes[attr_name] = value
 
     def env_method(
         self,
@@ -246,17 +428,32 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         indices: int | Iterable[int] | None = None,
         **method_kwargs: Any,
     ) -> list[Any]:
-        """Call a method of `Lane` for some environments."""
-        return [
-            getattr(self.lanes[i], method_name)(*method_args, **method_kwargs)
-            for i in self._get_indices(indices)
-        ]
+        """Call a method of some environments, as of single environments; see `Lane`.
+
+        Raises:
+            AttributeError: if there is no such method.
+            ValueError: if `set_scene` or `set_energy_cost` is called for some of the environments.
+        """
+        lanes = [self.lanes[i] for i in self._get_indices(indices)]
+        if method_name not in _OF_ALL:
+            return [getattr(each, method_name)(*method_args, **method_kwargs) for each in lanes]
+        if len({*lanes}) < self.num_envs:
+            raise ValueError(
+                f"{method_name} acts on all {self.num_envs} environments, since a batch has one "
+                "scene: leave out indices, or make a PassiveWalkerVecEnv for each scene"
+            )
+        getattr(self, method_name)(*method_args, **method_kwargs)
+        return [None] * len(lanes)
 
     def env_is_wrapped(
         self, wrapper_class: type, indices: int | Iterable[int] | None = None
     ) -> list[bool]:
-        """Return False for each environment: none of them is wrapped."""
-        return [False for _ in self._get_indices(indices)]
+        """Return whether each environment does what a wrapper adds.
+
+        They have a monitor and a check for resets, and a time limit if `max_episode_steps` is one.
+        """
+        wrapped = any(issubclass(each, wrapper_class) for each in self._wrappers)
+        return [wrapped for _ in self._get_indices(indices)]
 
     def set_slopes(
         self, slopes: ArrayLike, mask: NDArray[np.bool_] | None = None

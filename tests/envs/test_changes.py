@@ -179,7 +179,7 @@ def test_an_unknown_price_is_refused(make):
 
 def test_every_environment_of_a_learner_has_the_energy_cost():
     env = learners(3)
-    env.env_method("set_energy_cost", "positive", indices=0)
+    env.env_method("set_energy_cost", "positive")
     assert env.get_attr("energy_cost") == ["positive"] * 3  # one motor's price is that of all
 
 

@@ -154,7 +154,7 @@ def test_episodes_of_a_changed_scene_are_truncated_after_the_same_number_of_step
 def test_learners_of_stable_baselines3_go_over_to_a_changed_scene():
     env = PassiveWalkerVecEnv(3, "pushed", seed=0)
     env.reset()
-    env.env_method("set_scene", indices=[0], energy_weight=2.0)
+    env.env_method("set_scene", energy_weight=2.0)
     *_, dones, infos = env.step(np.zeros((3, 1)))
     assert dones.all() and all(info["TimeLimit.truncated"] for info in infos)
     assert env.scene.energy_weight == 2.0 == env.get_attr("scene")[0].energy_weight
