@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import unknown, whole
+from gym_passive_walker.arguments import shown, unknown, whole
 from gym_passive_walker.envs import rules, task
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.envs.custom import Custom
@@ -79,6 +79,21 @@ def step_limit(max_episode_steps: int | None) -> float:
         raise ValueError(f"{error}; without limit it is None or -1") from None
 
 
+def elapsed_steps(steps: Any, count: int, limit: float) -> NDArray[np.int64]:
+    """Return numbers of steps of `count` episodes after a check.
+
+    Raises:
+        ValueError: if they are not (count,) whole numbers from 0 on and below the limit.
+    """
+    found = np.asarray(steps)
+    if found.shape != (count,) or found.dtype.kind not in "iu":
+        raise ValueError(f"steps must be whole numbers of shape ({count},), not {shown(steps)}")
+    if not np.all((found >= 0) & (found < limit)):
+        below = "" if limit == math.inf else f" and below the time limit, {limit:g}"
+        raise ValueError(f"steps must be from 0 on{below}, not {shown(steps)}")
+    return found.astype(np.int64)
+
+
 def reset_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
     """Return a copy of the options of a reset.
 
@@ -115,9 +130,9 @@ def refuse(action: Any, actions: Sequence[str], lane: int | None = None) -> NoRe
     where = "" if lane is None else f" of environment {lane}"
     wanted = "one finite number" if len(actions) == 1 else f"finite numbers of {', '.join(actions)}"
     wanted = wanted if actions else "without numbers"
-    shown = action[0] if isinstance(action, np.ndarray) and action.shape == (1,) else action
+    given = action[0] if isinstance(action, np.ndarray) and action.shape == (1,) else action
     raise ValueError(
-        f"the action{where} must be {wanted} (beyond -1 and 1 it is clipped), not {shown}"
+        f"the action{where} must be {wanted} (beyond -1 and 1 it is clipped), not {given}"
     )
 
 

@@ -355,8 +355,6 @@ def check_arrays(
         limit.check(here if name == "records" else found[name], going)
     moves = (here["outcome"] == 0) | (here["outcome"] == int(Outcome.HEELSTRIKE))
     require("records['outcome']", moves | ~going, "0 or 1 while the episode goes on")
-    fits = ledger["strides"] <= ledger["steps"]
-    require("ledger['strides']", fits, "no more than the number of steps")
     slope = ledger["slope"][:, None]
     off = np.abs(here["ground"][:, :2] - np.concatenate([np.sin(slope), np.cos(slope)], axis=1))
     fits = (off <= _ROUNDING) | ~going[:, None]

@@ -291,6 +291,30 @@ class PassiveWalkerVectorEnv(
         return observations
 
     @property
+    def elapsed_steps(self) -> NDArray[np.int64]:
+        """Number of steps of each environment's episode, (num_envs,)."""
+        return self.batch.ledger["steps"].copy()
+
+    @one_thread
+    def set_elapsed_steps(self, steps: ArrayLike) -> None:
+        """Set the number of steps of each environment's episode.
+
+        The time limit counts them, and `steps` of a `Transition` from the next step on. Random
+        numbers after a reset keep walkers that begin together from reaching the limit together.
+
+        Args:
+            steps: Whole numbers from 0 on and below the time limit, (num_envs,).
+
+        Raises:
+            ResetNeeded: if an episode has not begun, or has ended.
+            ValueError: if the numbers are invalid; nothing has changed then.
+        """
+        found = interface.elapsed_steps(steps, self.num_envs, self.batch.step_limit)
+        if self._any_ended:
+            raise ResetNeeded("some environments have ended, or never begun: reset them first")
+        self.batch.ledger["steps"] = found
+
+    @property
     def reward_terms(self) -> dict[str, NDArray[np.float64]]:
         """Terms (num_envs,) of the last rewards by name; a reward is their sum."""
         return self.batch.reward_terms()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -142,11 +142,22 @@ class DeviceBatch:
             notes=device.put(np.zeros(count if self.custom.rules else 0, NOTE)),
         )
 
-    def _keys(self, seed: int) -> NDArray[np.uint64]:
-        return np.uint64(seed % 2**64) + np.arange(self.count, dtype=np.uint64)
+    def _keys(self, seed: int | Sequence[int]) -> NDArray[np.uint64]:
+        if not isinstance(seed, Sequence | np.ndarray):
+            return np.uint64(seed % 2**64) + np.arange(self.count, dtype=np.uint64)
+        if len(seed) != self.count:
+            raise ValueError(f"{len(seed)} seeds for {self.count} walkers")
+        return np.array([each % 2**64 for each in seed], np.uint64)
 
-    def seed(self, seed: int) -> None:
-        """Set the keys of the walkers to seed, seed + 1, ..., and restart their episodes."""
+    def seed(self, seed: int | Sequence[int]) -> None:
+        """Set the keys of the walkers to seed, seed + 1, ..., and restart their episodes.
+
+        Args:
+            seed: Key of the first walker; or the key of each.
+
+        Raises:
+            ValueError: if there is not one key for each walker.
+        """
         keys, none = self._keys(seed), np.zeros(self.count, np.int64)
         self.walkers = self.walkers._replace(keys=device.put(keys), episodes=device.put(none))
 

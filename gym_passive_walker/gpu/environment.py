@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -60,14 +60,19 @@ class PassiveWalkerGpuEnv:
         self.observation_space = interface.observation_space(self.batch.scene, self.batch.custom)
         self.action_space = interface.action_space(self.batch.scene)
         self._buffers = self.batch.buffers._make(map(_tensor, self.batch.buffers))
-        self._reported = _tensor(self.batch.walkers.reported.view(np.float64)).view(num_envs, -1)
+        walkers = self.batch.walkers
+        self._reported, self._ledger = (
+            _tensor(each.view(np.float64)).view(num_envs, -1)
+            for each in (walkers.reported, walkers.ledger)
+        )
 
     @one_thread
-    def reset(self, *, seed: int | None = None) -> tuple[Tensor, dict[str, Any]]:
+    def reset(self, *, seed: int | Sequence[int] | None = None) -> tuple[Tensor, dict[str, Any]]:
         """Begin an episode of every walker.
 
         Args:
-            seed: Seed of the first walker; None begins each walker's next episode.
+            seed: Seed of the first walker, the others use seed + 1, ...; or one for each. None
+                begins each walker's next episode.
 
         Returns:
             Observations, (num_envs, k), and `info` as from `step`, with zeros where there is no
@@ -117,6 +122,20 @@ class PassiveWalkerGpuEnv:
     def set_energy_cost(self, energy: str | None) -> None:
         """Set the work that the energy term counts, from the next step on; see `DeviceBatch`."""
         self.batch.set_energy_cost(energy)
+
+    @property
+    def elapsed_steps(self) -> Tensor:
+        """Number of steps of each walker's episode, (num_envs,)."""
+        return self._ledger.view(torch.int64)[:, _column("steps")].clone()
+
+    @one_thread
+    def set_elapsed_steps(self, steps: Tensor) -> None:
+        """Set the number of steps of each walker's episode; see `PassiveWalkerVectorEnv`."""
+        limit = self.batch.step_limit
+        found = interface.elapsed_steps(steps.cpu().numpy(), self.num_envs, limit)
+        self._ledger.view(torch.int64)[:, _column("steps")] = torch.from_numpy(found).to(
+            self.device
+        )
 
     def _rows(self, flat: Tensor) -> Tensor:
         return flat.view(self.num_envs, -1).clone()

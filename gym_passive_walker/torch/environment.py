@@ -137,6 +137,15 @@ class PassiveWalkerTorchEnv(interface.Adapter):
             self._tensor(terminated), self._tensor(truncated), infos,
         )  # fmt: skip
 
+    @property
+    def elapsed_steps(self) -> Tensor:
+        """Number of steps of each walker's episode, (num_envs,)."""
+        return self._tensor(self.envs.elapsed_steps)
+
+    def set_elapsed_steps(self, steps: Tensor) -> None:
+        """Set the number of steps of each walker's episode; see `PassiveWalkerVectorEnv`."""
+        self.envs.set_elapsed_steps(steps.cpu().numpy())
+
     def _tensors(self, infos: dict[str, Any]) -> dict[str, Tensor]:
         """Return infos as tensors without masks, and outcomes as numbers."""
         numbers = np.zeros(self.num_envs, np.int8)

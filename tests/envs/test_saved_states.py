@@ -91,7 +91,7 @@ TAMPERED = {
     "no ground": (tampered("records", "ground", 0.0), "sine and cosine of the slope"),
     "another slope": (tampered("ledger", "slope", 0.1), "sine and cosine of the slope"),
     "strides": (tampered("ledger", "strides", -1), r"ledger\['strides'\]"),
-    "more strides than steps": (tampered("ledger", "strides", 8), "no more than the number"),
+    "strides beyond the limit": (tampered("ledger", "strides", 4001), "from 0 to 4000"),
     "steps": (tampered("ledger", "steps", -5), r"ledger\['steps'\].*from 0 to 4000"),
     "steps beyond the limit": (tampered("ledger", "steps", 4001), r"from 0 to 4000"),
     "an ending": (tampered("ledger", "ending", 14), r"ledger\['ending'\].*from 0 to 13"),

@@ -15,6 +15,7 @@ from gym_passive_walker import WALKERS
 from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import SceneError
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
 MODES = [mode.value for mode in AutoresetMode]
 
@@ -486,3 +487,44 @@ def test_a_batch_is_restored_field_by_field(make_vec, mode, assert_same):
         again.set_state(state)
         assert_same(again.get_state(), {**state, "random": again.get_state()["random"]})
         assert [r.bit_generator.state for r in again.np_random] == state["random"]
+
+
+def test_steps_that_have_elapsed_are_set_and_counted_by_the_time_limit():
+    envs = PassiveWalkerVectorEnv(3, max_episode_steps=10, autoreset_mode="SameStep")
+    with pytest.raises(ResetNeeded):
+        envs.set_elapsed_steps([0, 0, 0])
+    envs.reset(seed=0)
+    assert envs.elapsed_steps.tolist() == [0, 0, 0]
+    envs.set_elapsed_steps(np.array([0, 7, 9]))
+    late = [envs.step(np.zeros((3, 1)))[3].tolist() for _ in range(4)]
+    assert late == [[False, False, True], [False] * 3, [False, True, False], [False] * 3]
+    assert envs.elapsed_steps.tolist() == [4, 1, 3]
+    before = envs.get_state()
+    for wrong in ([0, 1], [0, 1, 10], [-1, 0, 0], [0.5, 0, 0], 3, "abc", [True, False, True]):
+        with pytest.raises(ValueError, match="steps must be"):
+            envs.set_elapsed_steps(wrong)
+    np.testing.assert_equal(envs.get_state(), before)
+    envs.set_state(before)
+
+
+def test_steps_of_an_episode_that_has_ended_are_not_set():
+    envs = PassiveWalkerVectorEnv(2, max_episode_steps=5)
+    envs.reset(seed=0)
+    envs.set_elapsed_steps([4, 0])
+    envs.step(np.zeros((2, 1)))
+    with pytest.raises(ResetNeeded, match="ended"):
+        envs.set_elapsed_steps([0, 0])
+    envs.step(np.zeros((2, 1)))
+    envs.set_elapsed_steps([3, 3])
+    assert envs.step(np.zeros((2, 1)))[3].tolist() == [False, False]
+    assert envs.step(np.zeros((2, 1)))[3].tolist() == [True, True]
+
+
+def test_a_walker_with_more_strides_than_steps_has_a_state_that_is_restored():
+    envs = PassiveWalkerVectorEnv(1, "lab", control="stride", reset_noise_scale=0.0)
+    envs.reset(seed=0)
+    for _ in range(3):
+        envs.step(np.zeros((1, 1)))
+    envs.set_elapsed_steps([0])
+    envs.set_state(envs.get_state())
+    assert envs.elapsed_steps.tolist() == [0]

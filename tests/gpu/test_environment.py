@@ -113,3 +113,25 @@ def test_episodes_end_in_time_whatever_motors_are_charged_for():
     env.set_energy_cost("positive")
     late = [env.step(torch.zeros(2, 1))[3] for _ in range(3)]
     assert late[-1].all() and not torch.stack(late[:-1]).any()
+
+
+def test_steps_that_have_elapsed_are_set_and_counted_by_the_time_limit():
+    there = PassiveWalkerGpuEnv(3, SCENE, max_episode_steps=5)
+    there.reset()
+    there.set_elapsed_steps(torch.tensor([0, 4, 3]))
+    assert there.elapsed_steps.tolist() == [0, 4, 3]
+    late = [there.step(torch.zeros(3, 1))[3].tolist() for _ in range(2)]
+    assert late == [[False, True, False], [False, False, True]]
+    assert there.elapsed_steps.tolist() == [2, 1, 0]
+    with pytest.raises(ValueError, match="below the time limit, 5"):
+        there.set_elapsed_steps(torch.tensor([0, 0, 5]))
+
+
+def test_each_walker_may_have_a_seed_of_its_own():
+    there, other = PassiveWalkerGpuEnv(3, SCENE), PassiveWalkerGpuEnv(3, SCENE)
+    np.testing.assert_array_equal(there.reset(seed=[5, 6, 7])[0], other.reset(seed=5)[0])
+    np.testing.assert_array_equal(
+        there.reset(seed=[7, 2**63, 5])[0][[0, 2]], other.reset(seed=5)[0][[2, 0]]
+    )
+    with pytest.raises(ValueError, match="2 seeds for 3 walkers"):
+        there.reset(seed=[1, 2])
