@@ -35,6 +35,7 @@ from agents.networks import POLICIES
 from agents.ppo_fast import FastPPO
 from gym_passive_walker.arguments import unknown
 from gym_passive_walker.control.policy import Policy
+from gym_passive_walker.envs.seeds import training_seeds
 from gym_passive_walker.files import replacing
 from gym_passive_walker.loading import reason
 from gym_passive_walker.policies import DESCRIPTION, TENSORS, TrainedPolicy, shipped_policies
@@ -76,11 +77,13 @@ def build(config: Config, envs: VecEnv, **overrides: Any) -> BaseAlgorithm:
         # walkers in tensors, so large updates use a GPU if there is one.
         frames = arguments.get("n_steps", 1) * envs.num_envs
         device = "auto" if of is FastPPO and frames >= _GPU_FROM else "cpu"
-        return of(env=envs, seed=config.seed, device=device, **arguments)
+        model = of(env=envs, seed=config.seed, device=device, **arguments)
     except Exception as error:  # an invalid value may raise any error in the library
         raise ConfigError(
             f"{config.algo.upper()} cannot be built as its configuration says: {reason(error)}"
         ) from None
+    envs.seed(training_seeds(config.seed, envs.num_envs))  # type: ignore[arg-type]
+    return model
 
 
 def _check(of: type, arguments: Mapping[str, Any]) -> None:

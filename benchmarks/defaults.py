@@ -28,6 +28,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 import gym_passive_walker  # noqa: F401  (registers the environments)
 from gym_passive_walker import console
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+from gym_passive_walker.envs.seeds import training_seeds
 from gym_passive_walker.evaluation.walks import evaluate
 
 ALGORITHMS: dict[str, tuple[type[BaseAlgorithm], int]] = {"ppo": (PPO, 16), "sac": (SAC, 1)}
@@ -91,6 +92,7 @@ def learn(args: argparse.Namespace, seed: int) -> None:
     native = PassiveWalkerVecEnv(args.envs or count, scene, max_episode_steps=args.limit)
     envs = Shaped(native, args.reward_scale, args.observation_scale, args.fall_price)
     model = of("MlpPolicy", envs, seed=seed, device="cpu")  # type: ignore[call-arg]
+    native.seed(training_seeds(seed, native.num_envs))
     arena = gym.make_vec(args.id, num_envs=EPISODES, scene=scene)
     policy: Any = Scaled(model, envs.scale)
     begun = time.perf_counter()

@@ -33,6 +33,9 @@ class _Free(VecEnv):
         self._answer = np.zeros(envs.num_envs), np.zeros(envs.num_envs, bool)
         self._infos: list[dict] = [{} for _ in range(envs.num_envs)]
 
+    def seed(self, seed: Any = None) -> list[None]:
+        return [None] * self.num_envs
+
     def reset(self) -> Any:
         return self._zeros
 

@@ -27,6 +27,8 @@ from agents.exploration import explorers
 from agents.learner import LearnedPolicy, schedule
 from benchmarks.report import machine, table
 from gym_passive_walker import console
+from gym_passive_walker.control import optimal
+from gym_passive_walker.envs.seeds import training_seeds
 from gym_passive_walker.evaluation.walks import evaluate
 from gym_passive_walker.extras import extra
 
@@ -68,6 +70,7 @@ def learn(learner: str, seed: int, steps: int | None) -> dict[str, Any]:
         named["policy_kwargs"]["updates"] = updates
     envs = VecNormalize(training_envs(config), gamma=named["gamma"], **(config.normalize or {}))
     model = (XQC if of == "XQC" else getattr(sbx, of))(env=envs, seed=seed, **named)
+    envs.seed(training_seeds(seed, envs.num_envs))  # type: ignore[arg-type]
     begun = time.process_time()
     model.learn(config.steps, callback=explorers("sac", config.exploration))
     took = time.process_time() - begun

@@ -22,12 +22,13 @@ import gym_passive_walker as gpw
 import train
 from agents import checkpoint, envs, files, training
 from agents.callbacks import Milestones
-from agents.config import Config, ConfigError, configure
+from agents.config import ALGORITHMS, Config, ConfigError, configure
 from agents.evaluation import evaluate
-from agents.learner import LearnedPolicy, export, learned, load_policy, on_numpy
+from agents.learner import LearnedPolicy, build, export, learned, load_policy, on_numpy
 from agents.search import search
 from agents.training import Run
 from benchmarks.kills import kill
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.files import replacing
 
 SMALL = {"n_envs": 8, "every": 128}
@@ -220,6 +221,22 @@ def test_the_same_seed_learns_the_same(tmp_path, algo):
         runs[-1].train(progress=False)
     first, second, other = map(weights, runs)
     assert np.array_equal(first, second) and not np.array_equal(first, other)
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_trainings_with_other_seeds_have_other_walkers_and_no_evaluation_s(algo):
+    met = []
+    for seed in (1, 2, 1000, training.EXAM_SEED):
+        config = dataclasses.replace(small(algo), seed=seed)
+        model = build(config, envs.training_envs(config))
+        native = model.get_env().unwrapped
+        native.reset()
+        met.append({*map(tuple, native.envs.states.tolist())})
+    arena = PassiveWalkerVectorEnv(100, envs.scene_of(small(algo)))
+    for seed in (1, training.EXAM_SEED, 1000):
+        arena.reset(seed=seed)
+        met.append({*map(tuple, arena.states.tolist())})
+    assert len(set.union(*met)) == sum(map(len, met)) == 4 * 8 + 3 * 100
 
 
 def test_only_the_newest_checkpoint_stays(tmp_path):
