@@ -11,6 +11,7 @@ from tensordict import TensorDict  # type: ignore[import-not-found]
 from torch import Tensor
 
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
+from gym_passive_walker.envs.seeds import training_seeds
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 
 
@@ -18,14 +19,22 @@ class RslRlWalkers(VecEnv):
     """Walkers as an rsl_rl `VecEnv`.
 
     ``extras["time_outs"]`` distinguishes timeouts from falls. The distance of each finished episode
-    is logged. rsl_rl bootstraps a timeout by the value of the step's own observation.
+    is logged. rsl_rl bootstraps a timeout by the value of the step's own observation. Its
+    distributions have no bounds: actions beyond `action_space` are clipped.
 
     Args:
         num_envs: Number of walkers.
         max_episode_steps: Steps after which an episode is truncated.
-        seed: Seeds the walkers with seed, seed + 1, ...
+        seed: Seed of the training, from which the seeds of the walkers are drawn; see
+            `training_seeds`.
         envs: Class of the environment; `gpu.environment.PassiveWalkerGpuEnv` runs on the GPU.
         **scene: Further arguments of `envs`, such as the scene.
+
+    Attributes:
+        observation_space: Observation space of one walker.
+        action_space: Action space of one walker.
+        episode_length_buf: Number of steps of each walker's episode, (num_envs,). What is written
+            here, as rsl_rl does at the beginning of a training, sets them before the next step.
     """
 
     def __init__(
@@ -38,11 +47,19 @@ class RslRlWalkers(VecEnv):
         **scene: Any,
     ) -> None:
         self.walkers = envs(num_envs, max_episode_steps=max_episode_steps, **scene)
-        self.num_envs, self.num_actions, self.device = num_envs, 1, self.walkers.device
+        self.observation_space = self.walkers.observation_space
+        self.action_space = self.walkers.action_space
+        self.num_envs, self.num_actions = num_envs, self.action_space.shape[0]
+        self.device = self.walkers.device
         self.max_episode_length = max_episode_steps
-        self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=self.device)
         self.cfg: dict[str, Any] = {"seed": seed, **scene}
-        self._observations, _ = self.walkers.reset(seed=seed)
+        self._observations, _ = self.walkers.reset(seed=training_seeds(seed, num_envs))
+        self._count()
+
+    def _count(self) -> None:
+        """Read the number of steps of each walker's episode."""
+        self._elapsed = self.walkers.elapsed_steps
+        self.episode_length_buf = self._elapsed.clone()
 
     def get_observations(self) -> TensorDict:
         """Current observations, under the key "policy"; no step is made."""
@@ -52,10 +69,16 @@ class RslRlWalkers(VecEnv):
         """Step every walker; finished episodes are reset.
 
         Returns observations, rewards (n,), done flags (n,) and extras.
+
+        Raises:
+            ValueError: if `episode_length_buf` has another shape, or a number that is not below the
+                time limit.
         """
+        if not torch.equal(self.episode_length_buf, self._elapsed):
+            self.walkers.set_elapsed_steps(self.episode_length_buf)
         self._observations, rewards, fell, late, info = self.walkers.step(actions)
         done = fell | late
-        self.episode_length_buf = torch.where(done, 0, self.episode_length_buf + 1)
+        self._count()
         extras: dict[str, Any] = {"time_outs": late & ~fell}
         if done.any():
             extras["log"] = {"/distance": info["episode_distance"][done]}

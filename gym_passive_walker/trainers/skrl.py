@@ -7,6 +7,7 @@ from typing import Any
 from skrl.envs.wrappers.torch import Wrapper  # type: ignore[import-not-found]
 from torch import Tensor
 
+from gym_passive_walker.envs.seeds import training_seeds
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 
 
@@ -18,20 +19,21 @@ class SkrlWalkers(Wrapper):
 
     Args:
         num_envs: Number of walkers.
-        seed: Seeds the walkers with seed, seed + 1, ...
+        seed: Seed of the training, from which the seeds of the walkers are drawn; see
+            `training_seeds`.
         **scene: Further arguments of `PassiveWalkerTorchEnv`, such as the scene.
     """
 
     def __init__(self, num_envs: int = 64, *, seed: int | None = None, **scene: Any) -> None:
         super().__init__(PassiveWalkerTorchEnv(num_envs, **scene))
-        self._seed = seed
+        self._seeds = training_seeds(seed, num_envs)
         self._begun: Tensor | None = None
 
     def reset(self) -> tuple[Tensor, dict[str, Any]]:
         """Reset all walkers on the first call; later calls return the current observations."""
         begun = self._begun
         if begun is None:
-            begun = self._begun = self._env.reset(seed=self._seed)[0]
+            begun = self._begun = self._env.reset(seed=self._seeds)[0]
         return begun, {}
 
     def step(self, actions: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, dict[str, Any]]:

@@ -9,6 +9,7 @@ from tensordict import TensorDict, TensorDictBase  # type: ignore[import-not-fou
 from torchrl.data import Binary, Bounded, Composite, Unbounded  # type: ignore[import-not-found]
 from torchrl.envs import EnvBase  # type: ignore[import-not-found]
 
+from gym_passive_walker.envs.seeds import training_seeds
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 
 
@@ -20,29 +21,31 @@ class TorchRlWalkers(EnvBase):
 
     Args:
         num_envs: Number of walkers.
-        seed: Seeds the walkers with seed, seed + 1, ...
+        seed: Seed of the training, from which the seeds of the walkers are drawn; see
+            `training_seeds`.
         **scene: Further arguments of `PassiveWalkerTorchEnv`, such as the scene.
     """
 
     def __init__(self, num_envs: int = 64, *, seed: int | None = None, **scene: Any) -> None:
         self.walkers = PassiveWalkerTorchEnv(num_envs, autoreset_mode="Disabled", **scene)
         super().__init__(device=self.walkers.device, batch_size=torch.Size([num_envs]))
-        size, space = (num_envs,), self.walkers.observation_space
-        low, high = (torch.tensor(x).expand(num_envs, -1) for x in (space.low, space.high))
-        one = torch.Size((num_envs, 1))
+        size, one = (num_envs,), torch.Size((num_envs, 1))
         flag = Binary(n=1, shape=one, dtype=torch.bool)
-        self.observation_spec = Composite(observation=Bounded(low=low, high=high), shape=size)
-        self.action_spec = Bounded(low=-1.0, high=1.0, shape=one, dtype=torch.float32)
+        seen, self.action_spec = (
+            Bounded(*(torch.tensor(x).repeat(num_envs, 1) for x in (space.low, space.high)))
+            for space in (self.walkers.observation_space, self.walkers.action_space)
+        )
+        self.observation_spec = Composite(observation=seen, shape=size)
         self.reward_spec = Unbounded(shape=one, dtype=torch.float32)
         self.done_spec = Composite(done=flag, terminated=flag, truncated=flag, shape=size)
-        self._next_seed = seed
+        self._set_seed(seed)
 
-    def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDict:
+    def _reset(self, tensordict: TensorDictBase | None = None) -> TensorDict:
         options = {}
         if tensordict is not None and "_reset" in tensordict.keys():
             options["reset_mask"] = tensordict["_reset"].reshape(self.batch_size)
-        observations, _ = self.walkers.reset(seed=self._next_seed, options=options)
-        self._next_seed = None
+        observations, _ = self.walkers.reset(seed=self._next_seeds, options=options)
+        self._next_seeds = None
         return TensorDict({"observation": observations}, batch_size=self.batch_size)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
@@ -53,4 +56,4 @@ class TorchRlWalkers(EnvBase):
         return TensorDict({"observation": observations} | results, batch_size=self.batch_size)
 
     def _set_seed(self, seed: int | None) -> None:
-        self._next_seed = seed
+        self._next_seeds = training_seeds(seed, self.walkers.num_envs)

@@ -208,6 +208,89 @@ def test_stable_baselines3(name):
         returns[done], lengths[done] = 0.0, 0
 
 
+def same_spaces(envs, name):
+    """Check the spaces of an adapter: those of one walker in its scene."""
+    env = gymnasium.make(ID, **scene_of(name))
+    assert envs.action_space == env.action_space
+    assert envs.observation_space == env.observation_space
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_rsl_rl(name):
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("rsl_rl")
+    from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
+
+    envs = RslRlWalkers(COUNT, max_episode_steps=LIMIT, **SCENES[name])
+    same_spaces(envs, name)
+    assert envs.num_actions == envs.action_space.shape[0]
+    seen, _ = envs.walkers.reset(seed=list(SEEDS))
+    results = expected(name, "SameStep")[0]
+    np.testing.assert_array_equal(seen, results[0])
+    for act, (seen, rewards, fell, late, _) in zip(actions(name), results[1:], strict=True):
+        found, paid, done, extras = envs.step(torch.from_numpy(act))
+        np.testing.assert_array_equal(found["policy"], seen)
+        np.testing.assert_array_equal(paid, rewards.astype(np.float32))
+        np.testing.assert_array_equal(done.bool(), fell | late)
+        np.testing.assert_array_equal(extras["time_outs"], late & ~fell)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_skrl(name):
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("skrl")
+    from gym_passive_walker.trainers.skrl import SkrlWalkers
+
+    envs = SkrlWalkers(COUNT, max_episode_steps=LIMIT, **SCENES[name])
+    same_spaces(envs, name)
+    envs._seeds = list(SEEDS)
+    results = expected(name, "SameStep")[0]
+    np.testing.assert_array_equal(envs.reset()[0], results[0])
+    for act, parts in zip(actions(name), results[1:], strict=True):
+        found = envs.step(torch.from_numpy(act))
+        np.testing.assert_array_equal(found[0], parts[0])
+        for column, values in zip(found[1:4], parts[1:4], strict=True):
+            assert column.shape == (COUNT, 1)
+            np.testing.assert_array_equal(column[:, 0], values.astype(column.numpy().dtype))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_torchrl(name):
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("torchrl")
+    from tensordict import TensorDict
+    from torchrl.envs.utils import check_env_specs
+
+    from gym_passive_walker.trainers.torchrl import TorchRlWalkers
+
+    envs = TorchRlWalkers(COUNT, max_episode_steps=LIMIT, **SCENES[name])
+    env = gymnasium.make(ID, **scene_of(name))
+    for spec, space in (
+        (envs.action_spec, env.action_space),
+        (envs.observation_spec["observation"], env.observation_space),
+    ):
+        assert spec.shape == (COUNT, *space.shape) and spec.dtype == torch.float32
+        for i in range(COUNT):
+            np.testing.assert_array_equal(spec.space.low[i], space.low)
+            np.testing.assert_array_equal(spec.space.high[i], space.high)
+    assert all(env.action_space.contains(row.numpy()) for row in envs.rand_action()["action"])
+    check_env_specs(envs)
+    envs._next_seeds = list(SEEDS)
+    results = iter(expected(name, "Disabled")[0])
+    np.testing.assert_array_equal(envs.reset()["observation"], next(results))
+    for act in actions(name):
+        found = envs.step(TensorDict({"action": torch.from_numpy(act)}, batch_size=[COUNT]))["next"]
+        seen, rewards, fell, late, _ = next(results)
+        np.testing.assert_array_equal(found["observation"], seen)
+        np.testing.assert_array_equal(found["reward"][:, 0], rewards.astype(np.float32))
+        np.testing.assert_array_equal(found["terminated"][:, 0], fell)
+        np.testing.assert_array_equal(found["truncated"][:, 0], late)
+        if (over := fell | late).any():
+            mask = TensorDict({"_reset": torch.from_numpy(over)[:, None]}, batch_size=[COUNT])
+            again = envs.reset(mask)["observation"]  # torchrl clears the other rows
+            np.testing.assert_array_equal(again[over], next(results)[over])
+
+
 def differentiable(name):
     """Whether a scene's episodes have gradients."""
     from gym_passive_walker.torch import initial_state

@@ -10,10 +10,11 @@ torch = pytest.importorskip("torch")
 
 def reference(steps: list, seed: int, **given):
     """Rewards and endings of the same walkers in the vector environment."""
+    from gym_passive_walker.envs.seeds import training_seeds
     from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
     envs = PassiveWalkerVectorEnv(8, autoreset_mode="SameStep", **given)
-    envs.reset(seed=seed)
+    envs.reset(seed=training_seeds(seed, 8))
     return [envs.step(actions.numpy())[:4] for actions in steps]
 
 
@@ -48,6 +49,29 @@ def test_rsl_rl_trains(rsl_rl_configuration):
     from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
 
     OnPolicyRunner(RslRlWalkers(8, seed=0), rsl_rl_configuration).learn(2)
+
+
+def test_a_training_of_rsl_rl_that_begins_within_episodes_meets_its_time_limits_apart(
+    rsl_rl_configuration, monkeypatch
+):
+    pytest.importorskip("rsl_rl")
+    from rsl_rl.runners import OnPolicyRunner
+
+    from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
+
+    envs = RslRlWalkers(8, seed=0, max_episode_steps=40, reset_noise_scale=0.0)
+    step, late = envs.step, []
+
+    def stepped(actions):  # none falls so soon
+        found = step(0.0 * actions)
+        late.append(found[3]["time_outs"].nonzero()[:, 0].tolist())
+        return found
+
+    monkeypatch.setattr(envs, "step", stepped)
+    OnPolicyRunner(envs, rsl_rl_configuration).learn(1, init_at_random_ep_len=True)
+    first = {walker: k for k, walkers in reversed([*enumerate(late)]) for walker in walkers}
+    assert first.keys() == set(range(8)) and max(first.values()) < 40
+    assert len({*first.values()}) >= 5
 
 
 def test_skrl_finds_columns_and_begins_once():

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
 
+from gym_passive_walker.envs.seeds import training_seeds  # noqa: E402
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv  # noqa: E402
 
 SCENE = {"scene": "lab", "slope": 0.03, "reset_noise_scale": 0.2}
 
 
 def begun(count, seed, **changes):
-    """First observations of the same walkers in the vector environment."""
-    return PassiveWalkerVectorEnv(count, **(SCENE | changes)).reset(seed=seed)[0]
+    """First observations of the walkers of a training, in the vector environment."""
+    seeds = training_seeds(seed, count)
+    return PassiveWalkerVectorEnv(count, **(SCENE | changes)).reset(seed=seeds)[0]
 
 
 def test_rsl_rl_s_walkers_have_their_options_and_count_their_steps():
@@ -28,7 +32,7 @@ def test_rsl_rl_s_walkers_have_their_options_and_count_their_steps():
     np.testing.assert_array_equal(found["policy"], begun(3, 4))
     assert found.batch_size == (3,) and envs.episode_length_buf.tolist() == [0, 0, 0]
     twin = PassiveWalkerVectorEnv(3, max_episode_steps=9, autoreset_mode="SameStep", **SCENE)
-    twin.reset(seed=4)
+    twin.reset(seed=training_seeds(4, 3))
     for k in range(1, 19):
         seen, rewards, dones, extras = envs.step(torch.full((3, 1), 0.1))
         wanted = twin.step(np.full((3, 1), 0.1, np.float32))
@@ -42,6 +46,50 @@ def test_rsl_rl_s_walkers_have_their_options_and_count_their_steps():
             last = wanted[4]["final_info"]["episode_distance"][over.numpy()]
             np.testing.assert_array_equal(extras["log"]["/distance"], last)
     assert over.all()
+
+
+@pytest.mark.parametrize("write", ["in place", "another tensor"])
+def test_the_number_of_steps_that_is_written_into_rsl_rl_s_buffer_is_that_of_the_walkers(write):
+    pytest.importorskip("rsl_rl")
+    from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
+
+    envs = RslRlWalkers(4, max_episode_steps=20, seed=4, **SCENE)
+    for _ in range(2):  # at the beginning, and later
+        counts = torch.tensor([0, 19, 12, 5])
+        if write == "in place":
+            envs.episode_length_buf[:] = counts
+        else:
+            envs.episode_length_buf = counts
+        for k in range(1, 8):
+            extras = envs.step(torch.zeros(4, 1))[3]
+            assert extras["time_outs"].tolist() == [False, k == 1, False, False]
+            assert envs.episode_length_buf.tolist() == [k, k - 1, 12 + k, 5 + k]
+            np.testing.assert_array_equal(envs.walkers.elapsed_steps, envs.episode_length_buf)
+        extras = envs.step(torch.zeros(4, 1))[3]
+        assert extras["time_outs"].tolist() == [False, False, True, False]
+    for wrong in ([0, 1, 2], [0, 1, 2, 20], [0, 1, 2, -1], [0.0, 1.0, 2.0, 3.0]):
+        envs.episode_length_buf = torch.tensor(wrong)
+        with pytest.raises(ValueError, match="steps must be"):
+            envs.step(torch.zeros(4, 1))
+
+
+@pytest.mark.parametrize(
+    ("library", "name"),
+    [("rsl_rl", "RslRlWalkers"), ("skrl", "SkrlWalkers"), ("torchrl", "TorchRlWalkers")],
+)
+def test_trainings_with_other_seeds_have_other_walkers_and_no_evaluation_s(library, name):
+    pytest.importorskip(library)
+    made = getattr(import_module(f"gym_passive_walker.trainers.{library}"), name)
+    evaluated = PassiveWalkerVectorEnv(128, **SCENE).reset(seed=1000)[0]
+    met = [{*map(tuple, evaluated.tolist())}]
+    for seed in (1, 2, 1000):
+        envs = made(8, seed=seed, **SCENE)
+        envs.reset() if hasattr(envs, "reset") else None
+        inner = getattr(envs, "walkers", None) or envs._env
+        seen = np.empty((8, 8), np.float32)
+        inner.envs.batch.observe(seen.reshape(-1))
+        met.append({*map(tuple, seen.tolist())})
+    assert len(set.union(*met)) == sum(map(len, met)) == 128 + 3 * 8
 
 
 def test_rsl_rl_s_walkers_may_be_of_another_class():
@@ -84,7 +132,8 @@ def test_torchrl_s_walkers_are_reset_where_the_mask_says_with_their_own_next_sta
 
     envs = TorchRlWalkers(3, seed=2, **SCENE)
     twin = PassiveWalkerVectorEnv(3, autoreset_mode="Disabled", **SCENE)
-    np.testing.assert_array_equal(envs.reset()["observation"], twin.reset(seed=2)[0])
+    np.testing.assert_array_equal(envs.reset()["observation"], begun(3, 2))
+    twin.reset(seed=training_seeds(2, 3))
     act = np.full((3, 1), 0.2, np.float32)
     found = envs.step(TensorDict({"action": torch.from_numpy(act)}, batch_size=[3]))["next"]
     seen, rewards, *_ = twin.step(act)
