@@ -15,6 +15,7 @@ import logging
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -25,8 +26,10 @@ from agents.config import DEFAULT_SCENE, Config, configure
 from gym_passive_walker import console
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.envs.registration import ID
+from gym_passive_walker.envs.registration import ID, MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import SCENES
+from gym_passive_walker.envs.seeds import training_seeds
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.evaluation.walks import Walks, evaluate, table
 from gym_passive_walker.extras import extra
 
@@ -47,6 +50,29 @@ STEPS = 200_000
 
 EPISODES, SEED = 20, 1000
 """Number of evaluation episodes, and the seed of the first."""
+
+
+class TrainingEnvs(PassiveWalkerVectorEnv):
+    """Vector environments whose seeds are drawn as in other trainings.
+
+    RLlib resets those of each process with the training's seed plus the number of the process.
+    """
+
+    def reset(
+        self, *, seed: Any = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin episodes; see `PassiveWalkerVectorEnv.reset`."""
+        drawn = training_seeds(seed, self.num_envs) if np.isscalar(seed) else seed
+        return super().reset(seed=drawn, options=options)
+
+
+ENVS = "PassiveWalkerTraining-v0"
+if ENVS not in gym.registry:
+    gym.register(
+        ENVS,
+        vector_entry_point="agents.rllib:TrainingEnvs",
+        max_episode_steps=MAX_EPISODE_STEPS,
+    )
 
 
 def rllib_config(config: Config, *, runners: int = 0) -> PPOConfig:
@@ -70,7 +96,7 @@ def rllib_config(config: Config, *, runners: int = 0) -> PPOConfig:
     return (
         PPOConfig()
         .environment(
-            f"gym_passive_walker:{ID}",
+            f"agents.rllib:{ENVS}",
             env_config=scene | {"max_episode_steps": config.episode_steps},
         )
         .env_runners(

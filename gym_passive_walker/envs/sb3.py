@@ -393,7 +393,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         return list(frames)
 
     def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
-        """Return an attribute of some environments, as of single environments; see `Lane`."""
+        """Return an attribute of some environments; `Lane` has those of single environments."""
         return [getattr(self.lanes[i], attr_name) for i in self._get_indices(indices)]
 
     def set_attr(
@@ -428,7 +428,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         indices: int | Iterable[int] | None = None,
         **method_kwargs: Any,
     ) -> list[Any]:
-        """Call a method of some environments, as of single environments; see `Lane`.
+        """Call a method of some environments; `Lane` has those of single environments.
 
         Raises:
             AttributeError: if there is no such method.

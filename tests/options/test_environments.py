@@ -142,7 +142,7 @@ def for_sb3(*, num_envs=2, seed=3, steps=STEPS, **arguments):
             info.get("episode", {}).pop("t", None)
         reported.append((observations, rewards, dones, infos))
     reported.append(env.envs.states)
-    reported.append(env.get_images())
+    reported.append(env.get_images() if env.render_mode else None)
     env.close()
     return reported
 
@@ -282,6 +282,13 @@ def slopes_together(slopes, mask=None):
     return env.set_slopes(slopes, mask), env.step(np.zeros((3, 1), np.float32))[:2]
 
 
+def truncated_after(steps):
+    env = PassiveWalkerVectorEnv(3, max_episode_steps=4)
+    env.reset(seed=0)
+    env.set_elapsed_steps(steps)
+    return [env.step(np.zeros((3, 1), np.float32))[3] for _ in range(3)]
+
+
 def slopes_in_sb3(slopes, mask=None):
     from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 
@@ -385,6 +392,12 @@ METHODS = {
         dict(slopes=[0.01, 0.02, 0.03]),
         dict(slopes=0.02, mask=MASK),
         of=PassiveWalkerVectorEnv.set_slopes,
+    ),
+    "PassiveWalkerVectorEnv.set_elapsed_steps": Call(
+        truncated_after,
+        dict(steps=[0, 0, 0]),
+        dict(steps=[1, 0, 2]),
+        of=PassiveWalkerVectorEnv.set_elapsed_steps,
     ),
     "PassiveWalkerVectorEnv.set_energy_cost": Call(
         lambda energy: charges(vector(energy="net"), energy),

@@ -3,6 +3,7 @@
 RLlib pins an older Gymnasium: `nox -s rllib` makes an environment of its own for this.
 """
 
+import gymnasium
 import pytest
 
 pytest.importorskip("ray.rllib.algorithms.ppo", exc_type=ImportError)
@@ -11,6 +12,7 @@ pytest.importorskip("torch")
 from agents import rllib
 from agents.config import configure
 from gym_passive_walker.control.baselines import Passive
+from gym_passive_walker.envs.seeds import training_seeds
 from gym_passive_walker.evaluation.walks import HUNDRED, TIME_LIMIT, evaluate
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Ray's own
@@ -26,6 +28,17 @@ def test_it_walks_where_a_passive_walker_falls(runners, tmp_path):
     assert learned.endings.count(TIME_LIMIT) >= 15 and (learned.strides >= HUNDRED).sum() >= 15
     assert (learned.cost_of_transport[learned.strides >= HUNDRED] > 0.0).all()
     assert any((tmp_path / "kept").iterdir())
+
+
+def test_its_environments_have_the_seeds_of_trainings():
+    made = [gymnasium.make_vec(f"agents.rllib:{rllib.ENVS}", 8, scene="level") for _ in range(2)]
+    native = gymnasium.make_vec("gym_passive_walker:PassiveWalker-v0", 8, scene="level")
+    for seed in (3, None):
+        first, then = (envs.reset(seed=seed)[0] for envs in made)
+        assert (first == then).all() == (seed is not None)
+    assert (made[0].reset(seed=3)[0] == native.reset(seed=training_seeds(3, 8))[0]).all()
+    other = made[1].reset(seed=4)[0]
+    assert not {*map(tuple, other.tolist())} & {*map(tuple, made[0].reset(seed=3)[0].tolist())}
 
 
 def test_it_samples_native_batches_as_the_preset_says():
