@@ -53,7 +53,7 @@ EPISODES, SEED = 20, 1000
 
 
 class TrainingEnvs(PassiveWalkerVectorEnv):
-    """Vector environments whose seeds are drawn as in other trainings.
+    """Vector environments with seeds that are drawn as in other trainings.
 
     RLlib resets those of each process with the training's seed plus the number of the process.
     """
@@ -62,7 +62,7 @@ class TrainingEnvs(PassiveWalkerVectorEnv):
         self, *, seed: Any = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Begin episodes; see `PassiveWalkerVectorEnv.reset`."""
-        drawn = training_seeds(seed, self.num_envs) if np.isscalar(seed) else seed
+        drawn = training_seeds(seed, self.num_envs) if isinstance(seed, int) else seed
         return super().reset(seed=drawn, options=options)
 
 

@@ -32,8 +32,9 @@ class TorchRlWalkers(EnvBase):
         size, one = (num_envs,), torch.Size((num_envs, 1))
         flag = Binary(n=1, shape=one, dtype=torch.bool)
         seen, self.action_spec = (
-            Bounded(*(torch.tensor(x).repeat(num_envs, 1) for x in (space.low, space.high)))
+            Bounded(low=low.repeat(num_envs, 1), high=high.repeat(num_envs, 1))
             for space in (self.walkers.observation_space, self.walkers.action_space)
+            for low, high in [(torch.tensor(space.low), torch.tensor(space.high))]
         )
         self.observation_spec = Composite(observation=seen, shape=size)
         self.reward_spec = Unbounded(shape=one, dtype=torch.float32)
