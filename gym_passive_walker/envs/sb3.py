@@ -158,8 +158,8 @@ class Lane:
 
     @property
     def needs_reset(self) -> bool:
-        """Whether no episode has begun."""
-        return not self._vec_env.envs._begun
+        """Whether no episode has begun, or a step was interrupted."""
+        return self._vec_env.batch.unfinished
 
     @property
     def total_steps(self) -> int:
@@ -315,16 +315,14 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
             Observations (num_envs, k), rewards and ends of episodes, each (num_envs,), and infos.
 
         Raises:
-            ResetNeeded: if no episode has begun.
+            ResetNeeded: if no episode has begun, or a step was interrupted.
         """
-        if not self.envs._begun:
-            raise ResetNeeded("no episode has begun: call reset first")
+        if self.batch.unfinished:
+            raise ResetNeeded(UNFINISHED)
         observations = np.empty((self.num_envs, self.batch.observation_size), np.float32)
         rewards = np.empty(self.num_envs)
         dones, truncated = np.empty((2, self.num_envs), bool)
         flat = observations.reshape(-1)
-        if self.batch.unfinished:
-            raise ResetNeeded(UNFINISHED)
         _, endings = self.batch.step(self._actions, flat, rewards, dones, truncated)
         self.total_steps += 1
         infos = self._infos(np.ones(self.num_envs, bool))

@@ -310,8 +310,10 @@ class PassiveWalkerVectorEnv(
             ValueError: if the numbers are invalid; nothing has changed then.
         """
         found = interface.elapsed_steps(steps, self.num_envs, self.batch.step_limit)
+        if self.batch.unfinished:
+            raise ResetNeeded(UNFINISHED)
         if self._any_ended:
-            raise ResetNeeded("some environments have ended, or never begun: reset them first")
+            raise ResetNeeded("some environments have ended: reset them first")
         self.batch.ledger["steps"] = found
 
     @property
