@@ -27,7 +27,6 @@ from agents.exploration import explorers
 from agents.learner import LearnedPolicy, schedule
 from benchmarks.report import machine, table
 from gym_passive_walker import console
-from gym_passive_walker.control import optimal
 from gym_passive_walker.envs.seeds import training_seeds
 from gym_passive_walker.evaluation.walks import evaluate
 from gym_passive_walker.extras import extra
