@@ -25,7 +25,7 @@ export interface Parameters {
   gravity: number;
 }
 
-export type WalkerLike = Preset | (Partial<Parameters> & { preset?: Preset; title?: string });
+export type WalkerLike = Preset | (Partial<Parameters> & { preset?: Preset });
 
 export type Terrain =
   | { rough: { height_std?: number; slope_std?: number } }

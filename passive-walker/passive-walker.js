@@ -92,10 +92,31 @@ function unknown(names, known, owner) {
   if (!strange.length) return null;
   const said = strange.map((name) => {
     const scored = known.map((other) => [likeness(other, name), other]);
-    const [score, near] = scored.reduce((a, b) => (b[0] > a[0] ? b : a));
+    const [score, near] = scored.reduce((a, b) => (b[0] > a[0] ? b : a), [0, ""]);
     return score >= 0.6 ? `${name} (${near}?)` : name;
   });
   return `${owner} has no ${said.join(", ")}; it has ${known.join(", ")}`;
+}
+
+/** An object's own entry; undefined for a name that only its prototype has. */
+const entry = (object, name) => (Object.hasOwn(object, name) ? object[name] : undefined);
+
+/** The entries of an object given to a call, without those of its prototype; others are refused. */
+function options(given, known, owner) {
+  if (given === null || typeof given !== "object" || Array.isArray(given)) {
+    throw new SceneError(`${owner} takes an object with some of ${known.join(", ")}, not ${shown(given)}`);
+  }
+  const said = unknown(Object.keys(given), known, owner);
+  if (said) throw new SceneError(said);
+  const own = Object.entries(given).filter(([, value]) => value !== undefined);
+  return Object.assign(Object.create(null), Object.fromEntries(own));
+}
+
+function finite(name, value) {
+  if (typeof value !== "number" || !Number.isFinite(value)) {
+    throw new SceneError(`${name} must be a finite number, not ${shown(value)}`);
+  }
+  return value;
 }
 
 // ---------------------------------------------------------------------------------------------
@@ -117,16 +138,17 @@ const LEFT_OPEN = { knees: true, gravity: 9.81 };
 /** All parameters of a walker, from a preset's name or from parameters; checked. */
 export function checkWalker(given, data) {
   if (typeof given === "string") {
-    if (data.walkers[given]) return { ...data.walkers[given].parameters };
+    const preset = entry(data.walkers, given);
+    if (preset) return { ...preset.parameters };
     const names = Object.keys(data.walkers).join(", ");
     throw new WalkerError(`no walker ${shown(given)}: give one of the names ${names}, or an object of parameters`);
   }
   if (given === null || typeof given !== "object" || Array.isArray(given)) {
     throw new WalkerError(`no walker ${shown(given)}: give a preset's name or an object of parameters`);
   }
-  const { preset, title, ...parameters } = given;
   const known = [...data.parameters.slice(0, -1), "knees", "gravity"];
-  if (preset !== undefined && !data.walkers[preset]) {
+  const { preset, ...parameters } = Object.assign(Object.create(null), given);
+  if (preset !== undefined && !entry(data.walkers, preset)) {
     throw new WalkerError(`no preset ${shown(preset)}: choose from ${Object.keys(data.walkers).join(", ")}`);
   }
   const said = unknown(Object.keys(parameters), known, "a walker");
@@ -134,7 +156,7 @@ export function checkWalker(given, data) {
   const base = preset === undefined ? {} : data.walkers[preset].parameters;
   const walker = {};
   for (const name of known) {
-    const value = parameters[name] ?? base[name] ?? LEFT_OPEN[name] ?? 0;
+    const value = parameters[name] !== undefined ? parameters[name] : base[name] ?? LEFT_OPEN[name] ?? 0;
     if (!(name in parameters) && !(name in base) && NEEDED.includes(name)) {
       throw new WalkerError(`no walker ${shown(given)}: it needs ${name}; change a preset, one of ${Object.keys(data.walkers).join(", ")}`);
     }
@@ -258,7 +280,7 @@ function whole(name, value, least, most, of = "") {
 
 /** A scene with all its arguments, for a walker; checked. */
 export function checkScene(given, walker, data) {
-  const { walker: _, ...arguments_ } = given;
+  const { walker: _, ...arguments_ } = Object.assign(Object.create(null), given);
   for (const name of IN_PYTHON) {
     const value = arguments_[name];
     const empty = value === null || value === undefined || value === false ||
@@ -271,6 +293,9 @@ export function checkScene(given, walker, data) {
   const said = unknown(Object.keys(arguments_), Object.keys(SCENE), "a scene");
   if (said) throw new SceneError(said);
   const scene = { ...SCENE, ...arguments_ };
+  if (typeof scene.step_limit !== "number" || !(scene.step_limit >= 1)) {
+    throw new SceneError(`step_limit must be a number from 1 on, not ${shown(scene.step_limit)}`);
+  }
   if (typeof scene.slope !== "number" || !(Math.abs(scene.slope) < Math.PI / 2)) {
     throw new SceneError(`slope must be an angle in rad between -pi/2 and pi/2, not ${shown(scene.slope)}`);
   }
@@ -299,7 +324,7 @@ export function checkScene(given, walker, data) {
     throw new SceneError(`tolerance must be 1e-06, 1e-08, 1e-10 or 1e-12 in a page, not ${shown(scene.tolerance)}`);
   }
   scene.pushes ??= {};
-  if (Object.keys(scene.pushes).length) {
+  if (typeof scene.pushes !== "object" || Object.keys(scene.pushes).length) {
     if (Object.keys(scene.pushes).sort().join() !== "impulse,rate") {
       throw new SceneError(
         "pushes must have a rate, how many there are in sqrt(l/g), and an impulse as a range " +
@@ -352,6 +377,11 @@ function checkActions(scene, walker, data) {
   scene.actions = actions;
 }
 
+function checkSeed(seed) {
+  const whole = typeof seed === "bigint" || Number.isInteger(seed);
+  if (!(whole && seed >= 0 && seed < 2 ** 64)) throw new SceneError(`seed must be a whole number from 0 to 2^64 - 1, not ${shown(seed)}`);
+}
+
 function checkState(state, name) {
   const row = Array.from(state ?? []);
   if (row.length !== 6 || !row.every((x) => typeof x === "number" && Number.isFinite(x))) {
@@ -359,6 +389,10 @@ function checkState(state, name) {
   }
   return row;
 }
+
+const TERRAINS = {
+  rough: ["height_std", "slope_std"], stairs: ["rise"], waves: ["height", "strides"], footholds: ["heights", "slopes"],
+};
 
 /** A terrain as rises, slopes and standard deviations, from `{rough: {height_std: 0.002}}` and the like. */
 export function terrainFrom(value) {
@@ -370,21 +404,32 @@ export function terrainFrom(value) {
     }
     return x;
   };
-  if (typeof value === "object" && "rises" in value) {
-    const terrain = { ...full, ...value };
+  const row = (name, values, most) => {
+    if (!Array.isArray(values)) throw new SceneError(`terrain: ${name} must be numbers in a row, not ${shown(values)}`);
+    values.forEach((x) => number(name, x, most));
+    return values;
+  };
+  if (typeof value === "object" && Object.hasOwn(value, "rises")) {
+    const terrain = { ...full, ...options(value, Object.keys(full), "terrain") };
+    row("rises", terrain.rises, 1e3);
+    row("slopes", terrain.slopes, Math.PI / 2);
+    number("height_std", terrain.height_std, 1e3);
+    number("slope_std", terrain.slope_std, Math.PI / 2);
     if (terrain.rises.length !== terrain.slopes.length) {
       throw new SceneError(`${terrain.rises.length} rises for ${terrain.slopes.length} slopes of footholds`);
     }
     return room(terrain);
   }
   const [name, ...others] = typeof value === "object" ? Object.keys(value) : [];
-  if (!["rough", "stairs", "waves", "footholds"].includes(name) || others.length) {
+  const known = entry(TERRAINS, name);
+  if (!known || others.length) {
     throw new SceneError(
       "a terrain is null, or an object of one of rough, stairs, waves and footholds to its arguments, " +
         `as {"rough": {"height_std": 0.01}}, not ${shown(value)}`,
     );
   }
-  const given = value[name];
+  const given = options(value[name], known, `terrain ${name}`);
+  if (!Object.keys(given).length) throw new SceneError(`terrain ${name} needs ${known.join(" or ")}`);
   if (name === "rough") {
     const height_std = number("height_std", given.height_std ?? 0, 1e3);
     const slope_std = number("slope_std", given.slope_std ?? 0, Math.PI / 2);
@@ -399,11 +444,8 @@ export function terrainFrom(value) {
     const rises = heights.slice(1).map((x, i) => x - heights[i]);
     return { ...full, rises, slopes: rises.map(() => 0) };
   }
-  const count = (given.heights ?? given.slopes ?? [0]).length;
-  const level = Array(count).fill(0);
-  const heights = given.heights ?? level, slopes = given.slopes ?? level;
-  heights.forEach((x) => number("heights", x, 1e3));
-  slopes.forEach((x) => number("slopes", x, Math.PI / 2));
+  const level = Array((given.heights ?? given.slopes).length).fill(0);
+  const heights = row("heights", given.heights ?? level, 1e3), slopes = row("slopes", given.slopes ?? level, Math.PI / 2);
   if (heights.length !== slopes.length) {
     throw new SceneError(`${heights.length} heights for ${slopes.length} slopes of footholds`);
   }
@@ -539,19 +581,21 @@ const ADVANCE = 0, BEGIN = 1, STEP = 2;
  * @param scene A scene's name or its arguments.
  * @param options `read` reads the package's files by name.
  */
-export async function create(walker = null, scene = {}, { read = readFile } = {}) {
-  const data = await library(read);
-  let given = scene;
-  if (typeof scene === "string") {
-    if (!data.scenes[scene]) {
-      throw new SceneError(`no scene ${shown(scene)}: give its arguments, or one of ${Object.keys(data.scenes).join(", ")}`);
-    }
-    given = data.scenes[scene];
+export async function create(walker = null, scene = {}, others = {}) {
+  const { read = readFile } = options(others, ["read"], "create");
+  const data = await library(read), named = typeof scene === "string";
+  const given = named ? entry(data.scenes, scene) : scene;
+  if (named && !given) {
+    throw new SceneError(`no scene ${shown(scene)}: give its arguments, or one of ${Object.keys(data.scenes).join(", ")}`);
   }
   if (given === null || typeof given !== "object" || Array.isArray(given)) {
     throw new SceneError(`no scene ${shown(scene)}: give its name or its arguments`);
   }
-  const parameters = checkWalker(walker ?? given.walker ?? "C", data);
+  const own = entry(given, "walker");
+  if (!named && walker !== null && own !== undefined) {
+    throw new SceneError("give the walker once: by itself, or in the scene");
+  }
+  const parameters = checkWalker(walker ?? own ?? "C", data);
   const module = await compiled(kindOf(parameters), read);
   return new PassiveWalker(data, module, parameters, checkScene(given, parameters, data));
 }
@@ -615,7 +659,10 @@ export class PassiveWalker {
   /** Sets the engine's options; `fromSection` is for strides. */
   setTolerance(tolerance, scuff, fromSection) {
     const block = this.#block;
-    const chosen = block.notes.options[short(tolerance)];
+    const chosen = typeof tolerance === "number" && entry(block.notes.options, short(tolerance));
+    if (!chosen) {
+      throw new SceneError(`tolerance must be one of ${Object.keys(block.notes.options).join(", ")}, not ${shown(tolerance)}`);
+    }
     ["tolerance", "landing", "doubt", "first_step", "fineness"].forEach((name, i) => block.set(`options.${name}`, chosen[i]));
     block.set("options.scuff", scuff ? 1 : 0);
     block.set("options.from_section", fromSection ? 1 : 0);
@@ -692,11 +739,11 @@ export class PassiveWalker {
    *   Poincaré section to start from exactly, angular velocities in sqrt(g/l); `slope` in rad;
    *   `noise: false` starts without the scene's reset noise.
    */
-  reset({ seed = 0, state = null, slope = null, noise = true } = {}) {
+  reset(others = {}) {
+    const { seed = 0, state = null, slope = null, noise = true } = options(others, ["seed", "state", "slope", "noise"], "reset");
     const block = this.#block;
-    if (typeof seed !== "bigint" && !(Number.isInteger(seed) && seed >= 0)) {
-      throw new SceneError(`seed must be a whole number from 0 on, not ${shown(seed)}`);
-    }
+    checkSeed(seed);
+    if (typeof noise !== "boolean") throw new SceneError(`noise must be True or False, not ${shown(noise)}`);
     if (slope !== null && !(Math.abs(slope) < Math.PI / 2)) {
       throw new SceneError(`slope must be an angle in rad between -pi/2 and pi/2, not ${shown(slope)}`);
     }
@@ -786,7 +833,13 @@ export class PassiveWalker {
    * @param state Angles of stance leg, thigh and shank in rad, then their angular velocities.
    * @param options `slope`, `hip_torque`, `ankle_torque`, `push_off`, `height_change`, `slope_change`.
    */
-  strideFrom(state, { slope = this.scene.slope, hip_torque = 0, ankle_torque = 0, push_off = 0, height_change = 0, slope_change = 0, tolerance = 1e-12 } = {}) {
+  strideFrom(state, others = {}) {
+    const usual = {
+      slope: this.scene.slope, hip_torque: 0, ankle_torque: 0, push_off: 0, height_change: 0, slope_change: 0, tolerance: 1e-12,
+    };
+    const given = { ...usual, ...options(others, Object.keys(usual), "strideFrom") };
+    for (const [name, value] of Object.entries(given)) finite(name, value);
+    const { slope, hip_torque, ankle_torque, push_off, height_change, slope_change, tolerance } = given;
     const block = this.#block, kept = block.bytes.slice(block.base, block.table);
     try {
       const row = checkState(state, "state");
@@ -865,7 +918,9 @@ export class PassiveWalker {
    * A walker of another kind needs another module: create a new object for it. The number of
    * actions and observations must stay.
    */
-  change({ walker = null, scene = {} } = {}) {
+  change(others = {}) {
+    const { walker = null, scene = {} } = options(others, ["walker", "scene"], "change");
+    options(scene, [...Object.keys(SCENE), ...IN_PYTHON], "a scene");
     const block = this.#block;
     const parameters = walker === null ? this.parameters : checkWalker(walker, this.#data);
     if (kindOf(parameters) !== block.notes.kind) {
@@ -940,7 +995,7 @@ export class PassiveWalker {
 
   /** Positions of the joints, (x, y) in the walker's units: x along the slope from the start. */
   joints(state = this.state) {
-    return this.#placed(state, this.#here());
+    return this.#placed(checkState(state, "state"), this.#here());
   }
 
   #placed(state, { x, y, tilt, start }) {
@@ -962,7 +1017,7 @@ export class PassiveWalker {
   /** The walker now, for a picture. */
   frame() {
     const state = this.state;
-    return { state, strides: this.strides, joints: this.joints(state) };
+    return { state, strides: this.strides, joints: this.#placed(state, this.#here()) };
   }
 
   /**
@@ -994,7 +1049,10 @@ export class PassiveWalker {
    *
    * Returns its state, its Floquet multipliers [re, im] and its stride; null if none is found.
    */
-  findGait({ guess = null, hip_torque = 0, slope = this.scene.slope, tries = 30 } = {}) {
+  findGait(others = {}) {
+    const { guess = null, hip_torque = 0, slope = this.scene.slope, tries = 30 } =
+      options(others, ["guess", "hip_torque", "slope", "tries"], "findGait");
+    whole("tries", tries, 1, 1e6);
     const size = this.parameters.knees ? 4 : 3;
     const free = [0, 3, 4, 5].slice(0, size);
     const of = (point) => [point[0], -point[0], -point[0], point[1], point[2], point[size - 1]];
@@ -1002,7 +1060,7 @@ export class PassiveWalker {
       const found = this.strideFrom(of(point), { slope, hip_torque });
       return found.outcome === "HEELSTRIKE" ? { point: free.map((i) => found.state[i]), found } : null;
     };
-    const start = guess ?? this.startingState(slope);
+    const start = guess === null ? this.startingState(slope) : checkState(guess, "guess");
     const gait = fixedPoint(map, free.map((i) => start[i]), tries);
     return gait && { state: of(gait.point), multipliers: gait.multipliers, stride: gait.end.found };
   }
@@ -1012,8 +1070,9 @@ export class PassiveWalker {
    *
    * @param options `colors` by name, `frame` instead of the present one, `width` in leg lengths.
    */
-  render(canvas, { colors = {}, frame = this.frame(), width = 3.2, push = null } = {}) {
-    draw(this, canvas, { ...COLORS, ...colors }, frame, width, push);
+  render(canvas, others = {}) {
+    const { colors = {}, frame = this.frame(), width = 3.2, push = null } = options(others, DRAWN, "render");
+    draw(this, canvas, { ...COLORS, ...options(colors, Object.keys(COLORS), "colors") }, frame, width, push);
   }
 }
 
@@ -1131,6 +1190,7 @@ const COLORS = {
   background: "#ffffff", ground: "#4b5563", mark: "#6b7280", even: "#1f5fa8", odd: "#a8480f",
   body: "#374151", push: "#b91c1c",
 };
+const DRAWN = ["colors", "frame", "width", "push"];
 
 function draw(walk, canvas, colors, { joints, strides }, width, push) {
   const context = canvas.getContext("2d");
@@ -1245,7 +1305,7 @@ function tensorsOf(bytes) {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   const size = Number(view.getBigUint64(0, true));
   const header = parsed(bytes.subarray(8, 8 + size));
-  const tensors = {};
+  const tensors = Object.create(null);
   for (const [name, { dtype, shape, data_offsets: [first, end] }] of Object.entries(header)) {
     if (name === "__metadata__") continue;
     const raw = bytes.slice(8 + size + first, 8 + size + end).buffer;
@@ -1255,24 +1315,29 @@ function tensorsOf(bytes) {
 }
 
 /** A trained policy that comes with the package, and the scene that it was trained for. */
-export async function loadPolicy(name, { read = readFile } = {}) {
-  const data = await library(read);
-  if (!data.policies[name]) {
+export async function loadPolicy(name, others = {}) {
+  const { read = readFile } = options(others, ["read"], "loadPolicy");
+  const data = await library(read), found = entry(data.policies, name);
+  if (!found) {
     throw new Error(`no policy ${shown(name)}: choose from ${Object.keys(data.policies).join(", ")}`);
   }
-  const { algo, activation, normalizer, scene } = data.policies[name];
+  const { algo, activation, normalizer, scene } = found;
   const tensors = tensorsOf(new Uint8Array(await once(read, `policies/${name}.safetensors`, (bytes) => bytes)));
-  const [hidden, mean] = HIDDEN[algo] ?? ["mlp_extractor.policy_net", "action_net"];
+  const [hidden, mean] = entry(HIDDEN, algo) ?? ["mlp_extractor.policy_net", "action_net"];
   const places = [...new Set(Object.keys(tensors).filter((key) => key.startsWith(`${hidden}.`)).map((key) => key.replace(/\.\w+$/, "")))];
   places.sort((a, b) => Number(a.split(".").pop()) - Number(b.split(".").pop()));
   const layer = (place) => [tensors[`${place}.weight`], tensors[`${place}.bias`]];
   const layers = [...places.map(layer), layer(mean)];
-  const activate = ACTIVATIONS[activation];
+  const activate = entry(ACTIVATIONS, activation), size = layers[0][0].shape[1];
+  if (!activate) throw new Error(`policy ${shown(name)} has an unknown activation function, ${shown(activation)}`);
   const moments = normalizer && {
     mean: tensors["normalizer.obs_rms.mean"].values,
     spread: Array.from(tensors["normalizer.obs_rms.var"].values, (x) => Math.sqrt(x + normalizer.epsilon)),
   };
   const predict = (observation) => {
+    if (observation?.length !== size) {
+      throw new SceneError(`an observation of policy ${shown(name)} has ${size} numbers, not ${observation?.length ?? shown(observation)}`);
+    }
     let x = Float32Array.from(observation, (value, i) => {
       if (!moments) return value;
       const scaled = (value - moments.mean[i]) / moments.spread[i];
@@ -1304,9 +1369,15 @@ export async function loadPolicy(name, { read = readFile } = {}) {
  *   `terrain` of different heights, `seed` of random footholds, `tolerance`, and `read`, which reads
  *   the package's files by name.
  */
-export async function createSystem(name, { read = readFile, ...options } = {}) {
-  return new SystemWalker(await compiled(`systems/${name}`, read), options);
+export async function createSystem(name, others = {}) {
+  const { read = readFile, ...rest } = options(others, ["read", ...OF_SYSTEM], "createSystem");
+  if (typeof name !== "string" || !/^[\p{L}\p{N}_-]+$/u.test(name)) {
+    throw new SceneError(`no system ${shown(name)}: give a name of web.build, of letters, digits, '-' and '_'`);
+  }
+  return new SystemWalker(await compiled(`systems/${name}`, read), rest);
 }
+
+const OF_SYSTEM = ["slope", "body", "state", "terrain", "seed", "tolerance"];
 
 const LAY_GROUND = 1, PUSH = 2; // what a system's module runs besides ADVANCE
 
@@ -1318,7 +1389,9 @@ export class SystemWalker {
   #impulse = 0;
   #height = 1;
 
-  constructor(module, { slope = module.notes.slope, body = {}, state = null, terrain = null, seed = 0, tolerance = 1e-8 } = {}) {
+  constructor(module, others = {}) {
+    const { slope = module.notes.slope, body = {}, state = null, terrain = null, seed = 0, tolerance = 1e-8 } =
+      options(others, OF_SYSTEM, "a system");
     const block = (this.#block = new Block(module)), { notes } = block;
     this.name = notes.system;
     this.fields = { ...notes.body };
@@ -1356,7 +1429,7 @@ export class SystemWalker {
   }
 
   #tolerate(tolerance) {
-    const block = this.#block, chosen = block.notes.options[short(tolerance)];
+    const block = this.#block, chosen = typeof tolerance === "number" && entry(block.notes.options, short(tolerance));
     if (!chosen) {
       throw new SceneError(`tolerance must be one of ${Object.keys(block.notes.options).join(", ")}, not ${shown(tolerance)}`);
     }
@@ -1379,18 +1452,16 @@ export class SystemWalker {
   }
 
   /** Changes fields of the body and the slope; coordinates and their rates stay. */
-  change({ slope = this.slope, body = {} } = {}) {
+  change(others = {}) {
+    const { slope = this.slope, body = {} } = options(others, ["slope", "body"], "change");
     const block = this.#block;
-    if (!(Math.abs(slope) < Math.PI / 2)) {
+    if (!(typeof slope === "number" && Math.abs(slope) < Math.PI / 2)) {
       throw new SceneError(`slope must be an angle in rad between -pi/2 and pi/2, not ${shown(slope)}`);
     }
-    const said = unknown(Object.keys(body), Object.keys(this.fields), `the body of ${this.name}`);
-    if (said) throw new SceneError(said);
-    for (const [name, value] of Object.entries(body)) {
-      if (!Number.isFinite(value)) throw new SceneError(`${name} must be a finite number, not ${shown(value)}`);
-    }
+    const own = options(body, Object.keys(this.fields), `the body of ${this.name}`);
+    for (const [name, value] of Object.entries(own)) finite(name, value);
     this.slope = slope;
-    this.fields = { ...this.fields, ...body };
+    this.fields = { ...this.fields, ...own };
     Object.values(this.fields).forEach((value, i) => (block.f8[block.scratch / 8 + i] = value));
     this.#ground(this.terrain, this.strides);
   }
@@ -1439,7 +1510,9 @@ export class SystemWalker {
   }
 
   /** Begins again just after a heelstrike; without a state, at the system's start. */
-  reset(state = null, { seed = 0 } = {}) {
+  reset(state = null, others = {}) {
+    const { seed = 0 } = options(others, ["seed"], "reset");
+    checkSeed(seed);
     const block = this.#block, { notes } = block;
     this.#put(state ?? notes.start ?? Array(this.#size).fill(0));
     block.set("key", BigInt.asUintN(64, BigInt(seed)));
@@ -1471,7 +1544,10 @@ export class SystemWalker {
   }
 
   /** The stride map under held controls; the walk of this object stays as it is. */
-  strideFrom(state, { controls = null, end = 20, slope = this.slope, height_change = 0 } = {}) {
+  strideFrom(state, others = {}) {
+    const { controls = null, end = 20, slope = this.slope, height_change = 0 } =
+      options(others, ["controls", "end", "slope", "height_change"], "strideFrom");
+    for (const [name, value] of Object.entries({ end, slope, height_change })) finite(name, value);
     if (height_change !== 0) this.#even();
     const block = this.#block, kept = block.bytes.slice(block.base, block.scratch);
     try {
@@ -1493,6 +1569,7 @@ export class SystemWalker {
   /** Walks for a time in sqrt(l/g), or to the next heelstrike; returns how it ended, or null. */
   step(duration = 0.1, controls = null) {
     const block = this.#block, { outcomes } = block.notes;
+    finite("duration", duration);
     if (this.over) return this.outcome;
     if (this.outcome === "HEELSTRIKE") {
       this.#put(this.state);
@@ -1572,7 +1649,10 @@ export class SystemWalker {
    *
    * Returns its state, its Floquet multipliers [re, im] and its stride; null if none is found.
    */
-  findGait({ guess = null, controls = null, slope = this.slope, tries = 30 } = {}) {
+  findGait(others = {}) {
+    const { guess = null, controls = null, slope = this.slope, tries = 30 } =
+      options(others, ["guess", "controls", "slope", "tries"], "findGait");
+    whole("tries", tries, 1, 1e6);
     const start = guess ?? this.#block.notes.start;
     if (start === null) return null;
     const found = fixedPoint((state) => {
@@ -1583,8 +1663,10 @@ export class SystemWalker {
   }
 
   /** Draws the system and its ground on a canvas, `width` units of length wide. */
-  render(canvas, { colors = {}, frame = this.frame(), width = 2.5 * this.#height, push = null } = {}) {
-    const context = canvas.getContext("2d"), found = { ...COLORS, ...colors }, scale = canvas.width / width;
+  render(canvas, others = {}) {
+    const { colors = {}, frame = this.frame(), width = 2.5 * this.#height, push = null } = options(others, DRAWN, "render");
+    const found = { ...COLORS, ...options(colors, Object.keys(COLORS), "colors") };
+    const context = canvas.getContext("2d"), scale = canvas.width / width;
     const middle = frame.contact, place = placeOn(canvas, this.slope, middle, scale);
     context.fillStyle = found.background;
     context.fillRect(0, 0, canvas.width, canvas.height);

@@ -295,7 +295,8 @@ export class Player {
     const own = settings.policy ? this.data.policies[settings.policy].scene : { max_hip_torque: TORQUE };
     const rules = { reset_noise_scale: 0, slope: settings.slope, terrain: terrain ?? (own.terrain_lookahead ? { stairs: { rise: 0 } } : null) };
     const stub = settings.policy ? {} : { end_on_toe_stub: false };
-    return { ...own, ...rules, ...stub };
+    const { walker: _, ...scene } = { ...own, ...rules, ...stub }; // the settings have the walker
+    return scene;
   }
 
   check() {
@@ -362,12 +363,13 @@ export class Player {
   }
 
   #key(event) {
-    const does = {
+    const keys = {
       " ": () => this.toggle(), n: () => this.next(), r: () => this.begin(),
       ArrowLeft: () => this.push(-PUSH_KEY), ArrowRight: () => this.push(PUSH_KEY),
       "+": () => this.set({ speed: Math.min(2, this.settings.speed * 2) }),
       "-": () => this.set({ speed: Math.max(0.0625, this.settings.speed / 2) }),
-    }[event.key];
+    };
+    const does = Object.hasOwn(keys, event.key) ? keys[event.key] : null;
     if (!does || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
     event.stopPropagation();
@@ -737,19 +739,36 @@ export class SystemPlayer extends Player {
   }
 }
 
+const PLAYS = ["read", "share", "compact", "paused", "onstate"];
+const PLAYS_WALKER = ["walker", "changes", "slope", "torque", "policy", "ground", "speed", "start", "seed"];
+const PLAYS_SYSTEM = ["system", "changes", "slope", "controls", "ground", "speed", "start", "seed"];
+
+/** Refuses options that `play` would ignore, and names of what there is not. */
+function checkOptions(options, names) {
+  const known = [...(options.system ? PLAYS_SYSTEM : PLAYS_WALKER), ...PLAYS];
+  const strange = Object.keys(options).filter((name) => !known.includes(name));
+  if (strange.length) throw new Error(`play has no ${strange.join(", ")} here; it has ${known.join(", ")}`);
+  for (const [name, among] of Object.entries({ ground: GROUNDS, ...names })) {
+    const value = options[name];
+    if (value !== undefined && value !== "" && !Object.hasOwn(among, value)) {
+      throw new Error(`no ${name} ${value}: choose from ${Object.keys(among).join(", ")}`);
+    }
+  }
+}
+
 /** Settings from a page's address. */
 export function settingsFrom(hash, data) {
   const given = Object.fromEntries(new URLSearchParams(hash.replace(/^#/, "")));
   const settings = {}, changes = {};
   for (const [name, value] of Object.entries(given)) {
     const number = Number(value);
-    if (name === "walker" && data.walkers[value]) settings.walker = value;
-    else if (name === "policy" && data.policies[value]) settings.policy = value;
-    else if (name === "ground" && GROUNDS[value]) settings.ground = value;
+    if (name === "walker" && Object.hasOwn(data.walkers, value)) settings.walker = value;
+    else if (name === "policy" && Object.hasOwn(data.policies, value)) settings.policy = value;
+    else if (name === "ground" && Object.hasOwn(GROUNDS, value)) settings.ground = value;
     else if (["slope", "torque", "speed"].includes(name) && Number.isFinite(number)) settings[name] = number;
     else if (data.parameters.includes(name) && Number.isFinite(number)) changes[name] = number;
   }
-  const scene = data.policies[settings.policy]?.scene;
+  const scene = settings.policy && data.policies[settings.policy].scene;
   if (scene) {
     settings.walker ??= scene.walker ?? "C";
     settings.slope ??= middle(scene.slope);
@@ -769,6 +788,7 @@ export async function play(root, options = {}) {
   const { read = readFile, share = false, compact = false, paused, onstate, ...settings } = options;
   try {
     if (settings.system) {
+      checkOptions(options, {});
       const first = await createSystem(settings.system, { read });
       const own = { slope: first.slope, controls: {}, ...settings };
       const player = new SystemPlayer(root, first, { settings: own, read, compact, paused, onstate });
@@ -777,6 +797,7 @@ export async function play(root, options = {}) {
       return player;
     }
     const data = await library(read);
+    checkOptions(options, { walker: data.walkers, policy: data.policies });
     const own = share ? settingsFrom(location.hash, data) : {};
     const player = new Player(root, data, { settings: { ...settings, ...own }, read, share, compact, paused, onstate });
     try {

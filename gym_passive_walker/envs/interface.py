@@ -36,7 +36,7 @@ OUTCOMES = (
 """Names of outcomes, indexed by their numbers; empty where no stride or episode ends."""
 
 
-UNFINISHED: dict[str, Any] = {
+NO_STRIDE: dict[str, Any] = {
     **dict.fromkeys((*task.EVERY_STEP, *task.EVERY_STRIDE), np.float64(0.0)), "outcome": "",
 }  # fmt: skip
 """The info of a single environment while no stride has ended, without what each step measures."""

@@ -345,7 +345,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         steps, (strides, outcomes), measures = self.batch.reported(stepped)
         others = self.batch.info_values(stepped)
         columns = dict(zip(task.EVERY_STEP, (*steps, strides), strict=True)) | others
-        blank = dict.fromkeys((*task.EVERY_STEP, *task.EVERY_STRIDE, *others), 0.0)
+        blank: dict[str, Any] = dict.fromkeys((*task.EVERY_STEP, *task.EVERY_STRIDE, *others), 0.0)
         blank["outcome"] = ""
         infos = []
         for row in zip(*(column.tolist() for column in columns.values()), strict=True):

@@ -335,7 +335,8 @@ class PassiveWalkerVectorEnv(
 
         def content() -> dict[str, Any]:
             names = *task.EVERY_STEP, *task.EVERY_STRIDE
-            columns = dict(zip(names, (*steps, counts[0], *measures), strict=True))
+            columns: dict[str, NDArray] = {}
+            columns |= zip(names, (*steps, counts[0], *measures), strict=True)
             columns |= {name: np.where(mask, x, 0) for name, x in others.items()}
             columns["outcome"] = _OUTCOMES.take(counts[1])
             columns["outcome"][~mask] = None  # as Gymnasium fills it

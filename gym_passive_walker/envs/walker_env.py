@@ -367,7 +367,7 @@ class PassiveWalkerEnv(
             stepped: As for `Batch.info_values`.
         """
         batch = self.batch
-        info: dict[str, Any] = interface.UNFINISHED.copy()
+        info: dict[str, Any] = interface.NO_STRIDE.copy()
         words, counts = batch.entry_point.words, batch.entry_point.outcomes
         info["distance"], info["energy"] = words[0], words[1]  # task.EVERY_STEP
         info["episode_distance"], info["episode_energy"] = words[2], words[3]
