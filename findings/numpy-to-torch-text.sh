@@ -8,7 +8,7 @@ set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 "${PYTHON:-python3}" -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet gymnasium==1.4.0 numpy==2.4.6 array-api-compat==1.16.0 torch==2.13.0
+"$folder/venv/bin/pip" install --quiet gymnasium==1.4.0 numpy==2.4.6 array-api-compat==1.16.0 packaging==26.3 torch==2.13.0
 "$folder/venv/bin/python" - <<'PYTHON'
 import gymnasium as gym
 import numpy as np
