@@ -270,7 +270,7 @@ def test_the_command_compares_and_prints(tmp_path, capsys):
         ("evaluate --policy nobody", "nobody"),
         ("export nobody there", "nobody"),
         ("export level-ppo there", "copied"),
-        ("evaluate level-ppo", "level-ppo"),
+        ("evaluate levl-ppo", "level-ppo"),
     ],
 )
 def test_commands_refuse_nonsense(line, words, tmp_path, monkeypatch, capsys):

@@ -141,7 +141,8 @@ def test_an_update_moves_actions_up_their_gradients():
     model._n_updates = 1000  # it has listened to its critic for long
     model.learn(16 * config.hyperparams["n_steps"])
     moved = (model.action(reported["seen"]) - reported["before"]).detach().numpy()
-    assert np.corrcoef(moved.reshape(-1), reported["gains"].reshape(-1))[0, 1] > 0.3
+    found = np.corrcoef(moved.reshape(-1), reported["gains"].reshape(-1))[0, 1]
+    assert found > 5.0 / np.sqrt(moved.size)  # standard deviations of numbers without a relation
 
 
 class Ended:

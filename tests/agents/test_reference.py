@@ -14,6 +14,7 @@ from agents import envs
 from agents.config import configure
 from agents.learner import build
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+from gym_passive_walker.envs.seeds import training_seeds
 
 GAMMA, LAMBDA = 0.9, 0.8
 WALKERS, STEPS, LIMIT = 8, 48, 14
@@ -36,7 +37,7 @@ def walked(actions, seed):
     env = PassiveWalkerVecEnv(
         WALKERS, "level", max_episode_steps=LIMIT, reset_noise_scale=0.8, max_hip_torque=0.3
     )
-    env.seed(seed)
+    env.seed(training_seeds(seed, WALKERS))
     before, callback = env.reset(), []
     for acts in actions:
         seen, rewards, dones, infos = env.step(acts.clip(-1.0, 1.0))
