@@ -1,7 +1,6 @@
 """Training runs: uninterrupted, resumed, stopped, and with damaged files."""
 
 import dataclasses
-import math
 import os
 import pickle
 import signal
@@ -443,7 +442,7 @@ def test_the_last_policy_is_exported_although_an_earlier_one_is_kept(algo, tmp_p
     words = ["export", "--last", str(tmp_path / "run"), out]
     assert train.main(words) != 0
     assert "has no checkpoint yet" in capsys.readouterr().err
-    run.notes["best"] = math.inf  # no evaluation is as good, so no policy is kept
+    run.notes["best"] = 1e9  # no evaluation is as good, so no policy is kept
     run.train(progress=False)
     assert not (tmp_path / "run" / "model.zip").exists()
     assert train.main(words) == 0

@@ -210,7 +210,9 @@ def test_a_checkpoint_keeps_each_counter_each_moment_and_each_episode(algo, tmp_
             running.count = 77.5
     one._last_obs = rng.normal(size=(4, 8)).astype(np.float32)
     one._last_episode_starts = np.array([True, False, True, False])
-    notes = {"best": 3.5, "seconds": 12.25, "curve": [{"steps": 1, "reward": 2.0}], "more": 1}
+    row = {"steps": 1, "seconds": 0.5, "reward": 2.0, "distance": 1.0, "hundred_strides": 0.0}
+    curve = [row | {"reached_time_limit": 0.5}]
+    notes = {"best": 3.5, "seconds": 12.25, "curve": curve, "more": 1}
     checkpoint.save(tmp_path / "kept", one, notes)
     found = checkpoint.restore(tmp_path / "kept", other)
     assert found == {name: notes[name] for name in ("best", "seconds", "curve")}

@@ -71,7 +71,7 @@ def test_a_gait_under_a_controller_is_called_by_the_controller_s_name(answer):
     data, text = answer("gait C 0.03 --controller level-ppo")
     gait = gpw.find_gait(gpw.stride_map("C", 0.03, controller="level-ppo"))
     assert data == [attributes(gait, GAIT)]
-    assert " under PPO-FAST at slope 0.03 rad" in text.splitlines()[0]
+    assert " under level-ppo at slope 0.03 rad" in text.splitlines()[0]
 
 
 @pytest.mark.parametrize(
