@@ -72,8 +72,8 @@ def panels(
         ImportError: if matplotlib is not installed.
     """
     with extra("figures"):
-        from matplotlib import figure as made
-    new = made.Figure
+        from matplotlib.figure import Figure as Made
+    new: Any = Made
     if ax is not OWN:
         from matplotlib import pyplot
 

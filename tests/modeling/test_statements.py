@@ -95,7 +95,7 @@ WRONG = {
         "an `if`": (falling, "fails in line"),
         "a sine of NumPy": (
             lambda b, s: (np.sin(s.swing) - np.sin(s.stance), np.cos(s.stance) - np.cos(s.swing)),
-            "use gym_passive_walker.math, and its where() instead of if",
+            "np.sin has no compiled form; see gpw.math",
         ),
         "no return": (forgotten, "add its return"),
         "a text": (lambda b, s: ("1.5", "2.5"), "must give numbers"),
