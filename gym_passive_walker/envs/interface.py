@@ -37,9 +37,14 @@ OUTCOMES = (
 
 
 NO_STRIDE: dict[str, Any] = {
-    **dict.fromkeys((*task.EVERY_STEP, *task.EVERY_STRIDE), np.float64(0.0)), "outcome": "",
-}  # fmt: skip
-"""The info of a single environment while no stride has ended, without what each step measures."""
+    **dict.fromkeys((*task.EVERY_STEP, *task.EVERY_STRIDE), np.float64(0.0)),
+    "strides": np.int64(0),
+    "outcome": "",
+}
+"""The `info` of a single environment at a reset: a plain dictionary with NumPy numbers.
+
+Libraries such as JAX take a subclass of dictionaries for a single value.
+"""
 
 
 def observation_space(scene: Scene, custom: Custom | None = None) -> Any:

@@ -14,6 +14,7 @@ from gym_passive_walker.arguments import seed_number
 from gym_passive_walker.envs import interface, saved, task
 from gym_passive_walker.envs.batch import OPTIONS, Batch
 from gym_passive_walker.envs.frames import frame
+from gym_passive_walker.envs.interface import NO_STRIDE
 from gym_passive_walker.envs.one_thread import one_thread, refuse_second
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.extras import need
@@ -313,7 +314,10 @@ class PassiveWalkerEnv(
         self._ready, self.batch.unfinished = True, False
         if self.render_mode == "human":
             self._draw()
-        return observation, self._info(0, np.zeros(1, bool))
+        info: dict[str, Any] = NO_STRIDE.copy()
+        if self.batch.disturbances or self.scene.reward_terms:
+            self._add_values(info, np.zeros(1, bool))
+        return observation, info
 
     def step(
         self, action: NDArray[np.float32]
@@ -346,40 +350,30 @@ class PassiveWalkerEnv(
                 )
             observation = np.empty(batch.observation_size, _SINGLE)
             struck, ended = batch.step_alone(act, observation)
-            info = self._info(struck or ended)
-            if ended:
-                self._ready = False
+            entry_point = batch.entry_point
+            words, info = entry_point.words, NO_STRIDE.copy()
+            info["distance"], info["energy"] = words[0], words[1]  # task.EVERY_STEP
+            info["episode_distance"], info["episode_energy"] = words[2], words[3]
+            info["strides"] = entry_point.outcomes[0]
+            if struck or ended:
+                info |= zip(task.EVERY_STRIDE, words[4:-2], strict=True)
+                info["outcome"] = interface.OUTCOMES[entry_point.outcomes[1]]
+                self._ready = not ended
+            if batch.disturbances or self.scene.reward_terms:
+                self._add_values(info)
             batch.unfinished = False
             if self.render_mode == "human":
                 self._draw()
-            return observation, batch.entry_point.results[0].item(), ended > 0, False, info
+            return observation, entry_point.results[0].item(), ended > 0, False, info
         finally:
             if mine:
                 token.append(None)
 
-    def _info(self, finished: int, stepped: NDArray[np.bool_] | None = None) -> dict[str, Any]:
-        """Return the info of the last step or reset: NumPy numbers, and the outcome's name.
-
-        It is a plain dictionary, since libraries such as JAX take a subclass for a single value.
-
-        Args:
-            finished: Whether a stride or an episode has ended.
-            stepped: As for `Batch.info_values`.
-        """
-        batch = self.batch
-        info: dict[str, Any] = interface.NO_STRIDE.copy()
-        words, counts = batch.entry_point.words, batch.entry_point.outcomes
-        info["distance"], info["energy"] = words[0], words[1]  # task.EVERY_STEP
-        info["episode_distance"], info["episode_energy"] = words[2], words[3]
-        info["strides"] = counts[0]
-        if finished:
-            ways = words[len(task.EVERY_STEP) - 1 : -2]
-            info |= dict(zip(task.EVERY_STRIDE, ways, strict=True))
-            info["outcome"] = interface.OUTCOMES[counts[1]]
-        if batch.disturbances or self.scene.reward_terms:
-            others = {name: column[0] for name, column in batch.info_values(stepped).items()}
-            info |= others | {"outcome": info.pop("outcome")}
-        return info
+    def _add_values(self, info: dict[str, Any], stepped: NDArray[np.bool_] | None = None) -> None:
+        """Add the entries that depend on the scene; `stepped` as for `Batch.info_values`."""
+        outcome = info.pop("outcome")
+        info |= {name: column[0] for name, column in self.batch.info_values(stepped).items()}
+        info["outcome"] = outcome
 
     @one_thread
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
