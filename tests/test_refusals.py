@@ -229,5 +229,5 @@ def test_a_policy_with_weights_that_are_no_numbers_is_refused(number, copy):
     written = bytearray(path.read_bytes())
     written[-4:] = np.float32(number).tobytes()
     path.write_bytes(written)
-    with pytest.raises(gpw.PolicyError, match="not finite"):
+    with pytest.raises(gpw.PolicyError, match="must be finite numbers"):
         gpw.load_policy(copy)

@@ -111,9 +111,9 @@ def test_a_walk_over_rough_ground_is_saved_and_goes_on():
     env.reset(seed=3)
     for _ in range(20):
         env.step(np.zeros(1))
-    kept = env.batch.get_state()
+    kept = env.get_state()
     one = [env.step(np.zeros(1)) for _ in range(30)]
-    env.batch.put_back(env.batch.checked(kept))
+    env.set_state(kept)
     other = [env.step(np.zeros(1)) for _ in range(30)]
     assert any(info.get("outcome") == "heelstrike" for *_, info in one)
     for a, b in zip(one, other, strict=True):

@@ -131,7 +131,7 @@ def test_a_card_has_the_name_of_its_controller_however_it_is_given(monkeypatch, 
     folder = gpw.policies.policy_folder("steep-ppo")
     for controller, scene, title in (
         ("steep-sac", None, "steep-sac"), (folder, None, str(folder)),
-        (gpw.load_policy("steep-ppo"), None, "PPO"), (Nameless(), "lab", "Nameless"),
+        (gpw.load_policy("steep-ppo"), None, "steep-ppo"), (Nameless(), "lab", "Nameless"),
         ("lqr", "steep", "lqr"), (Passive(), "lab", "passive"),
     ):  # fmt: skip
         assert gpw.gauntlet(controller, scene, walkers=1).controller == title
