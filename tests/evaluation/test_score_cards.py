@@ -219,7 +219,7 @@ def test_work_of_every_motor_counts_in_a_walk(actions):
     }
     for _ in range(200):
         _, _, terminated, _, infos = envs.step(np.full((2, len(actions)), 0.1, np.float32))
-        if "step_length" in infos and infos["_step_length"][0]:
+        if infos["step_period"][0] > 0.0:
             for name, costs in names.items():
                 sums[name] += sum(infos[cost][0] for cost in costs) * infos["step_length"][0]
         if terminated[0]:
