@@ -205,9 +205,10 @@ class Batch:
         tiles, histories = workspace(layout=self.layout)
         self.machinery = phases, chosen, tiles, histories
         self.entry_point = ticks.EntryPoint(
-            self.scene, self.count, self.custom, records=self.records, bodies=self.bodies,
-            radii=self._radii, ledger=self.ledger, rules=self.rules, phases=phases, options=chosen,
-            tiles=tiles, histories=histories, **(here.arrays() if here else {}),
+            self.scene, self.count, self.observation_size, self.custom, records=self.records,
+            bodies=self.bodies, radii=self._radii, ledger=self.ledger, rules=self.rules,
+            phases=phases, options=chosen, tiles=tiles, histories=histories,
+            **(here.arrays() if here else {}),
         )  # fmt: skip
 
     @property
@@ -536,15 +537,14 @@ class Batch:
         in_parts(job, self.count, self.threads)
         return sum(strides for strides, _ in ended), sum(endings for _, endings in ended)
 
-    def step_alone(
-        self, action: NDArray[np.floating], observation: NDArray[np.float32]
-    ) -> tuple[int, int]:
-        """Step a batch of one; the other results go to the arrays of the `EntryPoint`."""
+    def step_alone(self, action: NDArray[np.floating]) -> tuple[int, int]:
+        """Step a batch of one; the results go to the arrays of the `EntryPoint`."""
+        entry_point = self.entry_point
         if self._apart:
-            return self.step(action, observation, *self.entry_point.results)
-        self.entry_point.actions[...] = action
+            return self.step(action, entry_point.observations, *entry_point.results)
+        entry_point.actions[...] = action
         self.unfinished = True
-        wrong, strides, endings = self.entry_point.step_here(self.entry_point.address, observation)
+        wrong, strides, endings = entry_point.step_here(entry_point.address)
         if wrong >= 0:
             self.refuse(wrong)
         return strides, endings

@@ -47,8 +47,8 @@ from gym_passive_walker.envs.transitions import TIME_LIMIT, note_for
 
 STAYS = (
     "records", "bodies", "radii", "ledger", "rules", "phases", "options", "tiles", "histories",
-    "actions", "rewards", "terminated", "truncated", "generators", "nodes", "states", "notes",
-    "disturbances", "pending", "settings", "hooks", "table", "spread",
+    "actions", "observations", "rewards", "terminated", "truncated", "generators", "nodes",
+    "states", "notes", "disturbances", "pending", "settings", "hooks", "table", "spread",
 )  # fmt: skip
 """Arrays of a batch that are allocated once; those that its scene does not need are empty."""
 
@@ -61,7 +61,8 @@ PLACES = np.dtype(
 """Addresses of these arrays; the range of slopes at a start in rad; addresses of users' compiled
 functions (see `transitions.after`); and the number of control steps of `action_delay`."""
 
-_NUMBER, _WORD, _BOOLEAN = np.dtype("f8"), np.dtype("i8"), np.dtype("?")
+_NUMBER, _SINGLE = np.dtype("f8"), np.dtype("f4")
+_WORD, _BOOLEAN = np.dtype("i8"), np.dtype("?")
 _ALL = 1 << 62
 FEW = 64  # walkers that begin together: their draws and gaits are on the stack
 
@@ -255,11 +256,12 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         return answer
 
     @within(Kernel)
-    def step_here(where, observation):
-        """Step a single walker; reward and terminations go to the arrays of the batch."""
+    def step_here(where):
+        """Step a single walker; results go to the arrays of the batch."""
         here = view(where, (1,), PLACES)[0]
         return tick(
-            where, 0, 1, here.tiles, here.histories, observation,
+            where, 0, 1, here.tiles, here.histories,
+            view(here.observations, (here.of_observations,), _SINGLE),
             view(here.rewards, (1,), _NUMBER),
             view(here.terminated, (1,), _BOOLEAN),
             view(here.truncated, (1,), _BOOLEAN),
@@ -302,6 +304,7 @@ class EntryPoint:
     Args:
         scene: The scene.
         count: Number of walkers.
+        observation_size: Size of an observation.
         custom: The user's own reward and termination; None without them.
         **arrays: Arrays named in STAYS; they must not be replaced afterwards.
 
@@ -311,6 +314,7 @@ class EntryPoint:
         step_here: The compiled kernel that single environments call.
         workspace: Addresses of the tile and the guard history of one thread.
         actions: Actions of all walkers, flat; filled before a step.
+        observations: Observations of all walkers, flat, from `step_here`.
         results: Rewards, terminations and truncations, each (count,), from `step_here`.
         words: EVERY_STEP without the strides, EVERY_STRIDE, and as integers the number of strides
             and the outcome, of the first walker: the words of its row that `info` reports.
@@ -318,9 +322,15 @@ class EntryPoint:
     """
 
     def __init__(
-        self, scene: Scene, count: int, custom: Custom | None = None, **arrays: NDArray
+        self,
+        scene: Scene,
+        count: int,
+        observation_size: int,
+        custom: Custom | None = None,
+        **arrays: NDArray,
     ) -> None:
         self.actions = np.zeros(count * len(scene.actions))
+        self.observations = np.zeros(count * observation_size, _SINGLE)
         self.results = np.zeros(count), np.zeros(count, bool), np.zeros(count, bool)
         self._randoms: list[np.random.Generator] | None = None
         self._kept: dict[str, NDArray] = {}
@@ -334,7 +344,7 @@ class EntryPoint:
         self.step_here = self.kernels.step_here.compiled
         self.workspace = arrays["tiles"].ctypes.data, arrays["histories"].ctypes.data
         results = dict(zip(("rewards", "terminated", "truncated"), self.results, strict=True))
-        self._put(actions=self.actions, **results, **arrays)
+        self._put(actions=self.actions, observations=self.observations, **results, **arrays)
         if custom is not None:
             self._put(notes=custom.notes)
             self._places["noted"], self._places["native"] = custom.noted, custom.native

@@ -20,8 +20,6 @@ from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.extras import need
 from gym_passive_walker.walkers import Walker
 
-_SINGLE = np.dtype(np.float32)
-
 
 class PassiveWalkerEnv(
     interface.EnergyCost, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]
@@ -285,6 +283,7 @@ class PassiveWalkerEnv(
         self.metadata = {**self.metadata, "render_fps": self.scene.frames_per_second}
         self._shape = (len(self.scene.actions),)
         self._ready = False
+        self._between = NO_STRIDE.copy()  # the `info` of steps within a stride
         self._screen: Any = None
 
     @one_thread
@@ -312,6 +311,7 @@ class PassiveWalkerEnv(
         observation = np.empty(self.batch.observation_size, np.float32)
         self.batch.start((0,), observation, interface.reset_options(options, OPTIONS))
         self._ready, self.batch.unfinished = True, False
+        self._between = NO_STRIDE.copy()
         if self.render_mode == "human":
             self._draw()
         info: dict[str, Any] = NO_STRIDE.copy()
@@ -348,23 +348,24 @@ class PassiveWalkerEnv(
                     "no episode is under way, or an error interrupted its last step: call reset "
                     "first"
                 )
-            observation = np.empty(batch.observation_size, _SINGLE)
-            struck, ended = batch.step_alone(act, observation)
+            struck, ended = batch.step_alone(act)
             entry_point = batch.entry_point
-            words, info = entry_point.words, NO_STRIDE.copy()
+            words, info = entry_point.words, self._between.copy()
             info["distance"], info["energy"] = words[0], words[1]  # task.EVERY_STEP
             info["episode_distance"], info["episode_energy"] = words[2], words[3]
-            info["strides"] = entry_point.outcomes[0]
             if struck or ended:
+                strides, outcome = entry_point.outcomes
                 info |= zip(task.EVERY_STRIDE, words[4:-2], strict=True)
-                info["outcome"] = interface.OUTCOMES[entry_point.outcomes[1]]
+                info["strides"], info["outcome"] = strides, interface.OUTCOMES[outcome]
+                self._between["strides"] = strides
                 self._ready = not ended
             if batch.disturbances or self.scene.reward_terms:
                 self._add_values(info)
             batch.unfinished = False
             if self.render_mode == "human":
                 self._draw()
-            return observation, entry_point.results[0].item(), ended > 0, False, info
+            observation, reward = entry_point.observations.copy(), entry_point.results[0].item()
+            return observation, reward, ended > 0, False, info
         finally:
             if mine:
                 token.append(None)
@@ -500,6 +501,7 @@ class PassiveWalkerEnv(
             self.batch.randoms = [self.np_random]
         self.batch.put_back(found)
         self._ready = ready
+        self._between = {**NO_STRIDE, "strides": self.batch.entry_point.outcomes[0]}
         self.batch.unfinished = False
 
     def __getstate__(self) -> dict[str, Any]:
