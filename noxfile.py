@@ -75,7 +75,7 @@ CLIENTS = {
 
 
 @nox.session(default=False)
-@nox.parametrize("client", CLIENTS)
+@nox.parametrize("client", list(CLIENTS))
 def clients(session: nox.Session, client: str) -> None:
     """Run a library's first example with a walker, in an environment of its own."""
     session.install(".[test,render]", "torch", *CLIENTS[client])
