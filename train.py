@@ -26,7 +26,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import gym_passive_walker.console as console
+import gym_passive_walker._tools.console as console
 
 # isort: split
 # Import this first: Ctrl-C then ends the program with one line, also during the other imports.
@@ -45,9 +45,9 @@ from agents.config import (
 )
 from agents.learner import begin_with, build
 from agents.training import Run
-from gym_passive_walker.cli.arguments import A_WALKER
-from gym_passive_walker.envs.scene import SCENES
-from gym_passive_walker.extras import need
+from gym_passive_walker._tools.extras import need
+from gym_passive_walker.apps.cli.arguments import A_WALKER
+from gym_passive_walker.gaits.scenes.scene import SCENES
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -24,16 +24,16 @@ from agents.files import read_json
 from agents.learner import load_policy
 from agents.training import Run
 from gym_passive_walker import GaitNotFound
-from gym_passive_walker.control import optimal
-from gym_passive_walker.control.baselines import BASELINES
-from gym_passive_walker.control.maps import closed_loop_gait
-from gym_passive_walker.control.policy import Policy
-from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
+from gym_passive_walker._tools.files import replacing
+from gym_passive_walker.envs.evaluation.steps import steps
+from gym_passive_walker.envs.evaluation.walks import HUNDRED, TIME_LIMIT, Walks, evaluate
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.evaluation.steps import steps
-from gym_passive_walker.evaluation.walks import HUNDRED, TIME_LIMIT, Walks, evaluate
-from gym_passive_walker.files import replacing
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.control.baselines import BASELINES
+from gym_passive_walker.gaits.control.maps import closed_loop_gait
+from gym_passive_walker.gaits.control.policy import Policy
 from gym_passive_walker.gaits.gait import Gait
+from gym_passive_walker.gaits.scenes.scene import SCENES, Scene, make_scene
 
 AGENTS = (*BASELINES, *ALGORITHMS)
 EPISODES = 100

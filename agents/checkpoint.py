@@ -26,9 +26,9 @@ from agents.learner import (
     restore_weights,
     save_model,
 )
-from gym_passive_walker.arguments import number, whole
-from gym_passive_walker.files import replacing
-from gym_passive_walker.walkers import as_walker
+from gym_passive_walker._tools.arguments import number, whole
+from gym_passive_walker._tools.files import replacing
+from gym_passive_walker.models.walkers import as_walker
 
 _ARRAYS, _REPLAY, _NOTES = "arrays.npz", "replay.npz", "notes.json"
 _RECORDS, _RANDOMS = "envs.npz", "envs.json"

@@ -14,19 +14,19 @@ from agents.checkpoint import last_policy
 from agents.config import ConfigError
 from agents.learner import LearnedPolicy, export, export_onnx, learned
 from gym_passive_walker import GaitNotFound
-from gym_passive_walker.arguments import unknown, whole
-from gym_passive_walker.cli.arguments import Parser
-from gym_passive_walker.console import cut
-from gym_passive_walker.control import optimal
-from gym_passive_walker.control.baselines import BASELINES
-from gym_passive_walker.control.controllers import acting
-from gym_passive_walker.control.maps import closed_loop_gait
-from gym_passive_walker.control.policy import Policy
-from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
-from gym_passive_walker.files import replacing
+from gym_passive_walker._tools.arguments import unknown, whole
+from gym_passive_walker._tools.console import cut
+from gym_passive_walker._tools.files import replacing
+from gym_passive_walker.apps.cli.arguments import Parser
+from gym_passive_walker.envs.policies import READERS, shipped_policies
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.control.baselines import BASELINES
+from gym_passive_walker.gaits.control.controllers import acting
+from gym_passive_walker.gaits.control.maps import closed_loop_gait
+from gym_passive_walker.gaits.control.policy import Policy
 from gym_passive_walker.gaits.gait import Gait
-from gym_passive_walker.policies import READERS, shipped_policies
-from gym_passive_walker.units import units_of
+from gym_passive_walker.gaits.scenes.scene import SCENES, Scene, make_scene
+from gym_passive_walker.models.units import units_of
 
 GRIDS = {"level": (0.05, 0.20, 0.01), "lab": (0.15, 0.23, 0.01), "steep": (0.31, 0.34, 0.005)}
 """Speeds over sqrt(g l) of each scene's stored optimal gaits: first, last and spacing."""
@@ -126,7 +126,7 @@ def show_gait(arguments: Sequence[str]) -> int:
     args = parser.parse_args(arguments)
     out = None
     if args.out is not None:
-        from gym_passive_walker.render.axes import OWN, figure_of, picture_path, save
+        from gym_passive_walker.pictures.axes import OWN, figure_of, picture_path, save
 
         out = picture_path(args.out)
     policy, scene = _policy_and_scene(args.policy, args.scene)

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from gym_passive_walker.arguments import unknown, whole
-from gym_passive_walker.envs.scene import kept_argument
-from gym_passive_walker.loading import read_content, reason
+from gym_passive_walker._tools.arguments import unknown, whole
+from gym_passive_walker._tools.loading import read_content, reason
+from gym_passive_walker.gaits.scenes.scene import kept_argument
 
 ALGORITHMS = ("ppo", "ppo-fast", "sac", "shac", "shac-learned")
 DEFAULT_SCENE = "level"

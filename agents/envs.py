@@ -9,8 +9,8 @@ import gymnasium
 from agents.config import Config, ConfigError
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
-from gym_passive_walker.envs.scene import Scene, make_scene
-from gym_passive_walker.walkers import name_of
+from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.models.walkers import name_of
 
 ID = "PassiveWalker-v0"
 

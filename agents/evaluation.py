@@ -13,12 +13,12 @@ import numpy as np
 from agents import envs
 from agents.config import Config
 from agents.learner import learned
-from gym_passive_walker.arguments import whole
-from gym_passive_walker.control import optimal
-from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.envs.scene import undisturbed
-from gym_passive_walker.evaluation.walks import TIME_LIMIT, Walks, evaluate, table
-from gym_passive_walker.files import replacing
+from gym_passive_walker._tools.arguments import whole
+from gym_passive_walker._tools.files import replacing
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks, evaluate, table
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.control.baselines import Passive
+from gym_passive_walker.gaits.scenes.scene import undisturbed
 
 EPISODES, SEED = 20, 1000
 """Number of episodes that evaluate a run, and the seed of the first."""

@@ -11,9 +11,9 @@ from stable_baselines3.common.noise import ActionNoise, NormalActionNoise, Vecto
 from stable_baselines3.common.preprocessing import get_action_dim
 
 from agents.config import ConfigError
-from gym_passive_walker.arguments import number
-from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.loading import reason
+from gym_passive_walker._tools.arguments import number
+from gym_passive_walker._tools.loading import reason
+from gym_passive_walker.gaits.scenes.scene import make_scene
 
 
 class Schedule(BaseCallback):

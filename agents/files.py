@@ -1,4 +1,4 @@
-"""Files of a run, each written atomically by `gym_passive_walker.files.replacing`.
+"""Files of a run, each written atomically by `gym_passive_walker._tools.files.replacing`.
 
 A damaged file raises an error that names the file.
 
@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.config import ConfigError
-from gym_passive_walker.files import remove
-from gym_passive_walker.loading import parse_json, reason
+from gym_passive_walker._tools.files import remove
+from gym_passive_walker._tools.loading import parse_json, reason
 
 CONFIG = "config.yml"
 RUNS = Path("runs")

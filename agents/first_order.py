@@ -37,7 +37,7 @@ from torch import Tensor, nn
 
 from agents.networks import FallCriticPolicy
 from agents.ppo_fast import advantages
-from gym_passive_walker.evaluation.linearization import Linear, StepRecorder
+from gym_passive_walker.envs.evaluation.linearization import Linear, StepRecorder
 
 _STATE = slice(0, 6)  # the state within an observation
 _LISTENING = 10

@@ -30,9 +30,9 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 from torch import Tensor
 
 from agents.first_order import SHAC, Taped
-from gym_passive_walker.envs import rules
-from gym_passive_walker.envs.scene import undisturbed
-from gym_passive_walker.evaluation.linearization import Linear, differentiable, stands
+from gym_passive_walker.envs.evaluation.linearization import Linear, differentiable, stands
+from gym_passive_walker.gaits.scenes import rules
+from gym_passive_walker.gaits.scenes.scene import undisturbed
 
 _STANCE, _THIGH, _LOCKED = 0, 1, 6  # columns of an observation
 _STATE = slice(0, 6)

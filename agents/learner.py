@@ -33,16 +33,16 @@ from agents.first_order import SHAC
 from agents.learned_steps import LearnedSHAC
 from agents.networks import POLICIES
 from agents.ppo_fast import FastPPO
-from gym_passive_walker.arguments import unknown
-from gym_passive_walker.control.policy import Policy
+from gym_passive_walker._tools.arguments import unknown
+from gym_passive_walker._tools.files import replacing
+from gym_passive_walker._tools.loading import reason
+from gym_passive_walker.envs.policies import DESCRIPTION, TENSORS, TrainedPolicy, shipped_policies
+from gym_passive_walker.envs.policies import load_policy as load_exported
+from gym_passive_walker.envs.policies.network import ACTIVATIONS, PLACES, Network
+from gym_passive_walker.envs.policies.onnx_file import write_onnx
+from gym_passive_walker.envs.policies.tensors import read_tensors
 from gym_passive_walker.envs.seeds import training_seeds
-from gym_passive_walker.files import replacing
-from gym_passive_walker.loading import reason
-from gym_passive_walker.policies import DESCRIPTION, TENSORS, TrainedPolicy, shipped_policies
-from gym_passive_walker.policies import load_policy as load_exported
-from gym_passive_walker.policies.network import ACTIVATIONS, PLACES, Network
-from gym_passive_walker.policies.onnx_file import write_onnx
-from gym_passive_walker.policies.tensors import read_tensors
+from gym_passive_walker.gaits.control.policy import Policy
 
 MODEL, NORMALIZER = "model.zip", "normalizer.npz"
 _CLASSES: dict[str, type[BaseAlgorithm]] = {

@@ -12,13 +12,13 @@ import numpy as np
 from agents import envs
 from agents.evaluation import EPISODES, SEED
 from agents.learner import learned
-from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.control.policy import Policy
-from gym_passive_walker.evaluation.walks import evaluate
-from gym_passive_walker.files import replacing
-from gym_passive_walker.render import strobe, strobe_of
-from gym_passive_walker.render.axes import GREY, OWN, figure_of, legend, panels, save, series
-from gym_passive_walker.units import units_of
+from gym_passive_walker._tools.files import replacing
+from gym_passive_walker.envs.evaluation.walks import evaluate
+from gym_passive_walker.gaits.control.baselines import Passive
+from gym_passive_walker.gaits.control.policy import Policy
+from gym_passive_walker.models.units import units_of
+from gym_passive_walker.pictures import strobe, strobe_of
+from gym_passive_walker.pictures.axes import GREY, OWN, figure_of, legend, panels, save, series
 
 _QUANTITIES = (
     ("distance", "distance walked / l"),

@@ -96,8 +96,8 @@ def carried(walkers: PassiveWalkerVecEnv, device: torch.device) -> Any:
     here = PassiveWalkerTorchEnv.around(walkers.envs, device)
     if device.type == "cuda":
         try:
-            from gym_passive_walker.gpu.device import cuda
-            from gym_passive_walker.gpu.environment import PassiveWalkerGpuEnv
+            from gym_passive_walker.devices.gpu.device import cuda
+            from gym_passive_walker.devices.gpu.environment import PassiveWalkerGpuEnv
         except ImportError:
             return here
         if cuda.is_available() and not walkers.scene.observe_body:

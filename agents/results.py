@@ -21,11 +21,11 @@ from agents.config import ALGORITHMS
 from agents.evaluation import write_rows
 from agents.files import reading
 from gym_passive_walker import GaitFamily, gait_family
-from gym_passive_walker.control import optimal
-from gym_passive_walker.envs.scene import SCENES
-from gym_passive_walker.evaluation.walks import TIME_LIMIT
-from gym_passive_walker.files import prepare, replacing
-from gym_passive_walker.render.axes import BLACK, GREY, SPEED, legend, panels, save, series
+from gym_passive_walker._tools.files import prepare, replacing
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.scenes.scene import SCENES
+from gym_passive_walker.pictures.axes import BLACK, GREY, SPEED, legend, panels, save, series
 
 BEGIN, END = "<!-- benchmark -->", "<!-- end of benchmark -->"
 """The lines of a document that enclose the tables."""

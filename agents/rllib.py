@@ -23,15 +23,15 @@ import torch
 from numpy.typing import NDArray
 
 from agents.config import DEFAULT_SCENE, Config, configure
-from gym_passive_walker import console
-from gym_passive_walker.arguments import whole
-from gym_passive_walker.control.baselines import Passive
+from gym_passive_walker._tools import console
+from gym_passive_walker._tools.arguments import whole
+from gym_passive_walker._tools.extras import extra
+from gym_passive_walker.envs.evaluation.walks import Walks, evaluate, table
 from gym_passive_walker.envs.registration import ID, MAX_EPISODE_STEPS
-from gym_passive_walker.envs.scene import SCENES
 from gym_passive_walker.envs.seeds import training_seeds
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.evaluation.walks import Walks, evaluate, table
-from gym_passive_walker.extras import extra
+from gym_passive_walker.gaits.control.baselines import Passive
+from gym_passive_walker.gaits.scenes.scene import SCENES
 
 with extra("rllib"):
     import ray  # type: ignore[import-not-found]

@@ -18,8 +18,8 @@ import yaml
 from agents import files
 from agents.config import Config, ConfigError
 from agents.training import Run
-from gym_passive_walker.files import replacing
-from gym_passive_walker.sweeps.cluster import HERE
+from gym_passive_walker._tools.files import replacing
+from gym_passive_walker.apps.sweeps.cluster import HERE
 
 STUDY, BEST = "study.log", "best.yml"
 

@@ -17,8 +17,8 @@ from agents.config import Config
 from agents.evaluation import write_rows
 from agents.exploration import explorers
 from agents.learner import LearnedPolicy, begin_with, build, on_numpy
-from gym_passive_walker.evaluation.walks import evaluate
-from gym_passive_walker.files import replacing
+from gym_passive_walker._tools.files import replacing
+from gym_passive_walker.envs.evaluation.walks import evaluate
 
 EPISODES = 20
 """Number of episodes of each evaluation during training."""

@@ -29,15 +29,15 @@ from numpy.typing import NDArray
 import gym_passive_walker as gpw
 from benchmarks.report import machine, seconds, table
 from benchmarks.tables import DOCS, keep
-from gym_passive_walker import console
-from gym_passive_walker.control import optimal
-from gym_passive_walker.control.optimum import OptimalGait
-from gym_passive_walker.control.policy import Policy
-from gym_passive_walker.envs.scene import Scene, make_scene
-from gym_passive_walker.envs.starts import DRAWS, Starts
-from gym_passive_walker.evaluation.walks import TIME_LIMIT, evaluate
+from gym_passive_walker._tools import console
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, evaluate
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.control.optimum import OptimalGait
+from gym_passive_walker.gaits.control.policy import Policy
 from gym_passive_walker.gaits.gait import GaitNotFound
-from gym_passive_walker.physics.systems import bodies
+from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts
+from gym_passive_walker.models.equations.systems import bodies
 
 POOLS = (10, 100, 1000, 10_000, 0)
 """Numbers of training bodies; 0 is a new body at each reset."""
@@ -334,7 +334,7 @@ def drawing() -> float:
 
 def draw(curve: list[tuple[str, float, float]]) -> None:
     """Draw the gap over the number of training bodies."""
-    from gym_passive_walker.render.axes import legend, panels, save, series
+    from gym_passive_walker.pictures.axes import legend, panels, save, series
 
     figure, (axes,) = panels(size=(6.0, 4.2))
     across = range(len(curve))

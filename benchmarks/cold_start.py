@@ -145,7 +145,7 @@ def _taken() -> None:
 def _modules() -> Iterator[tuple[str, float, float, float, float]]:
     """Name of each native module, CPU seconds of its three stages, and size in kB."""
     from gym_passive_walker.engine.compiled import loaded, object_code, written
-    from gym_passive_walker.physics.systems import SYSTEMS
+    from gym_passive_walker.models.equations.systems import SYSTEMS
 
     for name, system in SYSTEMS.items():
         for derived in (False, True):

@@ -10,7 +10,7 @@ from time import process_time
 
 from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
-from gym_passive_walker import console
+from gym_passive_walker._tools import console
 from gym_passive_walker.engine import compiled
 
 

@@ -5,7 +5,7 @@
     python -m benchmarks.mutation --sample sample.json
 
 A place in the source is drawn first, then one of the changes there. Annotations of types are left
-out, since they have no effect, and so are `physics` and `engine`: `mutation --changes` has these.
+out, since they have no effect, and so are `equations` and `engine`: `mutation --changes` has these.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pathlib import Path
 from benchmarks.mutants import BESIDE, PACKAGE, ROOT
 
 FOLDERS = (PACKAGE, BESIDE[0])
-LEFT_OUT = {"physics", "engine", "_build"}
+LEFT_OUT = {"equations", "engine", "_build"}
 
 
 class Bare(ast.NodeTransformer):

@@ -26,10 +26,10 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 import gym_passive_walker  # noqa: F401  (registers the environments)
-from gym_passive_walker import console
+from gym_passive_walker._tools import console
+from gym_passive_walker.envs.evaluation.walks import evaluate
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.envs.seeds import training_seeds
-from gym_passive_walker.evaluation.walks import evaluate
 
 ALGORITHMS: dict[str, tuple[type[BaseAlgorithm], int]] = {"ppo": (PPO, 16), "sac": (SAC, 1)}
 """Each algorithm with its number of environments."""

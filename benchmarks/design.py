@@ -15,7 +15,7 @@ import numpy as np
 import gym_passive_walker as gpw
 from benchmarks.report import command, table
 from benchmarks.tables import DOCS, keep
-from gym_passive_walker.render.strobe import strobe
+from gym_passive_walker.pictures.strobe import strobe
 
 PAGE = DOCS / "design.md"
 IMAGES = DOCS / "images"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from benchmarks.problem import STARTS, Problem
 from benchmarks.report import seconds
 from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
-from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.models.equations.hybrid import Outcome
 
 
 def new_batch(p: Problem, count: int, torque: float = 0.0, end: float = LONGEST_STRIDE) -> NDArray:

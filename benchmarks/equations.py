@@ -15,8 +15,8 @@ from typing import Any
 import numba
 
 from benchmarks.problem import Problem
-from gym_passive_walker.engine.expressions import Expression, read
-from gym_passive_walker.physics.hybrid import Control, Guard, Number, Phase, State, Watch
+from gym_passive_walker.models.equations.hybrid import Control, Guard, Number, Phase, State, Watch
+from gym_passive_walker.models.expressions import Expression, read
 
 
 def state_of(phase: Phase, y: Sequence[Number]) -> State:

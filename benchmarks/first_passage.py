@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 import gym_passive_walker as gpw
 from benchmarks.report import command, machine, table
 from benchmarks.tables import DOCS, keep
-from gym_passive_walker import console
-from gym_passive_walker.gaits.first_passage import SETTLING, FirstPassage
-from gym_passive_walker.gaits.first_passage_mesh import mesh_passage
+from gym_passive_walker._tools import console
+from gym_passive_walker.gaits.robust.first_passage import SETTLING, FirstPassage
+from gym_passive_walker.gaits.robust.first_passage_mesh import mesh_passage
 from gym_passive_walker.gaits.stride_map import StrideMap
 
 

@@ -18,13 +18,13 @@ import gym_passive_walker as gpw
 from benchmarks.first_passage import Case, sampled
 from benchmarks.report import command, machine, table
 from benchmarks.tables import DOCS, keep
-from gym_passive_walker import console
-from gym_passive_walker.control import optimal
-from gym_passive_walker.control.controlled import ControlledMap
-from gym_passive_walker.control.maps import calm
-from gym_passive_walker.envs.scene import Scene
-from gym_passive_walker.gaits.first_passage import FirstPassage
-from gym_passive_walker.policies import shipped_policies
+from gym_passive_walker._tools import console
+from gym_passive_walker.envs.policies import shipped_policies
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.control.controlled import ControlledMap
+from gym_passive_walker.gaits.control.maps import calm
+from gym_passive_walker.gaits.robust.first_passage import FirstPassage
+from gym_passive_walker.gaits.scenes.scene import Scene
 
 WALKERS = 128
 """Walks in each test."""
@@ -139,7 +139,7 @@ def least_cost(scene: Scene, speed: float) -> float:
 
 def draw(found: list[Scores]) -> None:
     """Draw the cost of transport over both measures of robustness, numbered as in the table."""
-    from gym_passive_walker.render.axes import legend, panels, save, series
+    from gym_passive_walker.pictures.axes import legend, panels, save, series
 
     figure, axes = panels(1, 2, (11.0, 5.6), sharey=True)
     axes[0].set(xlabel="score of the gauntlet", ylabel="cost of transport", yscale="log")

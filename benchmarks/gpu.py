@@ -23,11 +23,11 @@ from benchmarks import engine
 from benchmarks.problem import error, problem
 from benchmarks.report import command, machine, seconds, table
 from benchmarks.tables import GPU, keep
-from gym_passive_walker.gpu import device
-from gym_passive_walker.gpu.batch import DeviceBatch
-from gym_passive_walker.gpu.device import SIMULATED, cuda
-from gym_passive_walker.gpu.strides import advance_there
-from gym_passive_walker.physics.systems import SYSTEMS
+from gym_passive_walker.devices.gpu import device
+from gym_passive_walker.devices.gpu.batch import DeviceBatch
+from gym_passive_walker.devices.gpu.device import SIMULATED, cuda
+from gym_passive_walker.devices.gpu.strides import advance_there
+from gym_passive_walker.models.equations.systems import SYSTEMS
 
 SIZES = [4, 16] if SIMULATED else [10**k for k in range(3, 7)]
 LARGEST_HERE = 10**5
@@ -172,9 +172,9 @@ def learning() -> None:
     import torch
     from rsl_rl.runners import OnPolicyRunner  # type: ignore[import-not-found]
 
-    from gym_passive_walker.gpu.environment import PassiveWalkerGpuEnv
+    from gym_passive_walker.devices.gpu.environment import PassiveWalkerGpuEnv
     from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
-    from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
+    from gym_passive_walker.torch.trainers.rsl_rl import RslRlWalkers
 
     where, steps = "cpu" if SIMULATED else "cuda", 4 if SIMULATED else 24
 

@@ -21,9 +21,10 @@ from benchmarks import other_solvers, penalty, reference
 from benchmarks.problem import Problem, problem
 from benchmarks.report import command, machine, plot, seconds, table
 from benchmarks.tables import PRECISION, keep
-from gym_passive_walker import WALKERS, console
+from gym_passive_walker import WALKERS
+from gym_passive_walker._tools import console
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.physics import legs
+from gym_passive_walker.models.equations import legs
 
 STRIDES = (1, 10, 100)
 BATCH = 64

@@ -26,7 +26,7 @@ import train
 from agents import files
 from benchmarks.report import machine, table
 from benchmarks.tables import DOCS, keep
-from gym_passive_walker import console
+from gym_passive_walker._tools import console
 
 PAGE = DOCS / "stability.md"
 STEPS, EVERY, ENVS = 8192, 512, 8  # SAC learns in half of the steps

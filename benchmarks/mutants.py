@@ -59,8 +59,8 @@ class Mutant(NamedTuple):
 
     @property
     def package(self) -> str:
-        """The package or folder of the module."""
-        return self.file.split("/")[0]
+        """The folder of the module."""
+        return Path(self.file).parent.name or self.file
 
 
 def changes(node: ast.AST) -> Iterator[ast.AST]:

@@ -3,13 +3,13 @@
     python -m benchmarks.mutation                      Try all deliberate faults.
     python -m benchmarks.mutation --blind              Try faults written without knowing the tests.
     python -m benchmarks.mutation --unseen             Try others, for which no test was written.
-    python -m benchmarks.mutation --changes 100        Change single signs of physics and engine.
+    python -m benchmarks.mutation --changes 100        Change single signs of equations and engine.
 
 Each mutant is a copy of the package with one fault. In the packages from `gaits` up, it is a
-plausible error of a programmer (`faults`). In `physics` and `engine`, one sign, number, operator or
-comparison is changed. The tests that concern the module run, the likeliest to fail first, until one
-fails. Code that the change may affect is recompiled, which takes some twenty seconds. Results are
-saved, one line of JSON for each mutant, and an interrupted run is resumed.
+plausible error of a programmer (`faults`). In `equations` and `engine`, one sign, number, operator
+or comparison is changed. The tests that concern the module run, the likeliest to fail first, until
+one fails. Code that the change may affect is recompiled, which takes some twenty seconds. Results
+are saved, one line of JSON for each mutant, and an interrupted run is resumed.
 """
 
 from __future__ import annotations
@@ -55,14 +55,15 @@ _TICKS = ("ticks.*",)
 _DISTURBED = ("disturbance_kernels.*", "*-pushed-*", "*-watched-*", *_TICKS)
 WITHIN = {
     **dict.fromkeys(
-        ("envs/checks", "envs/constraints", "gaits/forces", "gaits/terrain"), _DISTURBED
+        ("gaits/scenes/checks", "envs/constraints", "gaits/look/forces", "gaits/terrain"),
+        _DISTURBED,
     ),
     "envs/disturbance_kernels": _TICKS,
-    "envs/rules": ("task.*", *_DISTURBED),
-    "envs/starts": _TICKS,
+    "gaits/scenes/rules": ("task.*", *_DISTURBED),
+    "gaits/scenes/starts": _TICKS,
     "envs/task": _DISTURBED,
     "envs/transitions": _TICKS,
-    "math": ("task.*", *_DISTURBED),
+    "models/math": ("task.*", *_DISTURBED),
 }
 """Patterns of compiled code, besides a file's own, that depends on the file."""
 CHANGED_BY_COPY = "tests/engine/test_cache.py::test_a_source_that_changes_has_another_fingerprint"
@@ -104,11 +105,11 @@ class Copy:
         path = self.tree / path_of(mutant.file)
         path.write_text(mutant.source, "utf-8")
         shutil.rmtree(self.cache, ignore_errors=True)
-        if mutant.package not in ("physics", "engine"):
+        if mutant.package not in ("equations", "engine", "models"):
             # numba notices a change of a kernel's own file, but not of other files that it uses.
             stale = shutil.ignore_patterns(*WITHIN.get(mutant.file, ()))
             shutil.copytree(self.filled, self.cache, ignore=stale)
-        elif mutant.package == "physics" and mutant.file != "physics/hybrid":
+        elif mutant.package == "equations" and mutant.file != "models/equations/hybrid":
             # Code compiled by numba does not contain the equations: only object files are stale.
             shutil.copytree(self.filled, self.cache, ignore=shutil.ignore_patterns("*.o"))
         try:
@@ -263,7 +264,7 @@ def main() -> None:
     if options.packages:
         chosen = [mutant for mutant in chosen if mutant.package in options.packages]
     records = run(chosen, options.results, again=options.again, tried=options.tried)
-    from gym_passive_walker import console  # not before mutants are tried: see `run`
+    from gym_passive_walker._tools import console  # not before mutants are tried: see `run`
 
     console.print_in_any_encoding()
     found = report(records)

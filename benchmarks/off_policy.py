@@ -26,10 +26,10 @@ from agents.envs import arena, training_envs
 from agents.exploration import explorers
 from agents.learner import LearnedPolicy, schedule
 from benchmarks.report import machine, table
-from gym_passive_walker import console
+from gym_passive_walker._tools import console
+from gym_passive_walker._tools.extras import extra
+from gym_passive_walker.envs.evaluation.walks import evaluate
 from gym_passive_walker.envs.seeds import training_seeds
-from gym_passive_walker.evaluation.walks import evaluate
-from gym_passive_walker.extras import extra
 
 LEARNERS = {
     "sac": ("SAC", "MlpPolicy", {}),

@@ -18,10 +18,11 @@ import numpy as np
 
 from benchmarks.report import command, machine, table
 from benchmarks.tables import DOCS, keep
-from gym_passive_walker import GaitNotFound, console, optimal_gait
-from gym_passive_walker.control import optimal
-from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.progress import progress
+from gym_passive_walker import GaitNotFound, optimal_gait
+from gym_passive_walker._tools import console
+from gym_passive_walker._tools.progress import progress
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.scenes.scene import make_scene
 
 SCENE, SPEEDS, SEARCHES = "level", (0.08, 0.10, 0.12, 0.15, 0.18), 30
 SHIFT = 4

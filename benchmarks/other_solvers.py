@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from benchmarks.equations import compiled, coordinates, counts, falls, side, struck
 from benchmarks.problem import Problem
-from gym_passive_walker.physics.hybrid import Phase
-from gym_passive_walker.physics.numbers import sine_cosine
+from gym_passive_walker.models.equations.hybrid import Phase
+from gym_passive_walker.models.equations.numbers import sine_cosine
 
 _LONGEST = 10.0
 

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from benchmarks.engine import again, new_batch
 from benchmarks.problem import WALKS, Problem, problem
 from benchmarks.report import command, machine, seconds, table
-from gym_passive_walker import WALKERS, Gait, console, find_gait, stride, stride_jacobian
+from gym_passive_walker import WALKERS, Gait, find_gait, stride, stride_jacobian
+from gym_passive_walker._tools import console
 from gym_passive_walker.gaits.gait import multipliers_of
 
 TRIED = {"implicitfast": (1e-2, 3e-3, 1e-3, 3e-4, 1e-4), "RK4": (1e-2, 1e-3)}

@@ -18,10 +18,10 @@ from agents.config import Config, configure
 from benchmarks.gauntlet import FALLING, ROUGHNESS, WALKERS, Scores, scores_of
 from benchmarks.report import command, machine, table
 from benchmarks.tables import DOCS, keep
-from gym_passive_walker import console
-from gym_passive_walker.policies import TrainedPolicy, shipped_policies
-from gym_passive_walker.render.video import video
-from gym_passive_walker.walkers import name_of
+from gym_passive_walker._tools import console
+from gym_passive_walker.envs.policies import TrainedPolicy, shipped_policies
+from gym_passive_walker.models.walkers import name_of
+from gym_passive_walker.pictures.video import video
 
 STRIDES = 2
 """Strides of a video."""

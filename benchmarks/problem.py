@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker import WALKERS, find_gait
-from gym_passive_walker.physics.hybrid import Ground, System
-from gym_passive_walker.physics.systems import body_of, system_of
-from gym_passive_walker.units import units_of
+from gym_passive_walker.models.equations.hybrid import Ground, System
+from gym_passive_walker.models.equations.systems import body_of, system_of
+from gym_passive_walker.models.units import units_of
 
 STARTS = 64
 

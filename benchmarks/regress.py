@@ -26,7 +26,7 @@ import numpy as np
 from tqdm import tqdm
 
 from benchmarks.report import machine, table
-from gym_passive_walker import console
+from gym_passive_walker._tools import console
 
 ROOT = Path(__file__).parent.parent
 WORK = Path(__file__).parent / "regress_work.py"

@@ -4,31 +4,33 @@ from __future__ import annotations
 
 from pathlib import Path
 
-_MECHANICS = ["tests/physics", "tests/engine"]
-_MACHINERY = ["tests/engine", "tests/physics", "tests/stress"]
-_USERS = ["tests/physics/test_strides.py", "tests/physics"]
+_ROOT = Path(__file__).parents[1]
+_MECHANICS = ["tests/equations", "tests/engine"]
+_MACHINERY = ["tests/engine", "tests/equations", "tests/stress"]
+_USERS = ["tests/equations/test_strides.py", "tests/equations"]
 CHANGED = {
     **{
-        f"physics/{name}": _MECHANICS
+        f"models/equations/{name}": _MECHANICS
         for name in ("kneed", "straight", "simplest", "legs", "numbers", "hybrid", "bodies")
     },
     **{
         f"engine/{name}": _MACHINERY
-        for name in ("expressions", "sines", "native", "runge_kutta", "verner", "layout",
+        for name in ("sines", "native", "runge_kutta", "verner", "layout",
                      "equations", "step", "one_lane", "compiled", "event_location", "lanes", "run")
     },
+    "models/expressions": _MACHINERY,
     **{
-        f"walkers/{name}": ["tests/test_walkers.py", *_MECHANICS]
+        f"models/walkers/{name}": ["tests/test_walkers.py", *_MECHANICS]
         for name in ("walker", "presets", "parts", "tuning")
     },
     "gaits/stride": [*_USERS, "tests/gaits/test_given.py"],
-    "gaits/trajectory": [
-        "tests/physics/test_trajectory.py", "tests/physics/test_footholds.py",
+    "gaits/look/trajectory": [
+        "tests/equations/test_trajectory.py", "tests/equations/test_footholds.py",
         "tests/gaits/test_tables.py", "tests/gaits/test_own_units.py",
     ],
-    "gaits/forces": ["tests/physics/test_forces.py", "tests/physics/test_trajectory.py"],
-    "arguments": ["tests/physics/test_arguments.py", "tests/test_refusals.py", *_USERS],
-    "units": ["tests/physics/test_arguments.py", *_USERS],
+    "gaits/look/forces": ["tests/equations/test_forces.py", "tests/equations/test_trajectory.py"],
+    "_tools/arguments": ["tests/equations/test_arguments.py", "tests/test_refusals.py", *_USERS],
+    "models/units": ["tests/equations/test_arguments.py", *_USERS],
 }  # fmt: skip
 """Modules in which single signs are changed, and the tests that concern them."""
 
@@ -50,19 +52,19 @@ _CONCERNING = {
     "agents/sweep": "sweep training",
     "agents/training": "training",
     "agents/envs": "config training",
-    "control/baselines": "baselines closed_loop optimal",
-    "control/controlled": "controlled closed_loop matrix",
-    "control/maps": "controlled closed_loop matrix",
-    "control/feedback": "baselines ticks",
-    "control/optimal": "optimal",
-    "control/optimum": "optimal ticks",
-    "control/ticks": "ticks optimal closed_loop",
-    "cli/gaits": "answers tables commands",
-    "cli/report": "answers tables",
-    "cli/walks": "answers tables commands",
-    "cli/warmup": "answers",
+    "gaits/control/baselines": "baselines closed_loop optimal",
+    "gaits/control/controlled": "controlled closed_loop matrix",
+    "gaits/control/maps": "controlled closed_loop matrix",
+    "gaits/control/feedback": "baselines ticks",
+    "gaits/control/optimal": "optimal",
+    "gaits/control/optimum": "optimal ticks",
+    "gaits/control/ticks": "ticks optimal closed_loop",
+    "apps/cli/gaits": "answers tables commands",
+    "apps/cli/report": "answers tables",
+    "apps/cli/walks": "answers tables commands",
+    "apps/cli/warmup": "answers",
     "envs/batch": "batches changes vector_env starts walker_env task custom",
-    "envs/checks": "scene",
+    "gaits/scenes/checks": "scene",
     "envs/custom": "custom explain",
     "envs/disturbances": "disturbances constraints terrain",
     "envs/disturbance_kernels": "disturbances constraints terrain",
@@ -74,71 +76,71 @@ _CONCERNING = {
     "envs/registration": "walker_env arguments",
     "envs/saved": "saved_states batches vector_env walker_env",
     "envs/constraints": "constraints disturbances",
-    "envs/rules": "task actions batches walker_env disturbances",
+    "gaits/scenes/rules": "task actions batches walker_env disturbances",
     "envs/sb3": "sb3 batches",
-    "envs/scene": "scene task walker_env",
-    "envs/starts": "starts",
+    "gaits/scenes/scene": "scene task walker_env",
+    "gaits/scenes/starts": "starts",
     "envs/task": "task actions starts vector_env batches walker_env",
     "envs/ticks": "infos batches vector_env walker_env task starts",
     "envs/transitions": "custom",
     "envs/vector_env": "batches changes vector_env",
     "envs/walker_env": "batches walker_env",
-    "evaluation/gauntlet": "score_cards gauntlet",
-    "evaluation/linearization": "score_cards linearization",
-    "evaluation/pictures": "score_cards robustness",
-    "evaluation/robustness": "score_cards robustness",
-    "evaluation/steps": "steps control/baselines agents/evaluation agents/benchmark",
-    "evaluation/walks": "score_cards agents/evaluation",
+    "envs/evaluation/gauntlet": "score_cards gauntlet",
+    "envs/evaluation/linearization": "score_cards linearization",
+    "envs/evaluation/pictures": "score_cards robustness",
+    "envs/evaluation/robustness": "score_cards robustness",
+    "envs/evaluation/steps": "steps control/baselines agents/evaluation agents/benchmark",
+    "envs/evaluation/walks": "score_cards agents/evaluation",
     "examples/driven_torso": "driven_torso systems",
     "examples/five_links": "systems",
     "examples/stride_controllers": "stride_controllers",
     "examples/potential_shaping": "potential_shaping",
     "examples/rimless_wheel": "systems",
     "examples/torso": "systems",
-    "gaits/basin": "basin bifurcation",
-    "gaits/bifurcation": "bifurcation basin",
-    "gaits/continuation": "families",
-    "gaits/dense_stride": "series reality physics/trajectory stride_map",
-    "gaits/doubling": "bifurcation",
-    "gaits/family": "families driven varied_map",
-    "gaits/first_passage": "first_passage",
-    "gaits/first_passage_mesh": "first_passage_mesh",
-    "gaits/foothold_chain": "first_passage_mesh",
-    "gaits/flow": "stride_map control/ticks physics/strides physics/trajectory jacobian",
+    "gaits/robust/basin": "basin bifurcation",
+    "gaits/branches/bifurcation": "bifurcation basin",
+    "gaits/branches/continuation": "families",
+    "gaits/look/dense_stride": "series reality equations/trajectory stride_map",
+    "gaits/branches/doubling": "bifurcation",
+    "gaits/branches/family": "families driven varied_map",
+    "gaits/robust/first_passage": "first_passage",
+    "gaits/robust/first_passage_mesh": "first_passage_mesh",
+    "gaits/robust/foothold_chain": "first_passage_mesh",
+    "gaits/flow": "stride_map control/ticks equations/strides equations/trajectory jacobian",
     "gaits/gait": "gaits",
-    "gaits/measures": "measures",
-    "gaits/reality": "reality",
-    "gaits/search": "gaits families",
-    "gaits/stability": "jacobian",
+    "gaits/look/measures": "measures",
+    "gaits/look/reality": "reality",
+    "gaits/find/search": "gaits families",
+    "gaits/look/stability": "jacobian",
     "gaits/stride_map": "stride_map control/controlled",
-    "gaits/terrain": "envs/terrain physics/footholds first_passage",
-    "gaits/varied_map": "varied_map",
-    "gpu/batch": "batch environment conformance/conformance",
-    "gpu/device": "compiled batch strides",
-    "gpu/environment": "environment conformance/conformance",
-    "gpu/episodes": "batch environment conformance/conformance",
-    "gpu/instructions": "compiled strides",
-    "gpu/lane": "strides systems batch",
-    "gpu/primitives": "strides batch",
-    "gpu/simulated": "compiled strides",
-    "gpu/source": "compiled strides systems",
-    "gpu/strides": "strides systems",
-    "math": "envs/custom",
-    "policies/__init__": "plain network shipped",
-    "policies/network": "plain network",
-    "policies/onnx_file": "onnx",
-    "policies/sb3_file": "sb3_file",
-    "policies/tensors": "plain network",
-    "render/panels": "panels viewer/viewer",
-    "sweeps/quantities": "rows meaning description",
-    "sweeps/tasks": "tasks meaning rows",
+    "gaits/terrain": "envs/terrain equations/footholds first_passage",
+    "gaits/branches/varied_map": "varied_map",
+    "devices/gpu/batch": "batch environment conformance/conformance",
+    "devices/gpu/device": "compiled batch strides",
+    "devices/gpu/environment": "environment conformance/conformance",
+    "devices/gpu/episodes": "batch environment conformance/conformance",
+    "devices/gpu/instructions": "compiled strides",
+    "devices/gpu/lane": "strides systems batch",
+    "devices/gpu/primitives": "strides batch",
+    "devices/gpu/simulated": "compiled strides",
+    "devices/gpu/source": "compiled strides systems",
+    "devices/gpu/strides": "strides systems",
+    "models/math": "envs/custom",
+    "envs/policies/__init__": "plain network shipped",
+    "envs/policies/network": "plain network",
+    "envs/policies/onnx_file": "onnx",
+    "envs/policies/sb3_file": "sb3_file",
+    "envs/policies/tensors": "plain network",
+    "pictures/panels": "panels viewer/viewer",
+    "apps/sweeps/quantities": "rows meaning description",
+    "apps/sweeps/tasks": "tasks meaning rows",
     "torch/environment": "lanes environment conformance/conformance",
     "torch/operation": "lanes walks rollouts",
     "torch/rollouts": "lanes rollouts conformance/conformance",
     "torch/walks": "lanes walks",
-    "trainers/rsl_rl": "walkers contracts",
-    "trainers/skrl": "walkers contracts",
-    "trainers/torchrl": "walkers contracts",
+    "torch/trainers/rsl_rl": "walkers contracts",
+    "torch/trainers/skrl": "walkers contracts",
+    "torch/trainers/torchrl": "walkers contracts",
     "validation/page": "page rows",
     "validation/rows": "rows page",
     "validation/scaling": "scaling",
@@ -162,21 +164,21 @@ _BESIDES = {
     "agents/first_order": "updates reference first_order",
     "agents/learned_steps": "reference learned_steps",
     "agents/ppo_fast": "updates reference ppo_fast",
-    "cli/sweeps": "sweeps/options",
+    "apps/cli/sweeps": "sweeps/options",
     "envs/disturbance_kernels": "streams",
     "gaits/terrain": "envs/streams",
 }
 _SINGLE = {
     "__init__": "options/test_functions test_walkers test_shown",
     "__main__": "cli/test_commands test_console",
-    "extras": "test_shown cli/test_commands",
-    "files": "test_files cli/test_files cli/test_answers",
-    "math": "envs/test_custom modeling/test_limits modeling/test_numbers",
+    "_tools/extras": "test_shown cli/test_commands",
+    "_tools/files": "test_files cli/test_files cli/test_answers",
+    "models/math": "envs/test_custom own/test_limits own/test_numbers",
 }
 """All tests of modules outside packages, where tests have other names."""
 _KEPT: dict[str, tuple[str, ...]] = {
-    **dict.fromkeys(("agents", "viewer"), ("tests/render/test_drawn.py",)),
-    **dict.fromkeys(("cli", "gpu", "render", "sweeps", "validation", "web"), ()),
+    **dict.fromkeys(("agents", "viewer"), ("tests/pictures/test_drawn.py",)),
+    **dict.fromkeys(("cli", "gpu", "pictures", "sweeps", "validation", "web"), ()),
 }
 """Tests by package that compare with a file of results, instead of `tests/test_results.py`."""
 _EVERYWHERE = "permutations streams conformance/conformance"
@@ -191,7 +193,7 @@ def tests_of(file: str) -> list[str]:
     """
     if file in CHANGED:
         return CHANGED[file]
-    package = file.split("/")[0]
+    package = _folder_of(file)
     named = f"{_CONCERNING.get(file, '')} {_BESIDES.get(file, '')}".split()
     named += _EVERYWHERE.split() * (package == "envs")
     names = (name if "/" in name else f"{package}/{name}" for name in dict.fromkeys(named))
@@ -211,5 +213,15 @@ def tests_of(file: str) -> list[str]:
 
 def _tests_in(folder: str) -> list[str]:
     """The test files of a folder."""
-    root = Path(__file__).parents[1]
-    return [str(path.relative_to(root)) for path in sorted((root / folder).glob("test_*.py"))]
+    return [str(path.relative_to(_ROOT)) for path in sorted((_ROOT / folder).glob("test_*.py"))]
+
+
+def _folder_of(file: str) -> str:
+    """The folder of a module's tests: that of the innermost room which has one."""
+    if file.startswith("gaits/scenes/"):
+        return "envs"
+    rooms = Path(file).parent.parts
+    if rooms in ((), ("_tools",)):
+        return Path(file).name
+    known = (room for room in reversed(rooms) if (_ROOT / "tests" / room).is_dir())
+    return next(known, rooms[-1])

@@ -81,7 +81,9 @@ def command(
         description: Text of `--help`.
         parts: The script's parts by name; all run if none is named.
     """
-    from gym_passive_walker import console  # imported here: some scripts load the package later
+    from gym_passive_walker._tools import (
+        console,  # imported here: some scripts load the package later
+    )
 
     console.print_in_any_encoding()
     shape = argparse.RawTextHelpFormatter
@@ -119,7 +121,7 @@ def plot(
         title: Title of the picture.
         falling: Whether the horizontal axis runs from large to small.
     """
-    from gym_passive_walker.render.axes import HEAVY, LIGHT, legend, panels, save, series
+    from gym_passive_walker.pictures.axes import HEAVY, LIGHT, legend, panels, save, series
 
     figure, (axes,) = panels(size=(7.0, 5.6))
     for index, (label, (across, up)) in enumerate(curves.items()):

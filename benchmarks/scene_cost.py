@@ -21,8 +21,8 @@ from benchmarks.engine import again, new_batch
 from benchmarks.problem import problem
 from benchmarks.report import command, machine, seconds, table
 from benchmarks.tables import SPEED, keep
-from gym_passive_walker import console
-from gym_passive_walker.gaits.trajectory import simulate
+from gym_passive_walker._tools import console
+from gym_passive_walker.gaits.look.trajectory import simulate
 
 BEFALLS = {
     "pushes, one in twenty ticks": {"pushes": {"rate": 0.5, "impulse": (-1e-4, 1e-4)}},

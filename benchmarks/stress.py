@@ -15,7 +15,7 @@ from benchmarks.report import machine, table
 from benchmarks.stress_cases.case import Case, Finding
 from benchmarks.stress_cases.everything import STATEMENTS
 from benchmarks.tables import DOCS, keep
-from gym_passive_walker import console
+from gym_passive_walker._tools import console
 
 PAGE = DOCS / "stability.md"
 

@@ -26,9 +26,9 @@ import numpy as np
 import gym_passive_walker as gpw
 from benchmarks.report import command, machine, seconds, table
 from benchmarks.tables import DOCS, keep
+from gym_passive_walker.apps.sweeps.description import Description
+from gym_passive_walker.apps.sweeps.store import DONE, Store
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.sweeps.description import Description
-from gym_passive_walker.sweeps.store import DONE, Store
 
 PAGE = DOCS / "scaling.md"
 WALKER, SLOPE = "C", 0.03

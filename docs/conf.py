@@ -10,7 +10,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.errors import ExtensionError
 
-from gym_passive_walker import web
+from gym_passive_walker.devices import web
 
 os.environ["NUMBA_ENABLE_CUDASIM"] = "1"  # pages on devices are made where there is none
 os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"  # cells show pictures

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import gym_passive_walker as gpw
-from gym_passive_walker.units import units_of
+from gym_passive_walker.models.units import units_of
 
 IMAGES = Path(__file__).resolve().parent / "images"
 FINEST = 2**16 - 1

@@ -27,9 +27,9 @@ from typing import Any, NamedTuple
 
 os.environ["NUMBA_ENABLE_CUDASIM"] = "1"  # names of the GPU are imported where there is none
 
-from gym_passive_walker.shown import picture
-from gym_passive_walker.units import KINDS, PROPORTIONS, UNITS
-from gym_passive_walker.walkers import PARAMETERS, Walker
+from gym_passive_walker._tools.shown import picture
+from gym_passive_walker.models.units import KINDS, PROPORTIONS, UNITS
+from gym_passive_walker.models.walkers import PARAMETERS, Walker
 
 DOCS = Path(__file__).resolve().parent
 BEGIN, END = "copies it here.\n\n", "## Named scenes\n"

@@ -21,7 +21,7 @@ import numpy as np
 
 import gym_passive_walker as gpw
 from examples.torso import TORSO
-from gym_passive_walker import console
+from gym_passive_walker._tools import console
 
 SLOPE = 0.03
 

@@ -17,9 +17,10 @@ from __future__ import annotations
 import sys
 from typing import NamedTuple
 
-import gym_passive_walker as gpw
-from gym_passive_walker import console
 from gym_passive_walker.math import cos, sin
+
+import gym_passive_walker as gpw
+from gym_passive_walker._tools import console
 
 LEG, MASS = 0.8, 32.0  # m, kg
 

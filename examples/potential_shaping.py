@@ -30,7 +30,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import simpson
 
 import gym_passive_walker as gpw
-from gym_passive_walker import Gait, Walker, console
+from gym_passive_walker import Gait, Walker
+from gym_passive_walker._tools import console
 
 _SAMPLES = 4001  # of a stride, for Simpson's rule
 _BEFORE = 1.0 - 1e-12  # at its end the collision has changed the angular velocities

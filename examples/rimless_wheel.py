@@ -15,9 +15,10 @@ import math
 import sys
 from typing import NamedTuple
 
-import gym_passive_walker as gpw
-from gym_passive_walker import console
 from gym_passive_walker.math import cos, sin
+
+import gym_passive_walker as gpw
+from gym_passive_walker._tools import console
 
 
 class Wheel(NamedTuple):

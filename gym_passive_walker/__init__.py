@@ -3,61 +3,61 @@
 __version__ = "0.1.0"
 
 # Imported first, so that Ctrl-C ends the command line with one line even during later imports.
-import gym_passive_walker.console
+import gym_passive_walker._tools.console
 
 # isort: split
 
 # These modules register the plots of objects, without importing matplotlib.
-import gym_passive_walker.evaluation.pictures
-import gym_passive_walker.render
-import gym_passive_walker.sweeps.pictures  # noqa: F401
-from gym_passive_walker import math
-from gym_passive_walker.control.maps import closed_loop_gait, stride_map
-from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
-from gym_passive_walker.control.optimum import OptimalGait
+import gym_passive_walker.apps.sweeps.pictures
+import gym_passive_walker.envs.evaluation.pictures
+import gym_passive_walker.pictures  # noqa: F401
+from gym_passive_walker.apps.sweeps.run import SweepResult, sweep
+from gym_passive_walker.apps.viewer.play import play
+from gym_passive_walker.envs.evaluation.gauntlet import Gauntlet, gauntlet
+from gym_passive_walker.envs.evaluation.robustness import Robustness, robustness
 from gym_passive_walker.envs.explain import explain
+from gym_passive_walker.envs.policies import PolicyError, TrainedPolicy, load_policy
 from gym_passive_walker.envs.registration import register as _register
 from gym_passive_walker.envs.transitions import Transition
-from gym_passive_walker.evaluation.gauntlet import Gauntlet, gauntlet
-from gym_passive_walker.evaluation.robustness import Robustness, robustness
 from gym_passive_walker.gaits.actuation import Actuation
-from gym_passive_walker.gaits.basin import (
-    Basin,
-    VelocityPerturbations,
-    basin_of_attraction,
-    largest_push,
-)
-from gym_passive_walker.gaits.bifurcation import (
+from gym_passive_walker.gaits.branches.bifurcation import (
     BifurcationDiagram,
     bifurcation_diagram,
     crisis_slope,
     lyapunov_exponents,
 )
-from gym_passive_walker.gaits.dense_stride import Impulse, TimedExtremum
-from gym_passive_walker.gaits.design import Design, optimize_walker, tune_to_walk
-from gym_passive_walker.gaits.doubling import Cascade, doubling_cascade
-from gym_passive_walker.gaits.family import GaitFamily, gait_family, parameter_family
-from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
+from gym_passive_walker.gaits.branches.doubling import Cascade, doubling_cascade
+from gym_passive_walker.gaits.branches.family import GaitFamily, gait_family, parameter_family
+from gym_passive_walker.gaits.control.maps import closed_loop_gait, stride_map
+from gym_passive_walker.gaits.control.optimal import optimal_gait, optimal_gaits
+from gym_passive_walker.gaits.control.optimum import OptimalGait
+from gym_passive_walker.gaits.design.design import Design, optimize_walker, tune_to_walk
+from gym_passive_walker.gaits.find.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
-from gym_passive_walker.gaits.measures import (
+from gym_passive_walker.gaits.look.dense_stride import Impulse, TimedExtremum
+from gym_passive_walker.gaits.look.measures import (
     FootVelocity,
     Measures,
     collision_matrix,
     foot_velocity,
     measures,
 )
-from gym_passive_walker.gaits.reality import RealityCheck, reality_check
-from gym_passive_walker.gaits.stability import stride_jacobian
+from gym_passive_walker.gaits.look.reality import RealityCheck, reality_check
+from gym_passive_walker.gaits.look.stability import stride_jacobian
+from gym_passive_walker.gaits.look.trajectory import Trajectory, simulate
+from gym_passive_walker.gaits.robust.basin import (
+    Basin,
+    VelocityPerturbations,
+    basin_of_attraction,
+    largest_push,
+)
 from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain, footholds, rough, stairs, waves
-from gym_passive_walker.gaits.trajectory import Trajectory, simulate
-from gym_passive_walker.modeling.mechanics import Link
-from gym_passive_walker.modeling.system import StatementError, System
-from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.policies import PolicyError, TrainedPolicy, load_policy
-from gym_passive_walker.sweeps.run import SweepResult, sweep
-from gym_passive_walker.viewer.play import play
-from gym_passive_walker.walkers import (
+from gym_passive_walker.models import math
+from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.models.own.mechanics import Link
+from gym_passive_walker.models.own.system import StatementError, System
+from gym_passive_walker.models.walkers import (
     WALKERS,
     Part,
     TuningErrors,

@@ -2,7 +2,7 @@
 
 import sys
 
-from gym_passive_walker.cli import main
+from gym_passive_walker.apps.cli import main
 
 if __name__ == "__main__":
     sys.exit(main())

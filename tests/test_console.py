@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker import console
+from gym_passive_walker._tools import console
 
 ROOT = Path(__file__).parents[1]
 SOURCES = [ROOT / "train.py"]
@@ -74,15 +74,15 @@ def test_every_program_prints_in_any_encoding():
     silent = {
         "benchmarks/cosmic_ray_sample.py",
         "benchmarks/regress_work.py",
-        "gym_passive_walker/envs/starts.py",
-        "gym_passive_walker/web/compile.py",
+        "gym_passive_walker/gaits/scenes/starts.py",
+        "gym_passive_walker/devices/web/compile.py",
     }
     assert silent < programs.keys() and len(programs) > 20
     safe = (
         "console.run(",
         "console.print_in_any_encoding()",
         "command(__doc__",
-        "from gym_passive_walker.cli import main",
+        "from gym_passive_walker.apps.cli import main",
     )
     unsafe = {name for name, text in programs.items() if not any(said in text for said in safe)}
     assert unsafe == silent

@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from gym_passive_walker._tools.loading import HOLDS_CODE
+from gym_passive_walker.apps.sweeps import store
+from gym_passive_walker.apps.sweeps.description import Description
+from gym_passive_walker.envs.policies import DESCRIPTION, TENSORS, policy_folder
+from gym_passive_walker.envs.policies.tensors import read_tensors
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.terrain import terrain_from
-from gym_passive_walker.loading import HOLDS_CODE
-from gym_passive_walker.policies import DESCRIPTION, TENSORS, policy_folder
-from gym_passive_walker.policies.tensors import read_tensors
-from gym_passive_walker.sweeps import store
-from gym_passive_walker.sweeps.description import Description
 
 ONE = "checkpoints/000000000007"
 """A checkpoint in the folder of a run."""

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.cli import main
-from gym_passive_walker.files import prepare, remove, replacing
-from gym_passive_walker.loading import SUFFIXES
+from gym_passive_walker._tools.files import prepare, remove, replacing
+from gym_passive_walker._tools.loading import SUFFIXES
+from gym_passive_walker.apps.cli import main
 
 STATE = np.array([0.2, -0.2, -0.2, -0.2, -0.1, -0.1])
 FULL = Path("/dev/full")
@@ -42,14 +42,14 @@ def as_table(walk, path):
 
 def as_picture(walk, path):
     pytest.importorskip("matplotlib")
-    from gym_passive_walker.render.axes import panels, save
+    from gym_passive_walker.pictures.axes import panels, save
 
     save(panels()[0], path)
 
 
 def as_film(walk, path):
     pytest.importorskip("moviepy")
-    from gym_passive_walker.render.video import Video
+    from gym_passive_walker.pictures.video import Video
 
     noise = np.random.default_rng(0).integers(0, 256, (64, 64, 3), np.uint8)
     with Video(path, (64, 64), 30) as video:
@@ -116,7 +116,7 @@ def test_a_walker_is_read_from_a_file_whatever_the_case_of_its_ending(ending, ca
 
 def test_a_film_that_is_given_up_leaves_no_file(tmp_path):
     pytest.importorskip("moviepy")
-    from gym_passive_walker.render.video import Video
+    from gym_passive_walker.pictures.video import Video
 
     with pytest.raises(RuntimeError), Video(tmp_path / "walk.mp4", (64, 64), 30) as video:
         video.write(np.zeros((64, 64, 3), np.uint8))
@@ -167,7 +167,7 @@ def test_a_failure_leaves_the_old_file_and_no_other(tmp_path):
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from gym_passive_walker.files import prepare, remove, replacing
+from gym_passive_walker._tools.files import prepare, remove, replacing
 with replacing(Path(sys.argv[1])) as aside:
     aside.write_text("half")
     os.kill(os.getpid(), signal.SIGKILL)
@@ -204,7 +204,7 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path):
 def test_a_film_in_slow_motion_has_as_many_more_frames(tmp_path):
     pytest.importorskip("moviepy")
     pytest.importorskip("pygame")
-    from gym_passive_walker.render.video import video
+    from gym_passive_walker.pictures.video import video
 
     state = gpw.find_gait("lab", 0.036).state
     frames = [

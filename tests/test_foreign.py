@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker import math
 from gym_passive_walker.engine.device_linker import plain
+from gym_passive_walker.models import math
 
 ELEMENTARY = ("exp", "tanh", "sqrt", "sin", "cos")
 
@@ -50,7 +50,10 @@ def test_a_function_of_a_module_named_like_the_package_is_not_the_package_s():
     def mine():
         """A function of a user's."""
 
-    for module, ours in (("gym_passive_walker.math", True), ("gym_passive_walker_mine", False)):
+    for module, ours in (
+        ("gym_passive_walker.models.math", True),
+        ("gym_passive_walker_mine", False),
+    ):
         mine.__module__ = module
         assert (plain(mine) is mine) == ours
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gym_passive_walker.loading import SUFFIXES, is_file, read_content
+from gym_passive_walker._tools.loading import SUFFIXES, is_file, read_content
 
 CONTENT = {
     ".json": '{"name": "Läufer", "mass": 1.5, "parts": [1, 2], "on": true}',

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker import progress as module
-from gym_passive_walker.progress import compiling, progress
+from gym_passive_walker._tools import progress as module
+from gym_passive_walker._tools.progress import compiling, progress
 
 
 class Terminal(io.StringIO):

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.envs.scene import make_scene
-from tests.physics.examples import LONG_GAITS
+from gym_passive_walker.gaits.control.baselines import Passive
+from gym_passive_walker.gaits.scenes.scene import make_scene
+from tests.equations.examples import LONG_GAITS
 
 STATE = LONG_GAITS["lab"].state
 LONG = "x" * 5000
@@ -189,7 +189,7 @@ def test_a_name_of_5000_characters_is_no_name(look):
 @pytest.fixture
 def copy(tmp_path):
     folder = tmp_path / "policy"
-    shutil.copytree(gpw.policies.policy_folder("level-ppo"), folder)
+    shutil.copytree(gpw.envs.policies.policy_folder("level-ppo"), folder)
     return folder
 
 

@@ -20,11 +20,11 @@ from examples.driven_torso import DRIVEN_TORSO
 from examples.five_links import FIVE_LINKS
 from examples.rimless_wheel import RIMLESS_WHEEL
 from examples.torso import TORSO
-from gym_passive_walker.control.baselines import LinearFeedback, Optimal
-from gym_passive_walker.envs.scene import SCENES, make_scene
+from gym_passive_walker.envs.policies import shipped_policies
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.policies import shipped_policies
-from gym_passive_walker.render.ground import ground_under
+from gym_passive_walker.gaits.control.baselines import LinearFeedback, Optimal
+from gym_passive_walker.gaits.scenes.scene import SCENES, make_scene
+from gym_passive_walker.pictures.ground import ground_under
 from tests.numbers import compare, numbers_in, work
 
 KEPT = Path(__file__).with_name("results.json")

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import Outcome
-from gym_passive_walker.extras import extra, need
-from gym_passive_walker.shown import Shown, Table, picture
+from gym_passive_walker._tools.extras import extra, need
+from gym_passive_walker._tools.shown import Shown, Table, picture
 
 
 class Made(Table):

@@ -25,11 +25,11 @@ from gym_passive_walker import (
     tune,
     tuning_errors,
 )
-from gym_passive_walker.walkers import as_walker, combine, describe, name_of
-from gym_passive_walker.walkers.presets import is_walker
-from gym_passive_walker.walkers.walker import changed, varied
-from tests.physics.bodies import Bodies
-from tests.physics.examples import random_walker
+from gym_passive_walker.models.walkers import as_walker, combine, describe, name_of
+from gym_passive_walker.models.walkers.presets import is_walker
+from gym_passive_walker.models.walkers.walker import changed, varied
+from tests.equations.bodies import Bodies
+from tests.equations.examples import random_walker
 
 NUMBERS = [field.name for field in fields(Walker) if field.name != "knees"]
 LAB = WALKERS["lab"]

@@ -31,7 +31,7 @@ _PAGES = (
     "benchmarks/*.md",
     "docs/*.md",
     "docs/notebooks/*.md",
-    "gym_passive_walker/web/**/*.md",
+    "gym_passive_walker/devices/web/**/*.md",
 )
 _MODULES = ("gym_passive_walker", "agents", "benchmarks", "docs", "examples", "tests", "validation")
 _EXAMPLES = ("tests/docs/test_words.py",)

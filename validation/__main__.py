@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from gym_passive_walker import console
+from gym_passive_walker._tools import console
 from validation import page
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from gym_passive_walker.files import replacing
+from gym_passive_walker._tools.files import replacing
 from validation import (
     chaos,
     controllers,

@@ -9,7 +9,7 @@ import numpy as np
 
 import gym_passive_walker as gpw
 from gym_passive_walker import WALKERS, Part, Walker
-from gym_passive_walker.walkers import combine
+from gym_passive_walker.models.walkers import combine
 from validation.rows import Row, claim, listed, number
 from validation.walks import gait
 

@@ -9,10 +9,10 @@ from benchmarks.stress_cases.extremes import ended, random_throws
 from benchmarks.stress_cases.flight import Flock, flock, random_shapes
 from gym_passive_walker import WALKERS
 from gym_passive_walker.envs.interface import OUTCOMES
-from gym_passive_walker.envs.rules import ENERGIES
-from gym_passive_walker.envs.scene import CONTROLS
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
-from gym_passive_walker.physics.systems import bodies, system_of
+from gym_passive_walker.gaits.scenes.rules import ENERGIES
+from gym_passive_walker.gaits.scenes.scene import CONTROLS
+from gym_passive_walker.models.equations.systems import bodies, system_of
 
 TOPIC = "Anything at all"
 _SHAPES, _THROWS = 200, 50  # shapes of a portion; initial states of each shape

@@ -9,7 +9,7 @@ from benchmarks.stress_cases.flight import flock, flock_of
 from benchmarks.stress_cases.gaits import every_gait, start
 from gym_passive_walker import Outcome, Walker
 from gym_passive_walker.engine.run import new_records
-from gym_passive_walker.physics.systems import SYSTEMS, system_of
+from gym_passive_walker.models.equations.systems import SYSTEMS, system_of
 
 TOPIC = "Drift"
 TICK = 50.0  # time in sqrt(l/g) of one call for a swinging walker

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker import WALKERS, Walker
 from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
-from gym_passive_walker.physics.hybrid import Ground, Outcome, State, System
-from gym_passive_walker.physics.systems import bodies, system_of
+from gym_passive_walker.models.equations.hybrid import Ground, Outcome, State, System
+from gym_passive_walker.models.equations.systems import bodies, system_of
 
 FREE = 0
 """The phase in which a kneed walker's stride begins."""

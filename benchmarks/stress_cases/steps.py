@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from benchmarks.stress_cases.case import Finding, case
 from benchmarks.stress_cases.flight import Flock, flock
 from gym_passive_walker import WALKERS, Outcome
-from gym_passive_walker.physics.legs import NARROWEST
-from gym_passive_walker.physics.systems import UNEVEN
+from gym_passive_walker.models.equations.legs import NARROWEST
+from gym_passive_walker.models.equations.systems import UNEVEN
 
 TOPIC = "Uneven ground"
 _TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)

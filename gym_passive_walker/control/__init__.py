@@ -1,1 +1,1 @@
-"""Actuated gaits: ticked strides, feedback, optimal gaits, and walkers under a policy."""
+"""Door to `gaits.control`: controllers."""

@@ -18,21 +18,22 @@ from pathlib import Path
 
 _ROOT = Path(__file__).parent.parent
 _SOURCES = (
-    "physics/*",
+    "models/equations/*",
+    "models/expressions",
+    "models/math",
     "engine/*",
+    "gaits/look/forces",
+    "gaits/terrain",
+    "gaits/scenes/checks",
+    "gaits/scenes/rules",
+    "gaits/scenes/starts",
     "envs/task",
     "envs/disturbance_kernels",
     "envs/constraints",
-    "envs/checks",
-    "envs/rules",
-    "envs/starts",
     "envs/ticks",
     "envs/rule",
     "envs/transitions",
     "envs/views",
-    "gaits/forces",
-    "gaits/terrain",
-    "math",
 )
 """Sources, without their ending ".py", on which compiled code depends."""
 _DIGEST = hashlib.sha256().digest_size

@@ -7,7 +7,7 @@ from typing import Any
 
 from numba.core.event import Event, Listener, register
 
-from gym_passive_walker.progress import compiling
+from gym_passive_walker._tools.progress import compiling
 
 
 class _Announcer(Listener):

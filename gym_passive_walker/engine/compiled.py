@@ -12,9 +12,9 @@ import numpy as np
 from llvmlite import binding as llvm
 from numpy.typing import NDArray
 
+from gym_passive_walker._tools.progress import compiling
 from gym_passive_walker.engine import cache
 from gym_passive_walker.engine.equations import Equations, places_of, state_of, without_absent
-from gym_passive_walker.engine.expressions import Expression, choose, read
 from gym_passive_walker.engine.layout import (
     MOST_GUARDS,
     PAIR,
@@ -28,11 +28,11 @@ from gym_passive_walker.engine.native import Code, Function, Memory, Module, use
 from gym_passive_walker.engine.one_lane import OneLane, first_where
 from gym_passive_walker.engine.runge_kutta import Pair
 from gym_passive_walker.engine.step import Step
-from gym_passive_walker.physics import legs
-from gym_passive_walker.physics.hybrid import Ground, Outcome, Phase, State, System
-from gym_passive_walker.physics.numbers import sine_cosine
-from gym_passive_walker.physics.systems import SYSTEMS
-from gym_passive_walker.progress import compiling
+from gym_passive_walker.models.equations import legs
+from gym_passive_walker.models.equations.hybrid import Ground, Outcome, Phase, State, System
+from gym_passive_walker.models.equations.numbers import sine_cosine
+from gym_passive_walker.models.equations.systems import SYSTEMS
+from gym_passive_walker.models.expressions import Expression, choose, read
 
 OF_LANE = ("load_constants", "load", "move", "unload", "look", "accept", "predict_strike")
 OF_LANES = ("first", "sweep")

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from gym_passive_walker.engine.expressions import Expression, Tangents
 from gym_passive_walker.engine.layout import PAIR
 from gym_passive_walker.engine.native import Memory
 from gym_passive_walker.engine.runge_kutta import Pair
-from gym_passive_walker.physics.hybrid import Ground, Guard, Phase, State, System
+from gym_passive_walker.models.equations.hybrid import Ground, Guard, Phase, State, System
+from gym_passive_walker.models.expressions import Expression, Tangents
 
 
 class Equations:

@@ -21,7 +21,7 @@ from gym_passive_walker.engine.step import (
     SAFETY,
     STRETCH,
 )
-from gym_passive_walker.physics.hybrid import Watch
+from gym_passive_walker.models.equations.hybrid import Watch
 
 TIME_UP, LOST, GIVEN_UP = -1, -2, -3
 """Ends of a phase other than guards: the time limit, numbers that are not finite, or a motion too

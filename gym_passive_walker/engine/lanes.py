@@ -14,7 +14,7 @@ from gym_passive_walker.engine.jit import address, call, inlined, merged, stack,
 from gym_passive_walker.engine.layout import WIDTH
 from gym_passive_walker.engine.native import GROUP
 from gym_passive_walker.engine.step import ALERT, PLAIN, UP
-from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.models.equations.hybrid import Outcome
 
 _DIVERGED, _STALLED = int(Outcome.DIVERGED), int(Outcome.STALLED)
 _FALLS = int(Outcome.FELL_FORWARD)

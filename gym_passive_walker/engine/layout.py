@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.engine.native import GROUP
 from gym_passive_walker.engine.runge_kutta import Pair
 from gym_passive_walker.engine.verner import VERNER
-from gym_passive_walker.physics.hybrid import Control, Ground, State, System
+from gym_passive_walker.models.equations.hybrid import Control, Ground, State, System
 
 PAIR = VERNER
 """The Runge-Kutta pair."""

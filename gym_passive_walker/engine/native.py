@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gym_passive_walker.engine.expressions import Expression, Tangents, operands, read
+from gym_passive_walker.models.expressions import Expression, Tangents, operands, read
 
 GROUP = 8
 """Lanes of a vector: one of 512 bits, or two of 256."""

@@ -12,16 +12,16 @@ from functools import partial
 import numpy as np
 
 from gym_passive_walker.engine.equations import Equations, places_of, sum_of
-from gym_passive_walker.engine.expressions import (
+from gym_passive_walker.engine.native import Memory
+from gym_passive_walker.engine.step import STRETCH
+from gym_passive_walker.models.equations.hybrid import Guard, Phase, State, System
+from gym_passive_walker.models.expressions import (
     Expression,
     choose,
     larger,
     polynomial,
     square_root,
 )
-from gym_passive_walker.engine.native import Memory
-from gym_passive_walker.engine.step import STRETCH
-from gym_passive_walker.physics.hybrid import Guard, Phase, State, System
 
 LAST_STAGES = 5
 """Number of a step's last stages through which the extrapolating polynomial passes."""

@@ -32,7 +32,7 @@ from gym_passive_walker.engine.layout import (
     record_for,
     tile_for,
 )
-from gym_passive_walker.physics.hybrid import System
+from gym_passive_walker.models.equations.hybrid import System
 
 OPTIONS = np.dtype(
     [

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from math import factorial
 
-from gym_passive_walker.engine.expressions import Expression, polynomial
-from gym_passive_walker.physics.numbers import sine_cosine
+from gym_passive_walker.models.equations.numbers import sine_cosine
+from gym_passive_walker.models.expressions import Expression, polynomial
 
 _INVERSE_PI = 0.3183098861837907
 _PI = 3.141592653589793

@@ -14,7 +14,11 @@ from itertools import pairwise
 from operator import and_
 
 from gym_passive_walker.engine.equations import Equations, sum_of, weighted
-from gym_passive_walker.engine.expressions import (
+from gym_passive_walker.engine.native import Memory
+from gym_passive_walker.engine.sines import near
+from gym_passive_walker.models.equations.hybrid import Guard, State, Watch
+from gym_passive_walker.models.equations.numbers import sine_cosine
+from gym_passive_walker.models.expressions import (
     Expression,
     choose,
     inverse_root,
@@ -22,10 +26,6 @@ from gym_passive_walker.engine.expressions import (
     polynomial,
     rounding,
 )
-from gym_passive_walker.engine.native import Memory
-from gym_passive_walker.engine.sines import near
-from gym_passive_walker.physics.hybrid import Guard, State, Watch
-from gym_passive_walker.physics.numbers import sine_cosine
 
 PLAIN, ALERT, UP = 0.0, 1.0, 2.0
 """Verdicts of `classify` on a lane's step: ordinary; a possible event; time limit reached."""

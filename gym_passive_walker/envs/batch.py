@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import check_slope, check_state, whole
+from gym_passive_walker._tools.arguments import check_slope, check_state, whole
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import layout_of, record_for
@@ -22,13 +22,13 @@ from gym_passive_walker.envs.custom import RULES, Custom
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
 from gym_passive_walker.envs.interface import observation_space, refuse
 from gym_passive_walker.envs.one_thread import Token
-from gym_passive_walker.envs.rules import ENERGIES, proportion
-from gym_passive_walker.envs.scene import Scene, SceneError
-from gym_passive_walker.envs.starts import DRAWS, Starts, as_recorded, checked_state
-from gym_passive_walker.physics.hybrid import System
-from gym_passive_walker.physics.systems import UNEVEN, bodies, kind_of, system_of
-from gym_passive_walker.units import proportions
-from gym_passive_walker.walkers import Walker, state_size
+from gym_passive_walker.gaits.scenes.rules import ENERGIES, proportion
+from gym_passive_walker.gaits.scenes.scene import Scene, SceneError
+from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts, as_recorded, checked_state
+from gym_passive_walker.models.equations.hybrid import System
+from gym_passive_walker.models.equations.systems import UNEVEN, bodies, kind_of, system_of
+from gym_passive_walker.models.units import proportions
+from gym_passive_walker.models.walkers import Walker, state_size
 
 OPTIONS = ("state", "slope")
 """Options of `reset`."""

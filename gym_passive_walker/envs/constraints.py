@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.engine import compiled
 from gym_passive_walker.engine.equations import places_of, state_of
-from gym_passive_walker.engine.expressions import choose, larger
 from gym_passive_walker.engine.layout import RECORD, layout_of, record_for
 from gym_passive_walker.engine.native import Memory, Module
-from gym_passive_walker.gaits.forces import borne, landing, pushed_off, struck
-from gym_passive_walker.modeling.mechanics import Derived
-from gym_passive_walker.physics import legs
-from gym_passive_walker.physics.hybrid import Control, Outcome, Phase, State, System
-from gym_passive_walker.physics.systems import SYSTEMS
+from gym_passive_walker.gaits.look.forces import borne, landing, pushed_off, struck
+from gym_passive_walker.models.equations import legs
+from gym_passive_walker.models.equations.hybrid import Control, Outcome, Phase, State, System
+from gym_passive_walker.models.equations.systems import SYSTEMS
+from gym_passive_walker.models.expressions import choose, larger
+from gym_passive_walker.models.own.mechanics import Derived
 
 READINGS = {
     "contact": ("normal_force", "normal_impulse"),

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import number, shown, unknown
+from gym_passive_walker._tools.arguments import number, shown, unknown
 from gym_passive_walker.envs import transitions
-from gym_passive_walker.envs.checks import SceneError, checked
 from gym_passive_walker.envs.rule import Rule
-from gym_passive_walker.envs.rules import command_error
 from gym_passive_walker.envs.transitions import Transition, note_for
 from gym_passive_walker.envs.views import of_notes, shape_of
-from gym_passive_walker.math import where
+from gym_passive_walker.gaits.scenes.checks import SceneError, checked
+from gym_passive_walker.gaits.scenes.rules import command_error
+from gym_passive_walker.models.math import where
 
 
 def everything(step: Transition) -> tuple[Any, ...]:

@@ -17,11 +17,18 @@ from gym_passive_walker.engine.counter_rng import normal, uniform
 from gym_passive_walker.engine.jit import Kernel, address, call, jitted, merged
 from gym_passive_walker.engine.run import integrate
 from gym_passive_walker.envs import constraints, task
-from gym_passive_walker.envs.checks import CHECKS
-from gym_passive_walker.envs.rules import BOUNDS, LOWEST, SIZE, clip, command_penalty, foothold
+from gym_passive_walker.gaits.scenes.checks import CHECKS
+from gym_passive_walker.gaits.scenes.rules import (
+    BOUNDS,
+    LOWEST,
+    SIZE,
+    clip,
+    command_penalty,
+    foothold,
+)
 from gym_passive_walker.gaits.terrain import ground_at
-from gym_passive_walker.physics.bodies import StraightBody
-from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.models.equations.bodies import StraightBody
+from gym_passive_walker.models.equations.hybrid import Outcome
 
 PASSED = 8
 """Number of past footholds in the state; pictures show them."""

@@ -8,12 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.envs import constraints, disturbance_kernels, rules
-from gym_passive_walker.envs.checks import CHECKS
+from gym_passive_walker.envs import constraints, disturbance_kernels
 from gym_passive_walker.envs.constraints import BLANK
-from gym_passive_walker.envs.scene import UNDISTURBED, Scene
+from gym_passive_walker.gaits.scenes import rules
+from gym_passive_walker.gaits.scenes.checks import CHECKS
+from gym_passive_walker.gaits.scenes.scene import UNDISTURBED, Scene
 from gym_passive_walker.gaits.terrain import Terrain
-from gym_passive_walker.walkers import state_size
+from gym_passive_walker.models.walkers import state_size
 
 
 class Contact(NamedTuple):

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from gym_passive_walker.arguments import shown
-from gym_passive_walker.console import cut
+from gym_passive_walker._tools.arguments import shown
+from gym_passive_walker._tools.console import cut
 from gym_passive_walker.envs import interface
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.custom import ABOUT_TERMS, Custom
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
-from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.gaits.terrain import Terrain
-from gym_passive_walker.physics.systems import kind_of
-from gym_passive_walker.walkers import Mechanism, Walker, describe
+from gym_passive_walker.models.equations.systems import kind_of
+from gym_passive_walker.models.walkers import Mechanism, Walker, describe
 
 _ANGLES = "stance leg angle", "swing thigh angle", "swing shank angle"
 _SEEN = (

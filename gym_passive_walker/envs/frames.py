@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.disturbance_kernels import PASSED
 from gym_passive_walker.envs.interface import OUTCOMES
-from gym_passive_walker.walkers import name_of
+from gym_passive_walker.models.walkers import name_of
 
 
 def frame(batch: Batch, lane: int, screen: Any) -> Any:
@@ -40,7 +40,7 @@ def _ground(batch: Batch, lane: int, x: float, screen: Any) -> NDArray[np.float6
     terrain = batch.scene.terrain
     if terrain is None or batch.disturbances is None:
         return None
-    from gym_passive_walker.render.ground import profile
+    from gym_passive_walker.pictures.ground import profile
 
     disturbance, walker = batch.disturbances.states[lane], batch.walkers[lane]
     stride, length = int(batch.ledger["strides"][lane]), walker.leg_length

@@ -10,13 +10,14 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import shown, unknown, whole
-from gym_passive_walker.envs import rules, task
-from gym_passive_walker.envs.checks import CHECKS
+from gym_passive_walker._tools.arguments import shown, unknown, whole
+from gym_passive_walker.envs import task
 from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.one_thread import Token, one_thread
-from gym_passive_walker.envs.scene import FASTEST, Scene
-from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.gaits.scenes import rules
+from gym_passive_walker.gaits.scenes.checks import CHECKS
+from gym_passive_walker.gaits.scenes.scene import FASTEST, Scene
+from gym_passive_walker.models.equations.hybrid import Outcome
 
 REASONS = {
     "contact": "lost_contact",

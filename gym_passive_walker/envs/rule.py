@@ -20,15 +20,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import shown
+from gym_passive_walker._tools.arguments import shown
 from gym_passive_walker.engine import compiled
-from gym_passive_walker.engine.expressions import Expression
 from gym_passive_walker.engine.native import Memory, Module, uses
 from gym_passive_walker.envs import task, views
-from gym_passive_walker.envs.checks import SceneError
 from gym_passive_walker.envs.transitions import OF_LEDGER, PARTS, Transition, note_for
 from gym_passive_walker.envs.views import Shape
-from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.gaits.scenes.checks import SceneError
+from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.models.expressions import Expression
 
 _ALL = (1 << len(PARTS)) - 1
 _FEW = 3  # walkers in a comparison of results, together and alone

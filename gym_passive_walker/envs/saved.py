@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import shown
+from gym_passive_walker._tools.arguments import shown
+from gym_passive_walker._tools.loading import parse_json, reason
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import record_for
 from gym_passive_walker.envs import disturbance_kernels, task
-from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.transitions import STOPPED
-from gym_passive_walker.loading import parse_json, reason
-from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.walkers import PARAMETERS, Mechanism, Walker
+from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.models.walkers import PARAMETERS, Mechanism, Walker
 
 _MANY = 2**53  # upper limit of counters
 _FINITE = float(np.finfo(float).max)

@@ -28,15 +28,15 @@ from gymnasium.error import ResetNeeded
 from gymnasium.wrappers import OrderEnforcing, TimeLimit
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker._tools.extras import extra
 from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.batch import UNFINISHED
 from gym_passive_walker.envs.one_thread import one_thread
 from gym_passive_walker.envs.registration import ID, MAX_EPISODE_STEPS
-from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
-from gym_passive_walker.extras import extra
-from gym_passive_walker.walkers import Walker, WalkerLike
+from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.models.walkers import Walker, WalkerLike
 
 with extra("train"):
     from stable_baselines3.common.monitor import Monitor

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gym_passive_walker.arguments import seed_number
+from gym_passive_walker._tools.arguments import seed_number
 
 
 def training_seeds(seed: int | None, count: int) -> list[int] | None:

@@ -19,7 +19,7 @@ from gym_passive_walker.engine.jit import Kernel, address, call, jitted, merged
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import NARROW, Layout
 from gym_passive_walker.engine.run import integrate
-from gym_passive_walker.envs.rules import (
+from gym_passive_walker.gaits.scenes.rules import (
     clip,
     distance_of,
     ends_episode,
@@ -29,7 +29,7 @@ from gym_passive_walker.envs.rules import (
     reward,
     step_end,
 )
-from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.models.equations.hybrid import Outcome
 
 EVERY_STEP = ("distance", "energy", "episode_distance", "episode_energy", "strides")
 """Entries of `info` at every step: distance of the hip along the slope in this step, in leg

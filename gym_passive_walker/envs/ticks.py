@@ -41,9 +41,9 @@ from gym_passive_walker.envs import disturbance_kernels, task, transitions
 from gym_passive_walker.envs.constraints import HOOK
 from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.disturbance_kernels import DISTURBANCE, SETTINGS
-from gym_passive_walker.envs.scene import Scene
-from gym_passive_walker.envs.starts import DRAWS, Starts, interpolate
 from gym_passive_walker.envs.transitions import TIME_LIMIT, note_for
+from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts, interpolate
 
 STAYS = (
     "records", "bodies", "radii", "ledger", "rules", "phases", "options", "tiles", "histories",

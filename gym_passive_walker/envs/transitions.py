@@ -13,9 +13,9 @@ import numpy as np
 from gym_passive_walker.engine.jit import Kernel, address, call, entry, inlined
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import NARROW, Layout
-from gym_passive_walker.envs.checks import CHECKS
-from gym_passive_walker.envs.rules import clip, work_of
-from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.gaits.scenes.checks import CHECKS
+from gym_passive_walker.gaits.scenes.rules import clip, work_of
+from gym_passive_walker.models.equations.hybrid import Outcome
 
 STOPPED = len(Outcome) + len(CHECKS)
 """Outcome of an episode that the scene's own `terminated` ends."""

@@ -12,16 +12,16 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import KEPT, seed_number, shown, whole
+from gym_passive_walker._tools.arguments import KEPT, seed_number, shown, whole
+from gym_passive_walker._tools.extras import need
 from gym_passive_walker.envs import interface, saved, task
 from gym_passive_walker.envs.batch import OPTIONS, UNFINISHED, Batch
 from gym_passive_walker.envs.frames import frame
 from gym_passive_walker.envs.infos import Infos
 from gym_passive_walker.envs.one_thread import one_thread, refuse_second
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
-from gym_passive_walker.envs.scene import Scene, make_scene
-from gym_passive_walker.extras import need
-from gym_passive_walker.walkers import Walker, WalkerLike, as_any
+from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.models.walkers import Walker, WalkerLike, as_any
 
 _OUTCOMES = np.array(interface.OUTCOMES, object)
 
@@ -364,8 +364,8 @@ class PassiveWalkerVectorEnv(
         """
         if self.render_mode is None:
             return None
-        from gym_passive_walker.render.screen import Screen
-        from gym_passive_walker.render.tiles import tile_size
+        from gym_passive_walker.pictures.screen import Screen
+        from gym_passive_walker.pictures.tiles import tile_size
 
         for i, walker in enumerate(self.batch.walkers):
             if i not in self._screens or self._screens[i].walker != walker:

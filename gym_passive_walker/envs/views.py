@@ -13,11 +13,11 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
-from gym_passive_walker.engine.expressions import choose
 from gym_passive_walker.engine.layout import NARROW, Layout, layout_of
 from gym_passive_walker.engine.native import Memory
 from gym_passive_walker.envs.transitions import BOOLEANS, OF_LEDGER, SEVERAL, Transition, note_for
-from gym_passive_walker.physics.hybrid import Outcome, State
+from gym_passive_walker.models.equations.hybrid import Outcome, State
+from gym_passive_walker.models.expressions import choose
 
 _STRUCK = float(Outcome.HEELSTRIKE)
 

@@ -10,15 +10,15 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import seed_number
+from gym_passive_walker._tools.arguments import seed_number
+from gym_passive_walker._tools.extras import need
 from gym_passive_walker.envs import interface, saved, task
 from gym_passive_walker.envs.batch import OPTIONS, Batch
 from gym_passive_walker.envs.frames import frame
 from gym_passive_walker.envs.interface import NO_STRIDE
 from gym_passive_walker.envs.one_thread import one_thread, refuse_second
-from gym_passive_walker.envs.scene import Scene, make_scene
-from gym_passive_walker.extras import need
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.models.walkers import Walker
 
 
 class PassiveWalkerEnv(
@@ -389,7 +389,7 @@ class PassiveWalkerEnv(
     def _draw(self) -> NDArray[np.uint8] | None:
         assert self.render_mode is not None
         if self._screen is None or self._screen.walker != self.walker:
-            from gym_passive_walker.render.screen import Screen
+            from gym_passive_walker.pictures.screen import Screen
 
             self.close()
             fps = self.metadata["render_fps"]

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import real_array
-from gym_passive_walker.units import Units
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker._tools.arguments import real_array
+from gym_passive_walker.models.units import Units
+from gym_passive_walker.models.walkers import Walker
 
 
 class Actuation(NamedTuple):

@@ -26,9 +26,15 @@ from gym_passive_walker.engine.run import (
 )
 from gym_passive_walker.gaits.actuation import USES
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.physics.hybrid import Ground, Outcome, Phase, State, System
-from gym_passive_walker.physics.systems import UNEVEN, bodies, bodies_by, system_of, varied_bodies
-from gym_passive_walker.walkers import Mechanism, Walker
+from gym_passive_walker.models.equations.hybrid import Ground, Outcome, Phase, State, System
+from gym_passive_walker.models.equations.systems import (
+    UNEVEN,
+    bodies,
+    bodies_by,
+    system_of,
+    varied_bodies,
+)
+from gym_passive_walker.models.walkers import Mechanism, Walker
 
 _SIZE = len(State._fields)
 _STRUCK = int(Outcome.HEELSTRIKE)  # greater outcomes are falls: no strike but this ends a flow

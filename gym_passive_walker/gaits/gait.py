@@ -11,15 +11,15 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker._tools.shown import Shown
 from gym_passive_walker.gaits.map_result import Change, Passage
 from gym_passive_walker.gaits.section import Points
 from gym_passive_walker.gaits.stride import Stride, together
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.physics.systems import body_of
-from gym_passive_walker.shown import Shown
-from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker, name_of
+from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.models.equations.systems import body_of
+from gym_passive_walker.models.units import units_of
+from gym_passive_walker.models.walkers import Walker, name_of
 
 GaitKind = Literal["long", "short"]
 

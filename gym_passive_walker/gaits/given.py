@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from gym_passive_walker.gaits.actuation import PASSIVE, Actuation
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.walkers import Walker, WalkerLike, as_any
+from gym_passive_walker.models.walkers import Walker, WalkerLike, as_any
 
 if TYPE_CHECKING:  # which imports this module
     from gym_passive_walker.gaits.gait import Gait

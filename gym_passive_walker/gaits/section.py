@@ -18,9 +18,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import shown
-from gym_passive_walker.units import Units, units_of
-from gym_passive_walker.walkers import Mechanism, Walker, state_size, varied
+from gym_passive_walker._tools.arguments import shown
+from gym_passive_walker.models.units import Units, units_of
+from gym_passive_walker.models.walkers import Mechanism, Walker, state_size, varied
 
 OFF = 1e-6
 """Largest angle in rad by which a state may lie off an impact: many digits, but not all of them."""

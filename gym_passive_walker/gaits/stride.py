@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import (
+from gym_passive_walker._tools.arguments import (
     boolean,
     check_slope,
     check_state,
@@ -19,13 +19,13 @@ from gym_passive_walker.arguments import (
     shown,
     whole,
 )
+from gym_passive_walker._tools.shown import Table
 from gym_passive_walker.gaits.actuation import PASSIVE, check_actuation, to_dimensionless
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE, Walkers, advance, flow, states_in
 from gym_passive_walker.gaits.given import GaitLike, walk_of
-from gym_passive_walker.physics.hybrid import Ground, Outcome, System
-from gym_passive_walker.shown import Table
-from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Mechanism, Walker, check_heights_only, state_size
+from gym_passive_walker.models.equations.hybrid import Ground, Outcome, System
+from gym_passive_walker.models.units import units_of
+from gym_passive_walker.models.walkers import Mechanism, Walker, check_heights_only, state_size
 
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 

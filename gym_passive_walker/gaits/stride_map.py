@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, TypeAlias, Un
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import one_slope, unknown, whole
+from gym_passive_walker._tools.arguments import one_slope, unknown, whole
+from gym_passive_walker._tools.progress import progress
 from gym_passive_walker.gaits.actuation import (
     PASSIVE,
     Actuation,
@@ -28,10 +29,9 @@ from gym_passive_walker.gaits.map_result import Change, Passage, imbalance, prod
 from gym_passive_walker.gaits.section import Points, Section
 from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain
-from gym_passive_walker.physics.hybrid import Ground, Outcome, System
-from gym_passive_walker.progress import progress
-from gym_passive_walker.units import unit_of, units_of
-from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerLike, as_any
+from gym_passive_walker.models.equations.hybrid import Ground, Outcome, System
+from gym_passive_walker.models.units import unit_of, units_of
+from gym_passive_walker.models.walkers import PARAMETERS, Walker, WalkerLike, as_any
 
 if TYPE_CHECKING:  # which imports this module
     from gym_passive_walker.gaits.gait import Gait

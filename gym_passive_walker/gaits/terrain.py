@@ -17,12 +17,12 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import boolean, number, shown, unknown, whole
-from gym_passive_walker.console import cut
+from gym_passive_walker._tools.arguments import boolean, number, shown, unknown, whole
+from gym_passive_walker._tools.console import cut
+from gym_passive_walker._tools.loading import is_file, once, parse_json, read_content
 from gym_passive_walker.engine.counter_rng import normal
 from gym_passive_walker.engine.jit import Kernel
-from gym_passive_walker.loading import is_file, once, parse_json, read_content
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.models.walkers import Walker
 
 _HEIGHTS, _SLOPES = 100, 101  # streams of random numbers
 _HIGHEST = 1e3  # leg lengths

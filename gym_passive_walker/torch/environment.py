@@ -13,8 +13,8 @@ from torch import Tensor
 
 from gym_passive_walker.envs import interface
 from gym_passive_walker.envs.infos import Infos
-from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.gaits.scenes.scene import Scene
 
 
 class PassiveWalkerTorchEnv(interface.Adapter):

@@ -17,14 +17,14 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from gym_passive_walker.arguments import unknown
-from gym_passive_walker.control.ticks import hold, inputs_of
+from gym_passive_walker._tools.arguments import unknown
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.actuation import Actuation, check_actuation
+from gym_passive_walker.gaits.control.ticks import hold, inputs_of
 from gym_passive_walker.gaits.flow import MIRRORED, Report, Walkers, go_on, new_records, report_of
-from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.physics.systems import UNEVEN, system_of
-from gym_passive_walker.walkers import PARAMETERS, Mechanism, Walker, WalkerError, changed
+from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.models.equations.systems import UNEVEN, system_of
+from gym_passive_walker.models.walkers import PARAMETERS, Mechanism, Walker, WalkerError, changed
 
 
 class Columns(NamedTuple):

@@ -15,16 +15,19 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from gym_passive_walker.arguments import whole
-from gym_passive_walker.envs import rules
+from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.custom import RULES, rule_of
-from gym_passive_walker.envs.scene import Scene, make_scene, undisturbed
 from gym_passive_walker.envs.transitions import STOPPED, Transition
 from gym_passive_walker.envs.vector_env import seed_randoms
 from gym_passive_walker.gaits.flow import states_in
-from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.physics.systems import UNEVEN, system_of
+from gym_passive_walker.gaits.scenes import rules
+from gym_passive_walker.gaits.scenes.scene import Scene, make_scene, undisturbed
+from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.models.equations.systems import UNEVEN, system_of
+from gym_passive_walker.models.units import proportions
+from gym_passive_walker.models.walkers import check_heights_only
+from gym_passive_walker.models.walkers.walker import varied
 from gym_passive_walker.torch.counting import applied, check_alone, each_tensor
 from gym_passive_walker.torch.operation import (
     FlowOptions,
@@ -34,9 +37,6 @@ from gym_passive_walker.torch.operation import (
     check_parameters,
     columns_of,
 )
-from gym_passive_walker.units import proportions
-from gym_passive_walker.walkers import check_heights_only
-from gym_passive_walker.walkers.walker import varied
 
 _RUNNING, _STRUCK = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE))
 

@@ -10,11 +10,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gym_passive_walker.arguments import check_tolerance, unknown
-from gym_passive_walker.envs.rules import work_of
+from gym_passive_walker._tools.arguments import check_tolerance, unknown
 from gym_passive_walker.gaits.actuation import Actuation, actuation_units
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE
-from gym_passive_walker.physics.systems import UNEVEN, system_of
+from gym_passive_walker.gaits.scenes.rules import work_of
+from gym_passive_walker.models.equations.systems import UNEVEN, system_of
+from gym_passive_walker.models.units import Units, units_of
+from gym_passive_walker.models.walkers import Mechanism, Walker, WalkerLike, as_any, varied
 from gym_passive_walker.torch.operation import (
     FlowOptions,
     FlowResult,
@@ -23,8 +25,6 @@ from gym_passive_walker.torch.operation import (
     check_parameters,
     columns_of,
 )
-from gym_passive_walker.units import Units, units_of
-from gym_passive_walker.walkers import Mechanism, Walker, WalkerLike, as_any, varied
 
 
 class Stride(NamedTuple):

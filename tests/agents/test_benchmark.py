@@ -16,9 +16,9 @@ from agents.benchmark import Unit
 from agents.commands import run_benchmark
 from agents.config import ConfigError, configure
 from gym_passive_walker import closed_loop_gait, find_gait
-from gym_passive_walker.control import optimal
-from gym_passive_walker.control.baselines import LinearFeedback, Optimal, Passive
-from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.control.baselines import LinearFeedback, Optimal, Passive
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from tests.control.in_environment import walked
 
 

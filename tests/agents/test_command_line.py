@@ -14,8 +14,8 @@ from agents import envs, evaluation, files
 from agents.config import Config, configure
 from agents.learner import load_policy
 from gym_passive_walker import WALKERS, Gait
-from gym_passive_walker.control import optimal
-from gym_passive_walker.control.baselines import Passive
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.control.baselines import Passive
 
 TINY = ["--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
 

@@ -14,11 +14,11 @@ import train
 from agents import commands, envs, evaluation, files
 from agents.config import Config, ConfigError, configure, presets
 from agents.evaluation import evaluate_policy, write_evaluation, write_rows
-from gym_passive_walker.control import optimal
-from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.evaluation.walks import table
-from gym_passive_walker.units import units_of
+from gym_passive_walker.envs.evaluation.walks import table
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.control.baselines import Passive
+from gym_passive_walker.gaits.scenes.scene import make_scene
+from gym_passive_walker.models.units import units_of
 
 
 def test_the_table_of_optima_has_each_gait_s_numbers_in_its_columns():

@@ -10,9 +10,9 @@ import yaml
 from agents import envs
 from agents.config import ALGORITHMS, Config, ConfigError, configure, presets
 from agents.learner import _acting, build, moments, restore_moments
+from gym_passive_walker._tools.loading import reason
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
-from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.loading import reason
+from gym_passive_walker.gaits.scenes.scene import make_scene
 
 SCENES = ("level", "steep", "rolling", "lab")
 

@@ -11,9 +11,9 @@ from agents.config import configure
 from agents.envs import training_envs
 from agents.evaluation import evaluate_policy, in_words, write_rows
 from agents.learner import LearnedPolicy, build, moments
-from gym_passive_walker.control import optimal
-from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.evaluation.walks import TIME_LIMIT, Walks, evaluate, table
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks, evaluate, table
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.control.baselines import Passive
 
 
 def made_up(**changes):

@@ -8,7 +8,7 @@ import pytest
 
 from agents import files
 from agents.config import ConfigError
-from gym_passive_walker.files import replacing
+from gym_passive_walker._tools.files import replacing
 
 
 def test_a_folder_appears_whole_or_not_at_all(tmp_path):

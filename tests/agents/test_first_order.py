@@ -11,10 +11,10 @@ from agents.config import ConfigError, configure
 from agents.first_order import SHAC, backwards
 from agents.learner import LearnedPolicy, _tensors, build
 from agents.training import Run
-from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.envs.evaluation.linearization import Linear, StepRecorder
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.evaluation.linearization import Linear, StepRecorder
-from gym_passive_walker.evaluation.walks import TIME_LIMIT
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.torch import rollout
 
 

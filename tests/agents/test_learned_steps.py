@@ -11,9 +11,9 @@ from agents.learned_steps import LearnedSteps, StepModel, Watched
 from agents.learner import build, restore_weights
 from agents.training import Run
 from gym_passive_walker import load_policy
+from gym_passive_walker.envs.evaluation.linearization import StepRecorder, stands
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
-from gym_passive_walker.evaluation.linearization import StepRecorder, stands
-from gym_passive_walker.evaluation.walks import TIME_LIMIT
 
 WALKERS, STEPS = 32, 32
 

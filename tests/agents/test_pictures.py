@@ -6,8 +6,8 @@ import pytest
 
 from agents import envs, pictures
 from agents.config import configure
-from gym_passive_walker.control.baselines import LinearFeedback, Passive
-from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.gaits.control.baselines import LinearFeedback, Passive
+from gym_passive_walker.gaits.scenes.scene import make_scene
 
 
 @pytest.fixture
@@ -108,7 +108,7 @@ def test_a_gait_is_drawn_from_its_last_three_strides_after_the_transient(
 
 
 def test_a_stride_s_torque_is_drawn_in_the_walker_s_own_units(drawn, monkeypatch, tmp_path):
-    from gym_passive_walker.units import units_of
+    from gym_passive_walker.models.units import units_of
 
     given, strobe = [], pictures.strobe
 

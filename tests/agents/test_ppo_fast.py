@@ -13,9 +13,9 @@ from agents.config import ConfigError, configure
 from agents.learner import build
 from agents.ppo_fast import advantages, carried, chances
 from agents.training import Run
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT
+from gym_passive_walker.envs.policies.network import ACTIVATIONS
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
-from gym_passive_walker.evaluation.walks import TIME_LIMIT
-from gym_passive_walker.policies.network import ACTIVATIONS
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 
 
@@ -124,7 +124,7 @@ def test_a_rollout_is_the_walk_that_the_library_would_have_seen(scene):
 
 
 def test_without_the_extra_for_devices_the_processor_carries_walkers(monkeypatch):
-    monkeypatch.setitem(sys.modules, "gym_passive_walker.gpu.environment", None)
+    monkeypatch.setitem(sys.modules, "gym_passive_walker.devices.gpu.environment", None)
     env = PassiveWalkerVecEnv(2, "level")
     walkers = carried(env, torch.device("cuda"))
     assert type(walkers) is PassiveWalkerTorchEnv and walkers.envs is env.envs

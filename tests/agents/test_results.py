@@ -16,9 +16,9 @@ from agents.benchmark import AGENTS, SCORES, Unit
 from agents.config import ALGORITHMS, configure
 from agents.files import ConfigError
 from gym_passive_walker import GaitNotFound
-from gym_passive_walker.control import optimal
-from gym_passive_walker.envs.scene import SCENES
-from gym_passive_walker.evaluation.walks import TIME_LIMIT, Walks
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.scenes.scene import SCENES
 
 
 def invented(unit, number):

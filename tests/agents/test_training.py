@@ -27,8 +27,8 @@ from agents.learner import LearnedPolicy, build, export, learned, load_policy, o
 from agents.search import search
 from agents.training import Run
 from benchmarks.kills import kill
+from gym_passive_walker._tools.files import replacing
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.files import replacing
 
 SMALL = {"n_envs": 8, "every": 128}
 # What follows the steps asked for would go on otherwise when more are asked for.

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.cli import main
-from gym_passive_walker.cli.report import Report, listing, plain, record, table
-from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.evaluation import walks
-from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.apps.cli import main
+from gym_passive_walker.apps.cli.report import Report, listing, plain, record, table
+from gym_passive_walker.envs.evaluation import walks
+from gym_passive_walker.gaits.control.baselines import Passive
+from gym_passive_walker.models.equations.hybrid import Outcome
 
 MINE = {"preset": "C", "hip_mass": 0.5}
 HEAVY = replace(gpw.WALKERS["C"], hip_mass=0.5)
@@ -259,7 +259,7 @@ def test_a_sweep_reports_where_its_rows_are(answer, tmp_path):
 
 
 def test_the_warm_up_compiles_each_piece_once_and_counts_them(monkeypatch, capsys):
-    warmup = importlib.import_module("gym_passive_walker.cli.warmup")
+    warmup = importlib.import_module("gym_passive_walker.apps.cli.warmup")
     done, shown = [], []
 
     class Counted:

@@ -16,14 +16,14 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.cli import COMMANDS, main, parser
-from gym_passive_walker.cli.arguments import A_WALKER
-from gym_passive_walker.cli.report import plain
-from gym_passive_walker.cli.sweeps import sweep
-from gym_passive_walker.evaluation.walks import TIME_LIMIT
-from gym_passive_walker.policies import policy_folder
-from gym_passive_walker.sweeps.description import Description
-from gym_passive_walker.walkers import ABOUT
+from gym_passive_walker.apps.cli import COMMANDS, main, parser
+from gym_passive_walker.apps.cli.arguments import A_WALKER
+from gym_passive_walker.apps.cli.report import plain
+from gym_passive_walker.apps.cli.sweeps import sweep
+from gym_passive_walker.apps.sweeps.description import Description
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT
+from gym_passive_walker.envs.policies import policy_folder
+from gym_passive_walker.models.walkers import ABOUT
 
 NAMES = [command.__name__ for command in COMMANDS]
 
@@ -180,9 +180,9 @@ def test_where_files_go_is_checked_before_anything_is_computed(line, tmp_path, m
     def never(*_, **__):
         pytest.fail("something was computed")
 
-    monkeypatch.setattr("gym_passive_walker.cli.arguments.find_gait", never)
-    monkeypatch.setattr("gym_passive_walker.cli.disturbances.tried", never)
-    monkeypatch.setattr("gym_passive_walker.render.figures.draw", never)
+    monkeypatch.setattr("gym_passive_walker.apps.cli.arguments.find_gait", never)
+    monkeypatch.setattr("gym_passive_walker.apps.cli.disturbances.tried", never)
+    monkeypatch.setattr("gym_passive_walker.pictures.figures.draw", never)
     assert main(line.split()) == 2
     assert "error: " in capsys.readouterr().err
 
@@ -193,7 +193,7 @@ def test_a_table_is_printed_whatever_happens_to_its_picture(monkeypatch, tmp_pat
     def full(*_, **__):
         raise OSError(28, "No space left on device", "r.png")
 
-    monkeypatch.setattr("gym_passive_walker.cli.disturbances.save", full)
+    monkeypatch.setattr("gym_passive_walker.apps.cli.disturbances.save", full)
     words = f"D --slope 0.009 --walkers 2 --strides 2 --out {tmp_path / 'deep' / 'r.png'}"
     assert main(["robustness", *words.split()]) == 2
     said = capsys.readouterr()
@@ -427,7 +427,7 @@ def test_a_missing_library_is_named_before_anything_is_computed(monkeypatch, cap
     def never(*_, **__):
         pytest.fail("a gait was searched for")
 
-    monkeypatch.setattr("gym_passive_walker.cli.arguments.find_gait", never)
+    monkeypatch.setattr("gym_passive_walker.apps.cli.arguments.find_gait", never)
     for module, words in (
         ("matplotlib", "strobe lab 0.036"),
         ("matplotlib", "figures 4.6"),

@@ -5,7 +5,7 @@ import json
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.cli import main
+from gym_passive_walker.apps.cli import main
 
 WALK = "D 0.009 --strides 1"
 LINES = {
@@ -37,7 +37,7 @@ def odd_files(tmp_path, monkeypatch):
     (tmp_path / "torn.json").write_text('{"analysis": "ga')
     swept = {"analysis": "gait", "given": {"walker": "D"}, "over": {"slope": [0.009]}}
     (tmp_path / "sweep.json").write_text(json.dumps(swept))
-    shipped = gpw.policies.policy_folder("level-ppo")
+    shipped = gpw.envs.policies.policy_folder("level-ppo")
     for name, share in (("a-policy", 0.0), ("half-a-policy", 0.5)):
         (tmp_path / name).mkdir()
         for path in shipped.iterdir():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.cli import main
+from gym_passive_walker.apps.cli import main
 
 
 def printed(capsys, words):

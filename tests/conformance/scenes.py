@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import gym_passive_walker as gpw
 from examples.torso import TORSO
-from gym_passive_walker.envs.scene import SCENES as NAMED
-from gym_passive_walker.math import exp, tanh
+from gym_passive_walker.gaits.scenes.scene import SCENES as NAMED
+from gym_passive_walker.models.math import exp, tanh
 
 COUNT = 5
 SEEDS = (5, 17, 3, 99, 12)

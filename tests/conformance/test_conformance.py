@@ -15,10 +15,10 @@ from gymnasium.vector import SyncVectorEnv
 
 from gym_passive_walker.envs.interface import OUTCOMES
 from gym_passive_walker.envs.registration import ID
-from gym_passive_walker.envs.scene import SCENES as NAMED
-from gym_passive_walker.envs.scene import SceneError, make_scene
 from gym_passive_walker.envs.task import EVERY_STEP, EVERY_STRIDE
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.gaits.scenes.scene import SCENES as NAMED
+from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
 from tests.conformance.scenes import COUNT, SCENES, SEEDS, name_time_limits
 from tests.gpu.reference import Reference
 
@@ -219,7 +219,7 @@ def same_spaces(envs, name):
 def test_rsl_rl(name):
     torch = pytest.importorskip("torch")
     pytest.importorskip("rsl_rl")
-    from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
+    from gym_passive_walker.torch.trainers.rsl_rl import RslRlWalkers
 
     envs = RslRlWalkers(COUNT, max_episode_steps=LIMIT, **SCENES[name])
     same_spaces(envs, name)
@@ -239,7 +239,7 @@ def test_rsl_rl(name):
 def test_skrl(name):
     torch = pytest.importorskip("torch")
     pytest.importorskip("skrl")
-    from gym_passive_walker.trainers.skrl import SkrlWalkers
+    from gym_passive_walker.torch.trainers.skrl import SkrlWalkers
 
     envs = SkrlWalkers(COUNT, max_episode_steps=LIMIT, **SCENES[name])
     same_spaces(envs, name)
@@ -261,7 +261,7 @@ def test_torchrl(name):
     from tensordict import TensorDict
     from torchrl.envs.utils import check_env_specs
 
-    from gym_passive_walker.trainers.torchrl import TorchRlWalkers
+    from gym_passive_walker.torch.trainers.torchrl import TorchRlWalkers
 
     envs = TorchRlWalkers(COUNT, max_episode_steps=LIMIT, **SCENES[name])
     env = gymnasium.make(ID, **scene_of(name))
@@ -337,7 +337,7 @@ def test_rollout_with_gradients(name):
 def test_gpu(name):
     """In numba's simulator; the reference draws the random numbers of the GPU."""
     torch = pytest.importorskip("torch")
-    from gym_passive_walker.gpu.environment import PassiveWalkerGpuEnv
+    from gym_passive_walker.devices.gpu.environment import PassiveWalkerGpuEnv
 
     if {"system", "walkers", "domain_randomization"} & vars_of(name):
         pytest.skip("a GPU draws other walkers, and has no systems")

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gym_passive_walker.envs.evaluation.steps import steps
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.evaluation.steps import steps
 from gym_passive_walker.gaits.section import Section
 
 COSTS = (

@@ -8,8 +8,17 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control import optimal
-from gym_passive_walker.control.baselines import (
+from gym_passive_walker.envs.evaluation.steps import steps
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, evaluate
+from gym_passive_walker.envs.registration import (
+    EASY_ID,
+    EASY_REWARD_THRESHOLD,
+    ID,
+    REWARD_THRESHOLD,
+)
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.control.baselines import (
     BASELINES,
     ConstantTorque,
     LinearFeedback,
@@ -17,18 +26,9 @@ from gym_passive_walker.control.baselines import (
     Passive,
     Schedule,
 )
-from gym_passive_walker.control.feedback import gains, powered_gait
-from gym_passive_walker.envs.registration import (
-    EASY_ID,
-    EASY_REWARD_THRESHOLD,
-    ID,
-    REWARD_THRESHOLD,
-)
-from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.evaluation.steps import steps
-from gym_passive_walker.evaluation.walks import TIME_LIMIT, evaluate
-from gym_passive_walker.units import units_of
+from gym_passive_walker.gaits.control.feedback import gains, powered_gait
+from gym_passive_walker.gaits.scenes.scene import make_scene
+from gym_passive_walker.models.units import units_of
 
 
 def walks(policy, scene, episodes=4, **env):

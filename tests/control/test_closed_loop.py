@@ -6,15 +6,15 @@ import pytest
 import agents
 import gym_passive_walker as gpw
 from gym_passive_walker import closed_loop_gait
-from gym_passive_walker.control.baselines import (
+from gym_passive_walker.gaits.actuation import to_own
+from gym_passive_walker.gaits.control.baselines import (
     ConstantTorque,
     LinearFeedback,
     Optimal,
     Passive,
 )
-from gym_passive_walker.gaits.actuation import to_own
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.units import units_of
+from gym_passive_walker.models.units import units_of
 from tests.control.in_environment import COSTS, walked
 
 

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control import optimal
-from gym_passive_walker.control.baselines import LinearFeedback
-from gym_passive_walker.control.maps import acting_as
-from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.envs.evaluation.steps import steps
+from gym_passive_walker.envs.policies import shipped_policies
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.evaluation.steps import steps
 from gym_passive_walker.gaits.actuation import Actuation
-from gym_passive_walker.policies import shipped_policies
-from gym_passive_walker.units import units_of
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.control.baselines import LinearFeedback
+from gym_passive_walker.gaits.control.maps import acting_as
+from gym_passive_walker.gaits.scenes.scene import make_scene
+from gym_passive_walker.models.units import units_of
 from tests.control.in_environment import walked
 
 SINGLE = 2e-6  # what single precision of observations and actions comes to in a stride

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.controllers import acting
-from gym_passive_walker.control.policy import FunctionPolicy, ModulePolicy, is_module
+from gym_passive_walker.gaits.control.controllers import acting
+from gym_passive_walker.gaits.control.policy import FunctionPolicy, ModulePolicy, is_module
 
 SCENE = {"slope": 0.11, "control": "stride"}
 ROWS = np.array([-0.2, 0.1, 0.0, -0.3, 0.05, 0.0, 0.0, 1.0])

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.baselines import LinearFeedback
+from gym_passive_walker.gaits.control.baselines import LinearFeedback
 from tests.numbers import compare, numbers_in, work
 
 KEPT = Path(__file__).with_name("matrix.json")
@@ -42,7 +42,7 @@ WALKS = {
     "nothing: passive": lambda: gpw.stride_map("lab", 0.036),
     "`Actuation`": lambda: gpw.stride_map("lab", 0.036, controller=gpw.Actuation(hip_torque=0.05)),
     "`OptimalGait`": lambda: gpw.stride_map(
-        controller=gpw.control.optimal.load("level")[-5], scene="level"
+        controller=gpw.gaits.control.optimal.load("level")[-5], scene="level"
     ),
     "feedback": lambda: gpw.stride_map(controller=LinearFeedback("lab")),
     "policy": lambda: gpw.stride_map(controller="lab-ppo"),
@@ -74,7 +74,7 @@ def in_torch(found):
 
 def watched(found):
     """A frame of a video."""
-    from gym_passive_walker.render.strobe import strobe
+    from gym_passive_walker.pictures.strobe import strobe
 
     return strobe(found, strides=1)
 

@@ -9,16 +9,16 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker import closed_loop_gait
-from gym_passive_walker.control import optimal
-from gym_passive_walker.control.baselines import ConstantTorque, LinearFeedback, Optimal
-from gym_passive_walker.control.optimum import Problem
-from gym_passive_walker.control.ticks import ticked_stride
-from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, evaluate
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.evaluation.walks import TIME_LIMIT, evaluate
 from gym_passive_walker.gaits.actuation import Actuation, to_own
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.control.baselines import ConstantTorque, LinearFeedback, Optimal
+from gym_passive_walker.gaits.control.optimum import Problem
+from gym_passive_walker.gaits.control.ticks import ticked_stride
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.units import units_of
+from gym_passive_walker.models.units import units_of
 
 SCENES = sorted(path.stem for path in optimal.STORE.glob("*.json"))
 STORED = [(scene, gait) for scene in SCENES for gait in optimal.load(scene)]

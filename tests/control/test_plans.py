@@ -12,8 +12,8 @@ import pytest
 import scipy
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control import optimal
-from gym_passive_walker.control.baselines import (
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.control.baselines import (
     BASELINES,
     CONSTANT_TORQUE,
     ConstantTorque,
@@ -23,14 +23,14 @@ from gym_passive_walker.control.baselines import (
     Schedule,
     StrideFeedback,
 )
-from gym_passive_walker.control.controllers import acting, as_policy
-from gym_passive_walker.control.feedback import deadbeat, first_driven, gains, powered_gait
-from gym_passive_walker.control.maps import acting_as, calm, map_in
-from gym_passive_walker.control.optimum import OptimalGait, Problem
-from gym_passive_walker.control.policy import FunctionPolicy
-from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.gaits.control.controllers import acting, as_policy
+from gym_passive_walker.gaits.control.feedback import deadbeat, first_driven, gains, powered_gait
+from gym_passive_walker.gaits.control.maps import acting_as, calm, map_in
+from gym_passive_walker.gaits.control.optimum import OptimalGait, Problem
+from gym_passive_walker.gaits.control.policy import FunctionPolicy
 from gym_passive_walker.gaits.gait import GaitNotFound
-from gym_passive_walker.units import units_of
+from gym_passive_walker.gaits.scenes.scene import make_scene
+from gym_passive_walker.models.units import units_of
 
 LEVEL = make_scene("level")
 

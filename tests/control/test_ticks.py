@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control import ticks
-from gym_passive_walker.control.feedback import powered_gait
-from gym_passive_walker.control.optimum import Problem
-from gym_passive_walker.control.ticks import ticked_stride, ticked_strides
-from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.gaits.actuation import Actuation
+from gym_passive_walker.gaits.control import ticks
+from gym_passive_walker.gaits.control.feedback import powered_gait
+from gym_passive_walker.gaits.control.optimum import Problem
+from gym_passive_walker.gaits.control.ticks import ticked_stride, ticked_strides
 from gym_passive_walker.gaits.flow import Walkers, go_on, new_records
 from gym_passive_walker.gaits.map_result import NoStride
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.physics import legs
-from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.physics.systems import body_of
-from gym_passive_walker.units import units_of
+from gym_passive_walker.models.equations import legs
+from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.models.equations.systems import body_of
+from gym_passive_walker.models.units import units_of
 
 WALKER = gpw.WALKERS["C"]
 TICK, TICKS = 0.1, 32

@@ -16,9 +16,9 @@ BOOKS = """
 import sys
 from dataclasses import replace
 import gym_passive_walker as gpw
-from gym_passive_walker.physics.hybrid import State
-from gym_passive_walker.physics.systems import body_of, system_of
-from gym_passive_walker.units import units_of
+from gym_passive_walker.models.equations.hybrid import State
+from gym_passive_walker.models.equations.systems import body_of, system_of
+from gym_passive_walker.models.units import units_of
 
 def missing(walker, slope, state):
     units, system = units_of(walker), system_of(walker)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from gym_passive_walker.shown import picture
+from gym_passive_walker._tools.shown import picture
 
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.md"))

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import tables
-from gym_passive_walker.cli import main
+from gym_passive_walker.apps.cli import main
 from tests.numbers import alike
 
 ROOT = Path(__file__).parents[2]

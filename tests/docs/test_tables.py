@@ -55,7 +55,7 @@ def test_each_command_exists(command, parse_only, pytestconfig):  # noqa: F811
         importlib.import_module("tests.control.test_matrix")
         return
     if "benchmarks.gpu " in command:
-        need("gym_passive_walker.gpu")
+        need("gym_passive_walker.devices.gpu")
         assert command.split()[-1] in importlib.import_module("benchmarks.gpu").PARTS
         return
     parse(words_of(command), pytestconfig)

@@ -13,9 +13,9 @@ import numpy as np
 from llvmlite import binding as llvm
 
 from gym_passive_walker.engine.compiled import context
-from gym_passive_walker.engine.expressions import Expression, read
 from gym_passive_walker.engine.layout import WIDTH, aligned
 from gym_passive_walker.engine.native import GROUP, Function, Module
+from gym_passive_walker.models.expressions import Expression, read
 
 llvm.initialize_native_target()
 llvm.initialize_native_asmprinter()

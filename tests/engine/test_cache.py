@@ -12,7 +12,7 @@ import pytest
 from gym_passive_walker.engine import cache
 from gym_passive_walker.engine import compiled as machinery
 from gym_passive_walker.engine.jit import Kernel
-from gym_passive_walker.physics import simplest
+from gym_passive_walker.models.equations import simplest
 
 STRIDE = """
 import gym_passive_walker as gpw

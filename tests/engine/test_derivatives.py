@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome, stride_jacobian
-from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.engine.run import Seeds, advance, new_records
 from gym_passive_walker.gaits.actuation import Actuation
+from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.physics.bodies import body_from
-from gym_passive_walker.physics.systems import body_of, system_of
-from tests.physics import statements
-from tests.physics.examples import KNEED, LONG_GAITS
+from gym_passive_walker.models.equations.bodies import body_from
+from gym_passive_walker.models.equations.systems import body_of, system_of
+from tests.equations import statements
+from tests.equations.examples import KNEED, LONG_GAITS
 
 RESULTS = (
     "state", "time", "moved", "turned", "knee_time", "knee_loss", "heel_loss", "step_length",

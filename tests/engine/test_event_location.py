@@ -10,9 +10,9 @@ from gym_passive_walker import WALKERS, Outcome, find_gait
 from gym_passive_walker.engine import event_location
 from gym_passive_walker.engine.layout import HISTORY
 from gym_passive_walker.engine.run import advance, new_records
-from gym_passive_walker.physics.systems import bodies, system_of
-from gym_passive_walker.units import units_of
-from tests.physics.examples import LONG_GAITS
+from gym_passive_walker.models.equations.systems import bodies, system_of
+from gym_passive_walker.models.units import units_of
+from tests.equations.examples import LONG_GAITS
 
 
 @numba.njit

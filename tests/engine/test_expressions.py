@@ -9,7 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gym_passive_walker.engine.equations import Equations
-from gym_passive_walker.engine.expressions import (
+from gym_passive_walker.models.equations import kneed
+from gym_passive_walker.models.equations.hybrid import State
+from gym_passive_walker.models.equations.numbers import sine_cosine
+from gym_passive_walker.models.equations.systems import body_of
+from gym_passive_walker.models.expressions import (
     Expression,
     Tangents,
     choose,
@@ -18,13 +22,9 @@ from gym_passive_walker.engine.expressions import (
     read,
     square_root,
 )
-from gym_passive_walker.physics import kneed
-from gym_passive_walker.physics.hybrid import State
-from gym_passive_walker.physics.numbers import sine_cosine
-from gym_passive_walker.physics.systems import body_of
-from gym_passive_walker.walkers import WALKERS
+from gym_passive_walker.models.walkers import WALKERS
 from tests.engine.machine import entries, evaluate
-from tests.physics import statements  # noqa: F401 - SymPy's sine and cosine
+from tests.equations import statements  # noqa: F401 - SymPy's sine and cosine
 
 
 class Kit:

@@ -10,9 +10,9 @@ import pytest
 from gym_passive_walker import Outcome
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.run import advance, integrate, new_records, options, workspace
-from gym_passive_walker.physics.hybrid import SMOOTH, State, Watch
-from gym_passive_walker.physics.systems import SYSTEMS, UNEVEN, bodies, body_of, system_of
-from tests.physics.test_statements import EXAMPLES, PHASES
+from gym_passive_walker.models.equations.hybrid import SMOOTH, State, Watch
+from gym_passive_walker.models.equations.systems import SYSTEMS, UNEVEN, bodies, body_of, system_of
+from tests.equations.test_statements import EXAMPLES, PHASES
 
 GUARDS = [
     pytest.param(

@@ -24,11 +24,11 @@ from gym_passive_walker.engine.run import (
     options,
     workspace,
 )
-from gym_passive_walker.physics.systems import bodies, system_of
-from gym_passive_walker.units import units_of
+from gym_passive_walker.models.equations.systems import bodies, system_of
+from gym_passive_walker.models.units import units_of
 from tests.engine.machine import CPUS
-from tests.physics import statements
-from tests.physics.examples import LONG_GAITS, random_walker
+from tests.equations import statements
+from tests.equations.examples import LONG_GAITS, random_walker
 
 
 def many(name: str, count: int, seed: int = 0):

@@ -9,17 +9,17 @@ import pytest
 
 from gym_passive_walker import Outcome
 from gym_passive_walker.engine.compiled import compiled, constants_used
-from gym_passive_walker.engine.expressions import choose, inverse_root, read, square_root
 from gym_passive_walker.engine.layout import HISTORY, PAIR, RECORD, TILE, WIDTH, aligned
 from gym_passive_walker.engine.native import GROUP, Memory
 from gym_passive_walker.engine.one_lane import first_where
 from gym_passive_walker.engine.step import ALERT, LONGEST_STEP, PLAIN, UP
-from gym_passive_walker.physics import legs
-from gym_passive_walker.physics.hybrid import SMOOTH, Control, Ground, State, System
-from gym_passive_walker.physics.numbers import sine_cosine
-from gym_passive_walker.physics.systems import SYSTEMS, body_of
+from gym_passive_walker.models.equations import legs
+from gym_passive_walker.models.equations.hybrid import SMOOTH, Control, Ground, State, System
+from gym_passive_walker.models.equations.numbers import sine_cosine
+from gym_passive_walker.models.equations.systems import SYSTEMS, body_of
+from gym_passive_walker.models.expressions import choose, inverse_root, read, square_root
 from tests.engine.machine import CPUS, Native, call, evaluate, in_lanes, rows
-from tests.physics.test_statements import PHASES, some_state, some_walker
+from tests.equations.test_statements import PHASES, some_state, some_walker
 
 NUMBERS = np.random.default_rng(1).normal(size=(3, 200)) * 10.0 ** np.random.default_rng(
     2

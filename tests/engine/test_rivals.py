@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import Outcome, stride
-from gym_passive_walker.gaits.dense_stride import states_at
-from gym_passive_walker.physics.hybrid import SMOOTH, State, Watch
-from gym_passive_walker.physics.systems import body_of, system_of
-from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import WALKERS
+from gym_passive_walker.gaits.look.dense_stride import states_at
+from gym_passive_walker.models.equations.hybrid import SMOOTH, State, Watch
+from gym_passive_walker.models.equations.systems import body_of, system_of
+from gym_passive_walker.models.units import units_of
+from gym_passive_walker.models.walkers import WALKERS
 
 COUNT = 600
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from gym_passive_walker.engine import step
-from gym_passive_walker.engine.expressions import read
 from gym_passive_walker.engine.layout import PAIR
 from gym_passive_walker.engine.runge_kutta import Pair
 from gym_passive_walker.engine.verner import VERNER
+from gym_passive_walker.models.expressions import read
 from tests.engine.machine import evaluate
 
 MATRIX, WEIGHTS = VERNER.weights[:-1], VERNER.weights[-1]

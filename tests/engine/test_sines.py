@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from gym_passive_walker.engine.expressions import Tangents
 from gym_passive_walker.engine.sines import near
-from gym_passive_walker.physics.numbers import sine_cosine
+from gym_passive_walker.models.equations.numbers import sine_cosine
+from gym_passive_walker.models.expressions import Tangents
 from tests.engine.machine import entries, evaluate, in_lanes
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import gym_passive_walker as gpw
 from gym_passive_walker.envs.transitions import BOOLEANS, SEVERAL, Transition
 from gym_passive_walker.envs.views import Shape
-from gym_passive_walker.physics.hybrid import State
+from gym_passive_walker.models.equations.hybrid import State
 
 PLAIN = SimpleNamespace(
     exp=math.exp, tanh=math.tanh, sqrt=math.sqrt, sin=math.sin, cos=math.cos,

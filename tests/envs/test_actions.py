@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.baselines import ConstantTorque
-from gym_passive_walker.envs.scene import SceneError, make_scene
-from gym_passive_walker.units import units_of
+from gym_passive_walker.gaits.control.baselines import ConstantTorque
+from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
+from gym_passive_walker.models.units import units_of
 
 POINT_FEET = replace(gpw.WALKERS["C"], foot_radius=0.0, foot_angle=0.0)
 WALKERS = {"kneed": POINT_FEET, "straight": gpw.WALKERS["E"], "simplest": gpw.WALKERS["D"]}

@@ -6,11 +6,11 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from gym_passive_walker.control.maps import map_in
 from gym_passive_walker.envs.explain import as_rows
-from gym_passive_walker.envs.scene import SceneError, make_scene
-from gym_passive_walker.units import PROPORTIONS, proportions, units_of
-from gym_passive_walker.walkers import PARAMETERS, WALKERS
+from gym_passive_walker.gaits.control.maps import map_in
+from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
+from gym_passive_walker.models.units import PROPORTIONS, proportions, units_of
+from gym_passive_walker.models.walkers import PARAMETERS, WALKERS
 
 NAMES = make_scene("anywhere").observe_body
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.gaits.scenes.scene import make_scene
 
 ID = "PassiveWalker-v0"
 LAB = {

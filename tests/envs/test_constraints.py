@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.envs.constraints import READINGS
 from gym_passive_walker.envs.registration import ID
-from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.units import units_of
+from gym_passive_walker.gaits.scenes.checks import CHECKS
+from gym_passive_walker.gaits.scenes.scene import make_scene
+from gym_passive_walker.models.units import units_of
 
 SLOPES = {"lab": 0.036, "C": 0.03, "A": 0.03, "D": 0.009}
 

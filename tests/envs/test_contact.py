@@ -11,7 +11,7 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.render.pose import pose
+from gym_passive_walker.pictures.pose import pose
 
 GROUNDS = {
     "smooth": None,

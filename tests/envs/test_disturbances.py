@@ -11,14 +11,14 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import gym_passive_walker as gpw
 from gym_passive_walker.engine.run import advance, new_records
-from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.registration import ID
-from gym_passive_walker.envs.scene import UNDISTURBED, SceneError, make_scene, undisturbed
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.physics.hybrid import Outcome, State
-from gym_passive_walker.physics.systems import bodies, body_of, system_of
+from gym_passive_walker.gaits.scenes import rules
+from gym_passive_walker.gaits.scenes.scene import UNDISTURBED, SceneError, make_scene, undisturbed
+from gym_passive_walker.models.equations.hybrid import Outcome, State
+from gym_passive_walker.models.equations.systems import bodies, body_of, system_of
 from tests.conformance.scenes import name_time_limits
-from tests.modeling.statements import DRIVEN
+from tests.own.statements import DRIVEN
 
 SLOPES = {"lab": 0.036, "A": 0.03, "D": 0.009}
 """A walker with knees, one with straight legs, the simplest; and slopes that they walk on."""

@@ -10,9 +10,9 @@ import pytest
 import gym_passive_walker as gpw
 from gym_passive_walker import WALKERS
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.physics.hybrid import State
-from gym_passive_walker.physics.systems import UNEVEN, bodies, system_of
-from tests.physics.examples import fitted
+from gym_passive_walker.models.equations.hybrid import State
+from gym_passive_walker.models.equations.systems import UNEVEN, bodies, system_of
+from tests.equations.examples import fitted
 
 KINDS = {
     "kneed": {"walker": fitted(WALKERS["C"], 0.01, 0.001, 0.003), "slope": 0.05},

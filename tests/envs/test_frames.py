@@ -10,9 +10,9 @@ import gym_passive_walker as gpw
 from gym_passive_walker.envs import frames
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
-from gym_passive_walker.render import ground as drawn_ground
-from gym_passive_walker.render import tiled
-from tests.modeling.statements import DRIVEN
+from gym_passive_walker.pictures import ground as drawn_ground
+from gym_passive_walker.pictures import tiled
+from tests.own.statements import DRIVEN
 
 pytest.importorskip("pygame")
 

@@ -10,9 +10,9 @@ import pytest
 from gym_passive_walker.envs import ticks
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.infos import Infos
-from gym_passive_walker.envs.scene import Scene
-from gym_passive_walker.envs.starts import DRAWS
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.gaits.scenes.starts import DRAWS
 
 CONTENT = {"distance": 0.25, "strides": 3}
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from gym_passive_walker.engine import compiled
-from gym_passive_walker.engine.expressions import REFUSED, Expression, read
 from gym_passive_walker.envs import rule as rules
 from gym_passive_walker.envs.rule import Rule
-from gym_passive_walker.envs.scene import SceneError, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.envs.views import Shape, of_notes, of_one, samples
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
+from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
+from gym_passive_walker.models.expressions import REFUSED, Expression, read
 from tests.envs.forms import CALLED, COMPILED, function, plain_values, several
 
 SHAPE = Shape(1)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.baselines import LinearFeedback
-from gym_passive_walker.control.maps import stride_map
-from gym_passive_walker.control.ticks import ticked_strides
-from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.gaits.control.baselines import LinearFeedback
+from gym_passive_walker.gaits.control.maps import stride_map
+from gym_passive_walker.gaits.control.ticks import ticked_strides
 from gym_passive_walker.gaits.flow import Walkers
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from tests.conformance.scenes import DISTURBED
 
 COUNT = 7

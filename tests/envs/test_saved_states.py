@@ -12,12 +12,12 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.envs.saved import check_scene, described
-from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
 from gym_passive_walker.envs.task import EVERY_STRIDE
 from gym_passive_walker.envs.transitions import STOPPED
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.physics.hybrid import Outcome
-from tests.modeling.statements import DRIVEN
+from gym_passive_walker.gaits.scenes.scene import SCENES, Scene, make_scene
+from gym_passive_walker.models.equations.hybrid import Outcome
+from tests.own.statements import DRIVEN
 
 DISTURBED = {
     "pushes": {"rate": 0.3, "impulse": (-0.02, 0.02)}, "action_delay": 2, "action_noise": 0.1,

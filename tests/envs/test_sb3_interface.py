@@ -20,8 +20,8 @@ from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecNormalize
 
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
-from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
+from gym_passive_walker.gaits.scenes.scene import Scene
 
 COUNT, LIMIT = 3, 12
 SCENE = {"slope": (0.0, 0.06), "command": (0.1, 0.2), "reward_terms": True}

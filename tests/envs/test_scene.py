@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, WalkerError
-from gym_passive_walker.arguments import shown
-from gym_passive_walker.envs.scene import (
+from gym_passive_walker._tools.arguments import shown
+from gym_passive_walker.gaits.scenes.scene import (
     CALM,
     SCENES,
     UNDISTURBED,
@@ -20,8 +20,8 @@ from gym_passive_walker.envs.scene import (
     make_scene,
     undisturbed,
 )
-from gym_passive_walker.walkers import PARAMETERS
-from tests.modeling.statements import DRIVEN
+from gym_passive_walker.models.walkers import PARAMETERS
+from tests.own.statements import DRIVEN
 
 
 def test_the_default_is_walker_c_on_level_ground_by_ticks():

@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, WalkerError, find_gait
-from gym_passive_walker.envs import rules, starts
 from gym_passive_walker.envs.batch import Batch
-from gym_passive_walker.envs.scene import SCENES, Scene, SceneError, make_scene
-from gym_passive_walker.envs.starts import (
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.gaits.scenes import rules, starts
+from gym_passive_walker.gaits.scenes.scene import SCENES, Scene, SceneError, make_scene
+from gym_passive_walker.gaits.scenes.starts import (
     REFERENCE_SLOPES,
     checked_state,
     gait_near,
     known_gaits,
     searched_gait,
 )
-from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.units import units_of
-from tests.modeling.statements import DRIVEN
+from gym_passive_walker.models.units import units_of
+from tests.own.statements import DRIVEN
 
 
 def begun(scene, count=200, seed=0):

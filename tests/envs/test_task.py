@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, find_gait, stride, tune
-from gym_passive_walker.envs import rules
 from gym_passive_walker.envs.batch import Batch
-from gym_passive_walker.envs.scene import Scene
-from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.gaits.scenes import rules
+from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.models.equations.hybrid import Outcome
 
 SCENES = {
     "C": {"walker": "C", "slope": 0.02},

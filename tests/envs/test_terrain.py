@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.envs.scene import SceneError
-from gym_passive_walker.physics.systems import body_of
+from gym_passive_walker.gaits.scenes.scene import SceneError
+from gym_passive_walker.models.equations.systems import body_of
 
 ROUGH = {"walker": "C", "slope": 0.05, "terrain": gpw.rough(0.002, 0.004)}
 STRIDES = {**ROUGH, "control": "stride", "max_hip_torque": 0.0, "end_on_toe_stub": False}

@@ -14,8 +14,8 @@ from gymnasium.wrappers import vector as wrappers
 from gym_passive_walker import WALKERS
 from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.registration import ID
-from gym_passive_walker.envs.scene import SceneError
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.gaits.scenes.scene import SceneError
 
 MODES = [mode.value for mode in AutoresetMode]
 

@@ -21,9 +21,9 @@ from gym_passive_walker.envs.registration import (
     MAX_EPISODE_STEPS,
     register,
 )
-from gym_passive_walker.envs.scene import SCENES, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
+from gym_passive_walker.gaits.scenes.scene import SCENES, make_scene
 
 EVERY_SCENE = [{"scene": name} for name in SCENES] + [{"walker": "A"}, {"walker": "D"}]
 

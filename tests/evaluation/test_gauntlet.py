@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.envs.scene import SceneError, make_scene
-from gym_passive_walker.evaluation.gauntlet import TESTS
-from gym_passive_walker.policies import shipped_policies
+from gym_passive_walker.envs.evaluation.gauntlet import TESTS
+from gym_passive_walker.envs.policies import shipped_policies
+from gym_passive_walker.gaits.control.baselines import Passive
+from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
 
 
 @pytest.mark.parametrize("name", shipped_policies())

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from gym_passive_walker.envs import rules
-from gym_passive_walker.envs.scene import SceneError, make_scene
+from gym_passive_walker.envs.evaluation import linearization
+from gym_passive_walker.envs.evaluation.linearization import StepRecorder
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.evaluation import linearization
-from gym_passive_walker.evaluation.linearization import StepRecorder
+from gym_passive_walker.gaits.scenes import rules
+from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
 
 COUNT, STEPS, WIDTH = 6, 75, 1e-6
 STRIDES = {"control": "stride", "max_hip_torque": 0.005}

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.baselines import Passive
 from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
-from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.envs.evaluation.robustness import AFTER, _largest, _Tries, robustness
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.evaluation.robustness import AFTER, _largest, _Tries, robustness
-from gym_passive_walker.physics.hybrid import State
-from gym_passive_walker.physics.systems import bodies, body_of
-from gym_passive_walker.units import units_of
+from gym_passive_walker.gaits.control.baselines import Passive
+from gym_passive_walker.gaits.scenes.scene import make_scene
+from gym_passive_walker.models.equations.hybrid import State
+from gym_passive_walker.models.equations.systems import bodies, body_of
+from gym_passive_walker.models.units import units_of
 
 SLOPE = 0.036
 
@@ -85,13 +85,13 @@ def test_the_largest_steps_are_survived_and_larger_ones_are_not(lab):
 def test_a_push_at_the_beginning_is_a_change_of_the_rates(lab):
     """The largest one forward, in a walk that begins with the rates it leaves behind."""
     gait, units = gpw.find_gait("lab", SLOPE), units_of(gpw.WALKERS["lab"])
-    system = gpw.physics.systems.system_of(gait.walker)
-    body = gpw.physics.systems.body_of(gait.walker)
+    system = gpw.models.equations.systems.system_of(gait.walker)
+    body = gpw.models.equations.systems.body_of(gait.walker)
     state = units.to_dimensionless(gait.state)
     for impulse, way in ((lab.forward[0], 1.0), (lab.backward[0], -1.0)):
         for share, survives in ((0.98, True), (1.03, False)):
             jump = system.phases[0].push(
-                body, gpw.physics.hybrid.State(*state), -way * share * impulse, 0.0
+                body, gpw.models.equations.hybrid.State(*state), -way * share * impulse, 0.0
             )
             pushed = units.to_own(np.concatenate([state[:3], state[3:] + jump]))
             assert (walked({}, pushed, AFTER) == AFTER) is survives
@@ -100,7 +100,7 @@ def test_a_push_at_the_beginning_is_a_change_of_the_rates(lab):
 @pytest.mark.parametrize("at", [2, 8], ids=["knee free", "knee locked"])
 def test_pushes_come_at_their_share_of_the_stride(lab, at):
     gait, units = gpw.find_gait("lab", SLOPE), units_of(gpw.WALKERS["lab"])
-    system, body = gpw.physics.systems.system_of(gait.walker), bodies(gait.walker)
+    system, body = gpw.models.equations.systems.system_of(gait.walker), bodies(gait.walker)
     start, time = units.to_dimensionless(gait.state)[None], lab.phases[at] * lab.period
     for share, survives in ((0.98, True), (1.03, False)):
         records = new_records(start, SLOPE, end=time)
@@ -141,7 +141,7 @@ def test_a_controller_that_does_nothing_withstands_what_the_passive_walker_does(
     """A policy that keeps the hip idle is tried in the environment alone."""
     scene = {"walker": "lab", "slope": SLOPE, "end_on_toe_stub": False, "control": "stride"}
     nobody = robustness("lab", scene, walkers=600, strides=40, starts=64)
-    idle = robustness(gpw.control.baselines.Passive(), scene, walkers=600, strides=40, starts=64)
+    idle = robustness(gpw.gaits.control.baselines.Passive(), scene, walkers=600, strides=40, starts=64)
     assert idle.step_down == pytest.approx(nobody.step_down, rel=1e-9)
     np.testing.assert_allclose(idle.period_response, nobody.period_response)
     one, other = idle.first_passage, nobody.first_passage
@@ -170,7 +170,7 @@ def test_it_has_a_table_and_a_picture(lab, tmp_path):
         ((3, "level"), "predict"),
         (("lab", None, {"slope": SLOPE, "initial_error": 2.0}), "initial_error"),
         (("lab", None, {"slope": SLOPE, "roughness": -1.0}), "roughness"),
-        ((gpw.control.baselines.Passive(),), "in which scene"),
+        ((gpw.gaits.control.baselines.Passive(),), "in which scene"),
     ],
 )
 def test_nonsense_is_refused_in_words(arguments, said):

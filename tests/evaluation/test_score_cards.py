@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.envs.evaluation import gauntlet as gauntlets
+from gym_passive_walker.envs.evaluation import robustness as measures
+from gym_passive_walker.envs.evaluation.gauntlet import TESTS, Gauntlet
+from gym_passive_walker.envs.evaluation.linearization import at_first_steps, stands
+from gym_passive_walker.envs.evaluation.robustness import Robustness, _Tries, robustness
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks, evaluate, table
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.evaluation import gauntlet as gauntlets
-from gym_passive_walker.evaluation import robustness as measures
-from gym_passive_walker.evaluation.gauntlet import TESTS, Gauntlet
-from gym_passive_walker.evaluation.linearization import at_first_steps, stands
-from gym_passive_walker.evaluation.robustness import Robustness, _Tries, robustness
-from gym_passive_walker.evaluation.walks import TIME_LIMIT, Walks, evaluate, table
+from gym_passive_walker.gaits.control.baselines import Passive
+from gym_passive_walker.gaits.scenes.scene import make_scene
 
 
 def walks(reached, count=8, *, lost=0, seed=0):
@@ -128,7 +128,7 @@ def test_a_card_has_the_name_of_its_controller_however_it_is_given(monkeypatch, 
             return np.zeros((len(observation), 1)), state
 
     monkeypatch.setattr(gauntlets, "evaluate", lambda *_, seed: walks(1, 1))
-    folder = gpw.policies.policy_folder("steep-ppo")
+    folder = gpw.envs.policies.policy_folder("steep-ppo")
     for controller, scene, title in (
         ("steep-sac", None, "steep-sac"), (folder, None, str(folder)),
         (gpw.load_policy("steep-ppo"), None, "steep-ppo"), (Nameless(), "lab", "Nameless"),

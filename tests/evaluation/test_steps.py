@@ -7,7 +7,7 @@ from itertools import islice
 import gymnasium
 import numpy as np
 
-from gym_passive_walker.evaluation.steps import steps
+from gym_passive_walker.envs.evaluation.steps import steps
 
 
 class Listener:

@@ -6,8 +6,12 @@ import pytest
 import gym_passive_walker as gpw
 from examples import driven_torso
 from examples.driven_torso import DRIVEN_TORSO, SLOPE, width
-from gym_passive_walker.gaits.continuation import Point, neimark_sacker_test, on_the_unit_circle
-from tests.modeling.oracle import Independent
+from gym_passive_walker.gaits.branches.continuation import (
+    Point,
+    neimark_sacker_test,
+    on_the_unit_circle,
+)
+from tests.own.oracle import Independent
 
 
 @pytest.fixture(scope="module")

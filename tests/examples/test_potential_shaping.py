@@ -18,8 +18,8 @@ from examples.potential_shaping import (
     virtual_gravity,
 )
 from gym_passive_walker import WALKERS, Outcome, find_gait, stride_map
-from gym_passive_walker.units import units_of
-from tests.physics import bodies, oracle
+from gym_passive_walker.models.units import units_of
+from tests.equations import bodies, oracle
 
 LEGS = {"compass": COMPASS, "E": WALKERS["E"], "F": WALKERS["F"], "D": WALKERS["D"]}
 HEAVY = {name: walker for name, walker in LEGS.items() if not walker.massless_legs}

@@ -20,11 +20,11 @@ from examples.stride_controllers import (
     speed_of,
 )
 from gym_passive_walker import WALKERS, Actuation, Outcome, find_gait, stride, stride_map
-from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.evaluation.walks import TIME_LIMIT, evaluate
-from gym_passive_walker.gaits.dense_stride import states_at
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, evaluate
+from gym_passive_walker.gaits.look.dense_stride import states_at
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.units import units_of
+from gym_passive_walker.models.units import units_of
 
 D = WALKERS["D"]
 KUO = kuo_gait().walker

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from tests.physics.examples import LONG_GAITS
+from tests.equations.examples import LONG_GAITS
 
 STATE = LONG_GAITS["lab"].state
 AT_A_SLOPE = {

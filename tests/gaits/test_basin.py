@@ -12,7 +12,7 @@ from gym_passive_walker import (
     largest_push,
     stride,
 )
-from gym_passive_walker.gaits.basin import FELL, UNSETTLED, other_attractors
+from gym_passive_walker.gaits.robust.basin import FELL, UNSETTLED, other_attractors
 from gym_passive_walker.gaits.stride_map import StrideMap
 
 

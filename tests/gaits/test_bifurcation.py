@@ -17,8 +17,8 @@ from gym_passive_walker import (
     stride,
     tune,
 )
-from gym_passive_walker.gaits.bifurcation import nearest_on, period_of
-from gym_passive_walker.gaits.doubling import FEIGENBAUM
+from gym_passive_walker.gaits.branches.bifurcation import nearest_on, period_of
+from gym_passive_walker.gaits.branches.doubling import FEIGENBAUM
 
 
 @pytest.fixture(scope="module")

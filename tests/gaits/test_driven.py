@@ -18,8 +18,8 @@ from gym_passive_walker import (
     stride,
     stride_map,
 )
-from gym_passive_walker.control.feedback import powered_gait
-from gym_passive_walker.units import units_of
+from gym_passive_walker.gaits.control.feedback import powered_gait
+from gym_passive_walker.models.units import units_of
 
 LEVEL = {
     "A": Actuation(push_off=0.05), "C": Actuation(push_off=0.05), "E": Actuation(ankle_torque=0.01),

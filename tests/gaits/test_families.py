@@ -17,7 +17,7 @@ from gym_passive_walker import (
     stride,
     tune,
 )
-from gym_passive_walker.gaits.continuation import (
+from gym_passive_walker.gaits.branches.continuation import (
     BOUND,
     KNEE_MEETS_HEEL,
     STANCE_STOPS,

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, find_gait, rough
-from gym_passive_walker.gaits.first_passage import SETTLING, FirstPassage, survivors
 from gym_passive_walker.gaits.flow import Walkers
-from gym_passive_walker.physics import legs, simplest
-from gym_passive_walker.physics.hybrid import Outcome, Phase, Reset, Stage, Strike, System
-from gym_passive_walker.physics.numbers import sine_cosine
-from gym_passive_walker.physics.systems import SYSTEMS
-from gym_passive_walker.units import units_of
+from gym_passive_walker.gaits.robust.first_passage import SETTLING, FirstPassage, survivors
+from gym_passive_walker.models.equations import legs, simplest
+from gym_passive_walker.models.equations.hybrid import Outcome, Phase, Reset, Stage, Strike, System
+from gym_passive_walker.models.equations.numbers import sine_cosine
+from gym_passive_walker.models.equations.systems import SYSTEMS
+from gym_passive_walker.models.units import units_of
 from validation.wheel import HALF, KEEPS, SLOPE
 
 LASTS = {2.0: 4324.9129, 3.0: 113.56971}

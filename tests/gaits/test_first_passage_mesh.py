@@ -10,13 +10,13 @@ import pytest
 
 import gym_passive_walker as gpw
 from examples.torso import TORSO
-from gym_passive_walker.control.baselines import LinearFeedback
-from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.gaits import first_passage_mesh as module
-from gym_passive_walker.gaits.first_passage import SETTLING, FirstPassage, survivors
-from gym_passive_walker.gaits.first_passage_mesh import MeshPassage, mesh_passage
+from gym_passive_walker.gaits.control.baselines import LinearFeedback
 from gym_passive_walker.gaits.flow import Walkers
-from gym_passive_walker.units import units_of
+from gym_passive_walker.gaits.robust import first_passage_mesh as module
+from gym_passive_walker.gaits.robust.first_passage import SETTLING, FirstPassage, survivors
+from gym_passive_walker.gaits.robust.first_passage_mesh import MeshPassage, mesh_passage
+from gym_passive_walker.gaits.scenes.scene import make_scene
+from gym_passive_walker.models.units import units_of
 
 SLOPE = 0.036
 

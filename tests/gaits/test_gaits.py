@@ -317,7 +317,7 @@ def test_the_error_for_a_bad_guess_suggests_none():
 
 
 def test_a_long_search_says_on_stderr_what_it_does(capsys, monkeypatch):
-    monkeypatch.setattr("gym_passive_walker.progress._UNSAID", 0.0)
+    monkeypatch.setattr("gym_passive_walker._tools.progress._UNSAID", 0.0)
     missed("lab", 0.001)
     assert (
         "no long-step gait at slope 0.001 rad: looking for what would help"

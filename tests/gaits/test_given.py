@@ -20,7 +20,7 @@ from gym_passive_walker import (
 )
 from gym_passive_walker.gaits.actuation import one_actuation, to_dimensionless, to_own
 from gym_passive_walker.gaits.stride import together
-from gym_passive_walker.units import units_of
+from gym_passive_walker.models.units import units_of
 
 WALKER = WALKERS["E"]
 HELD = Actuation(hip_torque=0.02, ankle_torque=-0.01, push_off=0.05)

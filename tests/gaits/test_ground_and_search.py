@@ -24,10 +24,10 @@ from gym_passive_walker import (
     stride_map,
     waves,
 )
-from gym_passive_walker.gaits.first_passage import survivors
 from gym_passive_walker.gaits.flow import Walkers
+from gym_passive_walker.gaits.robust.first_passage import survivors
 from gym_passive_walker.gaits.terrain import Terrain, contacts, terrain_from
-from gym_passive_walker.units import units_of
+from gym_passive_walker.models.units import units_of
 
 
 def rows(terrain, count, key=0):

@@ -18,9 +18,9 @@ from gym_passive_walker import (
     stride_map,
 )
 from gym_passive_walker.gaits.map_result import NoStride
-from gym_passive_walker.physics.systems import FITTINGS
-from gym_passive_walker.units import units_of
-from tests.physics.examples import LONG_GAITS
+from gym_passive_walker.models.equations.systems import FITTINGS
+from gym_passive_walker.models.units import units_of
+from tests.equations.examples import LONG_GAITS
 
 STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
 """Central differences of order eight."""

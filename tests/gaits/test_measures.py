@@ -15,10 +15,10 @@ from gym_passive_walker import (
     stride,
     tune,
 )
-from gym_passive_walker.gaits.dense_stride import foot_clearance, states_at
-from gym_passive_walker.gaits.search import heelstrike
+from gym_passive_walker.gaits.find.search import heelstrike
+from gym_passive_walker.gaits.look.dense_stride import foot_clearance, states_at
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.units import units_of
+from gym_passive_walker.models.units import units_of
 
 ALL = WALKERS | {
     "weighted": lab_walker_from_parts(),

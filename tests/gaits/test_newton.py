@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gym_passive_walker.gaits.newton import newton
+from gym_passive_walker.gaits.find.newton import newton
 
 
 def test_it_ends_where_only_rounding_is_left():

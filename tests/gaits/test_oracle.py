@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, stride, stride_jacobian
-from tests.physics import bodies
-from tests.physics.examples import LONG_GAITS
+from tests.equations import bodies
+from tests.equations.examples import LONG_GAITS
 
 pytestmark = pytest.mark.slow
 

@@ -31,8 +31,8 @@ from gym_passive_walker import (
     stride_jacobian,
     stride_map,
 )
-from gym_passive_walker.control.baselines import LinearFeedback
-from gym_passive_walker.control.feedback import powered_gait
+from gym_passive_walker.gaits.control.baselines import LinearFeedback
+from gym_passive_walker.gaits.control.feedback import powered_gait
 
 LENGTH, MASS, GRAVITY = 2.3, 1.7, 0.6
 TIME = (LENGTH / GRAVITY) ** 0.5

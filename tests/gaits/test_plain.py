@@ -23,10 +23,10 @@ from gym_passive_walker import (
     stride,
     stride_jacobian,
 )
-from gym_passive_walker.gaits.basin import FELL, UNSETTLED
-from gym_passive_walker.gaits.first_passage import FirstPassage
-from gym_passive_walker.gaits.first_passage_mesh import MeshPassage
-from gym_passive_walker.walkers import as_walker
+from gym_passive_walker.gaits.robust.basin import FELL, UNSETTLED
+from gym_passive_walker.gaits.robust.first_passage import FirstPassage
+from gym_passive_walker.gaits.robust.first_passage_mesh import MeshPassage
+from gym_passive_walker.models.walkers import as_walker
 
 SLOPES = {"lab": (0.036, 0.04), "E": (0.005, 0.006), "D": (0.009, 0.0188)}
 

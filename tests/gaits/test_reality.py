@@ -17,10 +17,15 @@ from gym_passive_walker import (
     stride_map,
     tune,
 )
-from gym_passive_walker.gaits.dense_stride import Impulse, TimedExtremum, foot_clearance, states_at
-from gym_passive_walker.gaits.forces import forces
+from gym_passive_walker.gaits.look.dense_stride import (
+    Impulse,
+    TimedExtremum,
+    foot_clearance,
+    states_at,
+)
+from gym_passive_walker.gaits.look.forces import forces
 from gym_passive_walker.gaits.map_result import NoStride
-from gym_passive_walker.units import units_of
+from gym_passive_walker.models.units import units_of
 
 SLOPE = 0.036
 START = np.array([0.25, -0.25, -0.25, -1.06, -0.35, -1.5])

@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, find_gait, reality_check, tune
-from gym_passive_walker.gaits.gait import multipliers_of
-from gym_passive_walker.gaits.objectives import (
-    QUANTITIES,
-    coefficients,
-    inside,
-    spectral_radius,
-)
-from gym_passive_walker.gaits.sensitivity import (
+from gym_passive_walker.gaits.branches.sensitivity import (
     map_change,
     place_near,
     sensitivity,
     size_of,
 )
+from gym_passive_walker.gaits.design.objectives import (
+    QUANTITIES,
+    coefficients,
+    inside,
+    spectral_radius,
+)
+from gym_passive_walker.gaits.gait import multipliers_of
 from gym_passive_walker.gaits.stride_map import StrideMap
 
 BY = {

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gym_passive_walker.gaits.dense_stride import fit, greatest, least, ratio_turns, turns
+from gym_passive_walker.gaits.look.dense_stride import fit, greatest, least, ratio_turns, turns
 
 
 def series(function, start, end):

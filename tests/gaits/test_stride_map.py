@@ -8,14 +8,14 @@ import pytest
 
 from gym_passive_walker import WALKERS, Outcome, find_gait, stride, stride_jacobian
 from gym_passive_walker.gaits.actuation import Actuation, actuation_units
-from gym_passive_walker.gaits.dense_stride import states_at
+from gym_passive_walker.gaits.find.newton import newton
+from gym_passive_walker.gaits.look.dense_stride import states_at
 from gym_passive_walker.gaits.map_result import Change
-from gym_passive_walker.gaits.newton import newton
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.units import growth, unit_of, units_of
-from gym_passive_walker.walkers import PARAMETERS
+from gym_passive_walker.models.units import growth, unit_of, units_of
+from gym_passive_walker.models.walkers import PARAMETERS
 from tests.before_impact import just_before
-from tests.physics.examples import LONG_GAITS
+from tests.equations.examples import LONG_GAITS
 
 NAMES = ["lab", "lab-straight", "B", "D"]
 TOLD = [field.name for field in fields(Change)]

@@ -26,10 +26,10 @@ from gym_passive_walker import (
     simulate,
     stride_map,
 )
-from gym_passive_walker.gaits.basin import FELL, UNSETTLED, Basin
-from gym_passive_walker.gaits.bifurcation import BifurcationDiagram
-from gym_passive_walker.gaits.doubling import FEIGENBAUM
-from gym_passive_walker.progress import progress
+from gym_passive_walker._tools.progress import progress
+from gym_passive_walker.gaits.branches.bifurcation import BifurcationDiagram
+from gym_passive_walker.gaits.branches.doubling import FEIGENBAUM
+from gym_passive_walker.gaits.robust.basin import FELL, UNSETTLED, Basin
 
 SIZED = replace(WALKERS["D"], thigh_length=1.4, shank_length=0.9, gravity=3.0, hip_mass=5.0)
 """The simplest walker in units in which no unit is one."""

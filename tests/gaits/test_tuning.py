@@ -16,7 +16,7 @@ from gym_passive_walker import (
     tune_to_walk,
     tuning_errors,
 )
-from gym_passive_walker.gaits.continuation import KNEE_MEETS_HEEL, TANGENTIAL
+from gym_passive_walker.gaits.branches.continuation import KNEE_MEETS_HEEL, TANGENTIAL
 
 TUNED, LAB = tune(WALKERS["C"]), WALKERS["lab"]
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.baselines import LinearFeedback, StrideFeedback
+from gym_passive_walker.gaits.branches.varied_map import VariedMap
+from gym_passive_walker.gaits.control.baselines import LinearFeedback, StrideFeedback
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.gaits.varied_map import VariedMap
-from gym_passive_walker.walkers import changed
+from gym_passive_walker.models.walkers import changed
 
 LAB, SLOPE = gpw.as_walker("lab"), 0.036
 

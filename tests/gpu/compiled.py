@@ -28,7 +28,7 @@ def ptx(capability: int, scene: str) -> dict[str, str]:
         (numba.cuda.api, "current_context"),
     ):
         setattr(module, name, lambda *_: context)
-    from gym_passive_walker.gpu import batch, device
+    from gym_passive_walker.devices.gpu import batch, device
 
     found = {}
 
@@ -49,7 +49,7 @@ def ptx(capability: int, scene: str) -> dict[str, str]:
 
 
 def _put(array):
-    from gym_passive_walker.gpu.device import kind
+    from gym_passive_walker.devices.gpu.device import kind
 
     array = np.array(array, order="C")
     return array.view(kind(array.dtype)) if array.dtype.fields else array
@@ -67,10 +67,10 @@ def on_cpu(name: str) -> float:
 
     numba.cuda.extending.intrinsic = numba.extending.intrinsic
     sys.modules.setdefault("numba_cuda", ModuleType("numba_cuda"))  # which a device would need
+    from gym_passive_walker.devices.gpu import lane, primitives
     from gym_passive_walker.engine import run
     from gym_passive_walker.engine.layout import HISTORY, PAIR, tile_for
-    from gym_passive_walker.gpu import lane, primitives
-    from gym_passive_walker.physics.systems import SYSTEMS
+    from gym_passive_walker.models.equations.systems import SYSTEMS
 
     def jitted(function):
         return numba.njit(error_model="numpy")(function)
@@ -89,9 +89,9 @@ def on_cpu(name: str) -> float:
 
 def on_device(name: str) -> tuple[bool, float]:
     """Whether outcomes on a GPU are the CPU's, and how far states after strides differ."""
+    from gym_passive_walker.devices.gpu import strides
     from gym_passive_walker.engine.run import advance
-    from gym_passive_walker.gpu import strides
-    from gym_passive_walker.physics.systems import SYSTEMS
+    from gym_passive_walker.models.equations.systems import SYSTEMS
     from tests.gpu.thrown import thrown
 
     own, records = thrown(name, 2000, wild=0.05)
@@ -107,7 +107,7 @@ def in_silence() -> None:
     """Steps of an environment on a device, during which torch lets nobody wait."""
     import torch
 
-    from gym_passive_walker.gpu.environment import PassiveWalkerGpuEnv
+    from gym_passive_walker.devices.gpu.environment import PassiveWalkerGpuEnv
 
     there = PassiveWalkerGpuEnv(256, "level")
     there.reset()

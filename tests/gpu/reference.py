@@ -4,8 +4,8 @@ import numpy as np
 
 from gym_passive_walker.engine.counter_rng import uniform, word
 from gym_passive_walker.envs.batch import Batch
-from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.envs.starts import DRAWS
+from gym_passive_walker.gaits.scenes.scene import make_scene
+from gym_passive_walker.gaits.scenes.starts import DRAWS
 
 
 class Drawn:

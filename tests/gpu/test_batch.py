@@ -5,16 +5,16 @@ import time
 import numpy as np
 import pytest
 
-from gym_passive_walker import progress
+from gym_passive_walker._tools import progress
+from gym_passive_walker.devices.gpu import batch as device_batch
+from gym_passive_walker.devices.gpu import device
+from gym_passive_walker.devices.gpu.batch import DeviceBatch
 from gym_passive_walker.engine.counter_rng import uniform
-from gym_passive_walker.envs import rules
-from gym_passive_walker.envs.scene import SceneError, make_scene
-from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.envs.views import Shape
-from gym_passive_walker.gpu import batch as device_batch
-from gym_passive_walker.gpu import device
-from gym_passive_walker.gpu.batch import DeviceBatch
-from gym_passive_walker.physics.systems import bodies
+from gym_passive_walker.gaits.scenes import rules
+from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
+from gym_passive_walker.gaits.scenes.starts import Starts
+from gym_passive_walker.models.equations.systems import bodies
 from tests.envs.forms import COMPILED, function, plain_values, several
 from tests.gpu.reference import Reference
 

@@ -50,13 +50,13 @@ def test_a_step_waits_for_nothing():
 def test_without_a_device_one_sentence_says_so():
     pretended = "import sys, types; sys.modules['numba_cuda'] = types.ModuleType('numba_cuda'); "
     installed = "" if find_spec("numba_cuda") else pretended
-    code = installed + "from gym_passive_walker.gpu import DeviceBatch; DeviceBatch(2)"
+    code = installed + "from gym_passive_walker.devices.gpu import DeviceBatch; DeviceBatch(2)"
     assert "this needs a CUDA GPU, and there is none here" in run("-c", code, code=1)
 
 
 @pytest.mark.skipif(find_spec("numba_cuda") is not None, reason="the extra is installed")
 def test_without_the_extra_one_sentence_names_it():
-    said = run("-c", "import gym_passive_walker.gpu", code=1)
+    said = run("-c", "import gym_passive_walker.devices.gpu", code=1)
     assert 'pip install "gym-passive-walker[gpu]"' in said
 
 

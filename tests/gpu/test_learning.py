@@ -14,7 +14,7 @@ from torch.utils._python_dispatch import TorchDispatchMode  # noqa: E402
 from agents import envs, ppo_fast  # noqa: E402
 from agents.config import configure  # noqa: E402
 from agents.learner import build  # noqa: E402
-from gym_passive_walker.gpu.environment import PassiveWalkerGpuEnv  # noqa: E402
+from gym_passive_walker.devices.gpu.environment import PassiveWalkerGpuEnv  # noqa: E402
 
 COUNT, STEPS = 2, 8
 

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker import gpu
+from gym_passive_walker.devices import gpu
+from gym_passive_walker.devices.gpu import device
+from gym_passive_walker.devices.gpu.strides import advance_there
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import advance, new_records
-from gym_passive_walker.gpu import device
-from gym_passive_walker.gpu.strides import advance_there
-from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.physics.systems import SYSTEMS
-from gym_passive_walker.units import units_of
+from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.models.equations.systems import SYSTEMS
+from gym_passive_walker.models.units import units_of
+from tests.equations.examples import LONG_GAITS
 from tests.gpu.thrown import thrown
-from tests.physics.examples import LONG_GAITS
 
 
 def carried(name, records, own, *, tolerance=1e-8, **given):

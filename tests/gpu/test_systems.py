@@ -6,8 +6,8 @@ import pytest
 import gym_passive_walker as gpw
 from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
-from gym_passive_walker import gpu
-from tests.modeling.statements import PROGRESSIVE
+from gym_passive_walker.devices import gpu
+from tests.own.statements import PROGRESSIVE
 
 SYSTEMS = [(TORSO, 0.03), (FIVE_LINKS, 0.05), (PROGRESSIVE, 0.03)]
 

@@ -6,9 +6,9 @@ import numpy as np
 
 import gym_passive_walker as gpw
 from gym_passive_walker.engine.run import new_records
-from gym_passive_walker.physics.systems import bodies
-from gym_passive_walker.units import units_of
-from tests.physics.examples import LONG_GAITS
+from gym_passive_walker.models.equations.systems import bodies
+from gym_passive_walker.models.units import units_of
+from tests.equations.examples import LONG_GAITS
 
 NAMES = {"kneed": "C", "straight": "E", "simplest": "D"}
 FITTED = {"hip_stiffness": 0.1, "hip_friction": 0.02}

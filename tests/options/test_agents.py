@@ -26,9 +26,9 @@ from agents.learned_steps import LearnedSHAC
 from agents.learner import build
 from agents.ppo_fast import FastPPO
 from agents.training import Run
-from gym_passive_walker.control import optimal
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
-from gym_passive_walker.envs.scene import SCENES
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.scenes.scene import SCENES
 from tests.options.effects import Call, To, cases, check, missing, plain
 
 
@@ -583,7 +583,7 @@ def test_every_option_of_gait_is_heard(capsys, tmp_path, monkeypatch):
         assert printed(f"gait {words}", capsys) != base
     drawn = []
     monkeypatch.setattr(
-        "gym_passive_walker.render.axes.save",
+        "gym_passive_walker.pictures.axes.save",
         lambda figure, path: (drawn.append(path.suffix), path.touch()),
     )
     printed(f"gait lqr --scene steep --out {tmp_path / 'g.svg'}", capsys)

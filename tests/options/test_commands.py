@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.cli import COMMANDS, main, parser
-from gym_passive_walker.cli.report import plain
+from gym_passive_walker.apps.cli import COMMANDS, main, parser
+from gym_passive_walker.apps.cli.report import plain
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:ResourceWarning")
 
@@ -286,8 +286,8 @@ def test_an_option_of_a_command_is_heard(name, option, tmp_path, monkeypatch):
     if name in needed:
         pytest.importorskip(needed[name])
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    if name == "figures":  # which are drawn in `tests/render`
-        from gym_passive_walker.render import figures
+    if name == "figures":  # which are drawn in `tests/pictures`
+        from gym_passive_walker.pictures import figures
 
         monkeypatch.setattr(figures, "draw", noted)
     base, other = TABLE[name]

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
-from tests.modeling.statements import DRIVEN
+from gym_passive_walker.gaits.scenes.scene import SCENES, Scene, make_scene
 from tests.options.effects import Call, To, cases, check, missing, plain
+from tests.own.statements import DRIVEN
 
 START = (0.3, -0.3, -0.4, -0.4, -0.3, -0.3)
 ROUGH = {"rough": {"height_std": 0.01, "slope_std": 0.02}}

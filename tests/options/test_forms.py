@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.controllers import acting
-from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.apps.sweeps.description import Description
+from gym_passive_walker.apps.sweeps.tasks import task
+from gym_passive_walker.gaits.control.controllers import acting
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.terrain import terrain_from
-from gym_passive_walker.sweeps.description import Description
-from gym_passive_walker.sweeps.tasks import task
-from gym_passive_walker.walkers import as_walker, describe, name_of
+from gym_passive_walker.models.walkers import as_walker, describe, name_of
 from tests.options.effects import plain
 from tests.options.test_functions import OF_D, OPTIONS, STEEP, Later
 
@@ -136,7 +136,7 @@ def test_a_slope_is_any_number(slope):
 
 
 def test_a_controller_is_what_acts_its_name_or_its_folder():
-    folder = gpw.policies.policy_folder("level-ppo")
+    folder = gpw.envs.policies.policy_folder("level-ppo")
     seen = np.zeros((3, 8), np.float32)
     for given in ("level-ppo", folder, str(folder), gpw.load_policy("level-ppo")):
         policy, scene = acting(given)

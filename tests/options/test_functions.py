@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.baselines import LinearFeedback
-from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.units import units_of
+from gym_passive_walker.gaits.control.baselines import LinearFeedback
+from gym_passive_walker.gaits.scenes.scene import make_scene
+from gym_passive_walker.models.units import units_of
+from tests.equations.examples import LONG_GAITS
 from tests.options.effects import Call, Later, To, cases, check, missing
-from tests.physics.examples import LONG_GAITS
 
 LAB, C, D, F = (gpw.WALKERS[name] for name in ("lab", "C", "D", "F"))
 

@@ -14,22 +14,22 @@ import pytest
 import gym_passive_walker as gpw
 from agents.benchmark import rough_strides
 from examples.torso import TORSO
-from gym_passive_walker.control import baselines
-from gym_passive_walker.control.feedback import gains
-from gym_passive_walker.control.ticks import ticked_stride
-from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker._tools.shown import picture as pictures
+from gym_passive_walker.apps.sweeps.tasks import ANALYSES
+from gym_passive_walker.gaits.control import baselines
+from gym_passive_walker.gaits.control.feedback import gains
+from gym_passive_walker.gaits.control.ticks import ticked_stride
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.modeling.mechanics import Motion
-from gym_passive_walker.physics import hybrid
-from gym_passive_walker.render.axes import OWN
-from gym_passive_walker.render.portrait import phase_portrait
-from gym_passive_walker.render.strobe import strobe
-from gym_passive_walker.shown import picture as pictures
-from gym_passive_walker.sweeps.tasks import ANALYSES
-from gym_passive_walker.walkers import name_of
-from tests.modeling import statements
-from tests.modeling.statements import COMPASS, DRIVEN
+from gym_passive_walker.models.equations import hybrid
+from gym_passive_walker.models.own.mechanics import Motion
+from gym_passive_walker.models.walkers import name_of
+from gym_passive_walker.pictures.axes import OWN
+from gym_passive_walker.pictures.portrait import phase_portrait
+from gym_passive_walker.pictures.strobe import strobe
 from tests.options.effects import Call, Later, To, cases, check, missing
+from tests.own import statements
+from tests.own.statements import COMPASS, DRIVEN
 
 RESULTS = set(
     "Basin BifurcationDiagram Cascade Design TimedExtremum FootVelocity Gait GaitFamily Gauntlet "
@@ -200,7 +200,7 @@ OPTIONS = {
             pose=lambda b, s: [[(0.0, 0.0), (-s.stance, 1.0)]],
         ),
         besides={
-            name: "of given equations alone: see tests/modeling/test_mass_matrix.py"
+            name: "of given equations alone: see tests/own/test_mass_matrix.py"
             for name in ("equations", "mass", "centre")
         },
         of=gpw.System.__init__,

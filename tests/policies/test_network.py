@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.policies import DESCRIPTION, TENSORS, policy_folder
-from gym_passive_walker.policies.network import ACTIVATIONS, Network
-from gym_passive_walker.policies.tensors import read_tensors
+from gym_passive_walker.envs.policies import DESCRIPTION, TENSORS, policy_folder
+from gym_passive_walker.envs.policies.network import ACTIVATIONS, Network
+from gym_passive_walker.envs.policies.tensors import read_tensors
+from gym_passive_walker.gaits.scenes.scene import make_scene
 
 ROUNDING = 2e-6
 """Tolerance of actions: some roundings in single precision."""

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.policies import shipped_policies
-from gym_passive_walker.policies.network import ACTIVATIONS, Network
-from gym_passive_walker.policies.onnx_file import write_onnx
+from gym_passive_walker.envs.policies import shipped_policies
+from gym_passive_walker.envs.policies.network import ACTIVATIONS, Network
+from gym_passive_walker.envs.policies.onnx_file import write_onnx
 
 onnx = pytest.importorskip("onnx")
 onnxruntime = pytest.importorskip("onnxruntime")
@@ -101,7 +101,7 @@ def test_networks_of_each_kind_are_written(algo, activation, normalizer, tmp_pat
     expected, _ = network.predict(seen)
     assert np.max(np.abs(policy.predict(seen)[0] - expected)) < ROUNDING
     assert 0.2 < np.mean(np.abs(expected) < 0.99)
-    assert policy.scene == gpw.envs.scene.make_scene("level", slope=0.0361)
+    assert policy.scene == gpw.gaits.scenes.scene.make_scene("level", slope=0.0361)
 
 
 def test_a_policy_may_have_several_actions_or_no_hidden_layer(tmp_path):

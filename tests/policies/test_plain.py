@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.policies import (
+from gym_passive_walker.envs.policies import (
     DESCRIPTION,
     TENSORS,
     TrainedPolicy,
     policy_folder,
     shipped_policies,
 )
-from gym_passive_walker.policies.network import ACTIVATIONS, Network
-from gym_passive_walker.policies.tensors import read_tensors
+from gym_passive_walker.envs.policies.network import ACTIVATIONS, Network
+from gym_passive_walker.envs.policies.tensors import read_tensors
+from gym_passive_walker.gaits.scenes.scene import make_scene
 
 SIZE, MOTORS = 5, 3
 PLAIN = {

@@ -11,8 +11,8 @@ import pytest
 
 import gym_passive_walker as gpw
 from benchmarks.anywhere import HELD_OUT
-from gym_passive_walker.evaluation.steps import steps
-from gym_passive_walker.policies import policy_folder, shipped_policies
+from gym_passive_walker.envs.evaluation.steps import steps
+from gym_passive_walker.envs.policies import policy_folder, shipped_policies
 
 SCENES = ("level", "steep", "rolling", "commanded", "rough", "pushed", "push-off", "anywhere")
 

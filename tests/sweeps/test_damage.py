@@ -8,11 +8,11 @@ import sys
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.cli import main
-from gym_passive_walker.sweeps import store
-from gym_passive_walker.sweeps.description import Description
-from gym_passive_walker.sweeps.run import SweepResult
-from gym_passive_walker.sweeps.version import version
+from gym_passive_walker.apps.cli import main
+from gym_passive_walker.apps.sweeps import store
+from gym_passive_walker.apps.sweeps.description import Description
+from gym_passive_walker.apps.sweeps.run import SweepResult
+from gym_passive_walker.apps.sweeps.version import version
 from tests.sweeps.conftest import ODD
 
 parquet = pytest.importorskip("pyarrow.parquet")

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.sweeps.description import Description
-from gym_passive_walker.sweeps.quantities import sizes
-from gym_passive_walker.sweeps.run import _described
-from gym_passive_walker.sweeps.tasks import ANALYSES, flat, task
+from gym_passive_walker.apps.sweeps.description import Description
+from gym_passive_walker.apps.sweeps.quantities import sizes
+from gym_passive_walker.apps.sweeps.run import _described
+from gym_passive_walker.apps.sweeps.tasks import ANALYSES, flat, task
 
 
 def test_a_grid_is_every_combination_and_a_list_goes_row_by_row():

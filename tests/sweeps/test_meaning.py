@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.controllers import acting
-from gym_passive_walker.evaluation import walks
-from gym_passive_walker.sweeps.quantities import label
-from gym_passive_walker.sweeps.tasks import ANALYSES, flat, task
+from gym_passive_walker.apps.sweeps.quantities import label
+from gym_passive_walker.apps.sweeps.tasks import ANALYSES, flat, task
+from gym_passive_walker.envs.evaluation import walks
+from gym_passive_walker.gaits.control.controllers import acting
 
 
 def row(analysis, **given):
@@ -173,7 +173,7 @@ def test_a_column_has_a_label_with_its_unit(name):
 
 
 def test_columns_that_are_also_axes_of_other_pictures_have_their_labels():
-    from gym_passive_walker.render.axes import ANGLE, SLOPE, SPEED
+    from gym_passive_walker.pictures.axes import ANGLE, SLOPE, SPEED
 
     assert label("slope") == SLOPE != label("speed") == label("froude_speed") == SPEED
     assert label("stance_angle") == ANGLE

@@ -3,7 +3,7 @@
 import threading
 import time
 
-from gym_passive_walker.sweeps import node
+from gym_passive_walker.apps.sweeps import node
 
 
 def test_of_workers_that_start_together_one_compiles_and_the_others_wait(tmp_path, monkeypatch):

@@ -13,8 +13,8 @@ import pytest
 pytest.importorskip("pyarrow")
 
 import gym_passive_walker as gpw
-from gym_passive_walker.cli import main, parser
-from gym_passive_walker.sweeps.description import Description
+from gym_passive_walker.apps.cli import main, parser
+from gym_passive_walker.apps.sweeps.description import Description
 
 SQUARES = {"analysis": "odd_tasks:square", "over": {"x": [1, 2, 3]}}
 SAMPLE = {**SQUARES, "over": {"x": [0.0, 1.0]}, "how": "sobol", "samples": 4}
@@ -111,7 +111,7 @@ def test_words_of_the_command_are_the_options_of_python(odd, capsys, monkeypatch
         asked.update(options, content=content, out=out)
         return gpw.sweep(SQUARES, odd / "done", trust=True, workers=1)
 
-    monkeypatch.setattr("gym_passive_walker.cli.sweeps.swept", noted)
+    monkeypatch.setattr("gym_passive_walker.apps.cli.sweeps.swept", noted)
     file = odd / "squares.json"
     file.write_text(json.dumps(SQUARES))
     usual = {"workers": None, "ray": None, "branch": False, "retry": False, "trust": False}

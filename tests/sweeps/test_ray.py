@@ -8,7 +8,7 @@ import time
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.sweeps.run import SweepResult
+from gym_passive_walker.apps.sweeps.run import SweepResult
 from tests.sweeps.same import same
 
 pytest.importorskip("ray")

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.sweeps import run, store, workers
-from gym_passive_walker.sweeps.description import RESERVED, Description
-from gym_passive_walker.sweeps.node import locked
-from gym_passive_walker.sweeps.quantities import label, sizes
-from gym_passive_walker.sweeps.store import DONE, FAILED, TIMED_OUT, Store
-from gym_passive_walker.sweeps.tasks import flat
-from gym_passive_walker.sweeps.workers import Outcome, Pace, Workers
+from gym_passive_walker.apps.sweeps import run, store, workers
+from gym_passive_walker.apps.sweeps.description import RESERVED, Description
+from gym_passive_walker.apps.sweeps.node import locked
+from gym_passive_walker.apps.sweeps.quantities import label, sizes
+from gym_passive_walker.apps.sweeps.store import DONE, FAILED, TIMED_OUT, Store
+from gym_passive_walker.apps.sweeps.tasks import flat
+from gym_passive_walker.apps.sweeps.workers import Outcome, Pace, Workers
 
 parquet = pytest.importorskip("pyarrow.parquet")
 
@@ -398,7 +398,7 @@ def test_a_walker_s_file_is_kept_by_its_content(where, tmp_path):
     content = GAIT | {where: {**GAIT.get(where, {}), **entry}}
     found = Description.of(content)
     file.unlink()
-    assert all(gpw.walkers.as_walker(each["walker"]) == replace(LAB, foot_radius=0.21)
+    assert all(gpw.models.walkers.as_walker(each["walker"]) == replace(LAB, foot_radius=0.21)
                for each in found.tasks)  # fmt: skip
 
 

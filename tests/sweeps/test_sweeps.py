@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.cli import main
-from gym_passive_walker.sweeps import run
-from gym_passive_walker.sweeps.store import DONE, FAILED, TIMED_OUT
-from gym_passive_walker.sweeps.version import version
-from gym_passive_walker.sweeps.workers import Workers
+from gym_passive_walker.apps.cli import main
+from gym_passive_walker.apps.sweeps import run
+from gym_passive_walker.apps.sweeps.store import DONE, FAILED, TIMED_OUT
+from gym_passive_walker.apps.sweeps.version import version
+from gym_passive_walker.apps.sweeps.workers import Workers
 from tests.sweeps.same import same
 
 parquet = pytest.importorskip("pyarrow.parquet")

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.evaluation import walks
-from gym_passive_walker.sweeps.tasks import ANALYSES, flat, task
+from gym_passive_walker.apps.sweeps.tasks import ANALYSES, flat, task
+from gym_passive_walker.envs.evaluation import walks
+from gym_passive_walker.gaits.scenes.scene import make_scene
 
 LAB = {"walker": "lab", "slope": 0.036}
 

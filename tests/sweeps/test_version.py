@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.sweeps.version import version
+from gym_passive_walker.apps.sweeps.version import version
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,10 @@ import pytest
 import torch
 
 import gym_passive_walker as gpw
-from gym_passive_walker.envs.scene import SceneError, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
+from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.models.units import units_of
 from gym_passive_walker.torch import (
     PassiveWalkerTorchEnv,
     Stride,
@@ -17,7 +18,6 @@ from gym_passive_walker.torch import (
     stride,
     tick,
 )
-from gym_passive_walker.units import units_of
 
 COUNT = 4
 

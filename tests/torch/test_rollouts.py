@@ -5,12 +5,12 @@ import pytest
 import torch
 
 from gym_passive_walker import footholds
-from gym_passive_walker.control.feedback import powered_gait
-from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.gaits.control.feedback import powered_gait
+from gym_passive_walker.gaits.scenes.scene import make_scene
+from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.models.units import units_of
 from gym_passive_walker.torch import initial_state, rollout
-from gym_passive_walker.units import units_of
 
 COUNT = 6
 

@@ -7,9 +7,9 @@ import pytest
 import torch
 
 import gym_passive_walker as gpw
-from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.models.units import units_of
 from gym_passive_walker.torch import stride, tick
-from gym_passive_walker.units import units_of
 
 SLOPES = {"D": 0.009, "E": 0.009, "F": 0.009, "lab": 0.036}
 LEDGERS = (
@@ -409,10 +409,10 @@ def test_what_makes_no_sense_is_refused():
     with pytest.raises(TypeError, match="hip_torque is on meta"):
         stride("lab", slope, states, hip_torque=torch.zeros(2, dtype=torch.float64, device="meta"))
     with pytest.raises(
-        gpw.walkers.WalkerError, match=r"this walker has no knee.*; it has thigh_length"
+        gpw.models.walkers.WalkerError, match=r"this walker has no knee.*; it has thigh_length"
     ):
         stride("lab", slope, states, parameters={"knee": number(0.3)})
-    with pytest.raises(gpw.walkers.WalkerError, match="foot_radius must lie from 0"):
+    with pytest.raises(gpw.models.walkers.WalkerError, match="foot_radius must lie from 0"):
         stride("lab", slope, states, parameters={"foot_radius": number(3.0)})
     with pytest.raises(ValueError, match=r"state must have shape \(6,\) or \(n, 6\)"):
         stride("lab", slope, states[:, :4])

@@ -24,7 +24,7 @@ ACTIONS = [2.0 * torch.rand((8, 1), generator=_RANDOM) - 1.0 for _ in range(150)
 
 def test_rsl_rl_gets_timeouts_apart_from_falls():
     pytest.importorskip("rsl_rl")
-    from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
+    from gym_passive_walker.torch.trainers.rsl_rl import RslRlWalkers
 
     envs = RslRlWalkers(8, max_episode_steps=45, seed=1, reset_noise_scale=0.2)
     late = fallen = 0
@@ -46,7 +46,7 @@ def test_rsl_rl_trains(rsl_rl_configuration):
     pytest.importorskip("rsl_rl")
     from rsl_rl.runners import OnPolicyRunner
 
-    from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
+    from gym_passive_walker.torch.trainers.rsl_rl import RslRlWalkers
 
     OnPolicyRunner(RslRlWalkers(8, seed=0), rsl_rl_configuration).learn(2)
 
@@ -57,7 +57,7 @@ def test_a_training_of_rsl_rl_that_begins_within_episodes_meets_its_time_limits_
     pytest.importorskip("rsl_rl")
     from rsl_rl.runners import OnPolicyRunner
 
-    from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
+    from gym_passive_walker.torch.trainers.rsl_rl import RslRlWalkers
 
     envs = RslRlWalkers(8, seed=0, max_episode_steps=40, reset_noise_scale=0.0)
     step, late = envs.step, []
@@ -76,7 +76,7 @@ def test_a_training_of_rsl_rl_that_begins_within_episodes_meets_its_time_limits_
 
 def test_skrl_finds_columns_and_begins_once():
     pytest.importorskip("skrl")
-    from gym_passive_walker.trainers.skrl import SkrlWalkers
+    from gym_passive_walker.torch.trainers.skrl import SkrlWalkers
 
     envs = SkrlWalkers(8, max_episode_steps=45, seed=1, reset_noise_scale=0.2)
     first, _ = envs.reset()
@@ -95,7 +95,7 @@ def test_torchrl_finds_its_specifications_met():
     pytest.importorskip("torchrl")
     from torchrl.envs.utils import check_env_specs
 
-    from gym_passive_walker.trainers.torchrl import TorchRlWalkers
+    from gym_passive_walker.torch.trainers.torchrl import TorchRlWalkers
 
     check_env_specs(TorchRlWalkers(8, seed=0))
     envs = TorchRlWalkers(8, seed=1, max_episode_steps=45, reset_noise_scale=0.2)
@@ -110,7 +110,7 @@ def test_torchrl_finds_its_specifications_met():
 
 def test_a_seed_of_torchrl_s_is_of_the_first_reset_alone():
     pytest.importorskip("torchrl")
-    from gym_passive_walker.trainers.torchrl import TorchRlWalkers
+    from gym_passive_walker.torch.trainers.torchrl import TorchRlWalkers
 
     envs, again = (TorchRlWalkers(4, seed=1, reset_noise_scale=0.2) for _ in range(2))
     first, second = (envs.reset()["observation"] for _ in range(2))

@@ -11,7 +11,7 @@ torch = pytest.importorskip("torch")
 
 from torch import Tensor, nn  # noqa: E402
 
-from gym_passive_walker.evaluation.walks import TIME_LIMIT, Walks, evaluate  # noqa: E402
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks, evaluate  # noqa: E402
 
 pytestmark = pytest.mark.learning
 
@@ -76,7 +76,7 @@ def test_rsl_rl(rsl_rl_configuration):
     from rsl_rl.runners import OnPolicyRunner
     from tensordict import TensorDict
 
-    from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
+    from gym_passive_walker.torch.trainers.rsl_rl import RslRlWalkers
 
     envs = RslRlWalkers(WALKERS, max_episode_steps=400, seed=0)
     runner = OnPolicyRunner(envs, rsl_rl_configuration)
@@ -98,7 +98,7 @@ def test_skrl():
     from skrl.resources.preprocessors.torch import RunningStandardScaler
     from skrl.trainers.torch import SequentialTrainer
 
-    from gym_passive_walker.trainers.skrl import SkrlWalkers
+    from gym_passive_walker.torch.trainers.skrl import SkrlWalkers
 
     envs = SkrlWalkers(WALKERS, max_episode_steps=400, seed=0)
     spaces = {
@@ -165,7 +165,7 @@ def test_torchrl():
     from torchrl.objectives import ClipPPOLoss
     from torchrl.objectives.value import GAE
 
-    from gym_passive_walker.trainers.torchrl import TorchRlWalkers
+    from gym_passive_walker.torch.trainers.torchrl import TorchRlWalkers
 
     scaling = ObservationNorm(in_keys=["observation"], standard_normal=True)
     envs = TransformedEnv(TorchRlWalkers(WALKERS, max_episode_steps=400, seed=0), scaling)

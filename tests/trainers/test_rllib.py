@@ -11,9 +11,9 @@ pytest.importorskip("torch")
 
 from agents import rllib
 from agents.config import configure
-from gym_passive_walker.control.baselines import Passive
+from gym_passive_walker.envs.evaluation.walks import HUNDRED, TIME_LIMIT, evaluate
 from gym_passive_walker.envs.seeds import training_seeds
-from gym_passive_walker.evaluation.walks import HUNDRED, TIME_LIMIT, evaluate
+from gym_passive_walker.gaits.control.baselines import Passive
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Ray's own
 

@@ -23,7 +23,7 @@ def begun(count, seed, **changes):
 
 def test_rsl_rl_s_walkers_have_their_options_and_count_their_steps():
     pytest.importorskip("rsl_rl")
-    from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
+    from gym_passive_walker.torch.trainers.rsl_rl import RslRlWalkers
 
     envs = RslRlWalkers(3, max_episode_steps=9, seed=4, **SCENE)
     assert (envs.num_envs, envs.num_actions, envs.max_episode_length) == (3, 1, 9)
@@ -51,7 +51,7 @@ def test_rsl_rl_s_walkers_have_their_options_and_count_their_steps():
 @pytest.mark.parametrize("write", ["in place", "another tensor"])
 def test_the_number_of_steps_that_is_written_into_rsl_rl_s_buffer_is_that_of_the_walkers(write):
     pytest.importorskip("rsl_rl")
-    from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
+    from gym_passive_walker.torch.trainers.rsl_rl import RslRlWalkers
 
     envs = RslRlWalkers(4, max_episode_steps=20, seed=4, **SCENE)
     for _ in range(2):  # at the beginning, and later
@@ -79,7 +79,7 @@ def test_the_number_of_steps_that_is_written_into_rsl_rl_s_buffer_is_that_of_the
 )
 def test_trainings_with_other_seeds_have_other_walkers_and_no_evaluation_s(library, name):
     pytest.importorskip(library)
-    made = getattr(import_module(f"gym_passive_walker.trainers.{library}"), name)
+    made = getattr(import_module(f"gym_passive_walker.torch.trainers.{library}"), name)
     evaluated = PassiveWalkerVectorEnv(128, **SCENE).reset(seed=1000)[0]
     met = [{*map(tuple, evaluated.tolist())}]
     for seed in (1, 2, 1000):
@@ -95,7 +95,7 @@ def test_trainings_with_other_seeds_have_other_walkers_and_no_evaluation_s(libra
 def test_rsl_rl_s_walkers_may_be_of_another_class():
     pytest.importorskip("rsl_rl")
     from gym_passive_walker.torch import PassiveWalkerTorchEnv
-    from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
+    from gym_passive_walker.torch.trainers.rsl_rl import RslRlWalkers
 
     made = []
 
@@ -109,7 +109,7 @@ def test_rsl_rl_s_walkers_may_be_of_another_class():
 
 def test_skrl_s_walkers_begin_with_their_seed_once():
     pytest.importorskip("skrl")
-    from gym_passive_walker.trainers.skrl import SkrlWalkers
+    from gym_passive_walker.torch.trainers.skrl import SkrlWalkers
 
     envs = SkrlWalkers(3, seed=6, **SCENE)
     first, infos = envs.reset()
@@ -128,7 +128,7 @@ def test_torchrl_s_walkers_are_reset_where_the_mask_says_with_their_own_next_sta
     pytest.importorskip("torchrl")
     from tensordict import TensorDict
 
-    from gym_passive_walker.trainers.torchrl import TorchRlWalkers
+    from gym_passive_walker.torch.trainers.torchrl import TorchRlWalkers
 
     envs = TorchRlWalkers(3, seed=2, **SCENE)
     twin = PassiveWalkerVectorEnv(3, autoreset_mode="Disabled", **SCENE)
@@ -152,7 +152,7 @@ def test_torchrl_s_walkers_are_reset_where_the_mask_says_with_their_own_next_sta
 
 def test_torchrl_s_specifications_are_those_of_the_scene():
     pytest.importorskip("torchrl")
-    from gym_passive_walker.trainers.torchrl import TorchRlWalkers
+    from gym_passive_walker.torch.trainers.torchrl import TorchRlWalkers
 
     envs = TorchRlWalkers(2, scene="rough")
     space = PassiveWalkerVectorEnv(2, "rough").single_observation_space

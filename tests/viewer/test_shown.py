@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome
-from gym_passive_walker.render import colours
-from gym_passive_walker.render.brush import Brush
-from gym_passive_walker.units import units_of
-from gym_passive_walker.viewer.walk import LiveWalk, Setup
+from gym_passive_walker.apps.viewer.walk import LiveWalk, Setup
+from gym_passive_walker.models.units import units_of
+from gym_passive_walker.pictures import colours
+from gym_passive_walker.pictures.brush import Brush
 
 pygame = pytest.importorskip("pygame")
 
-from gym_passive_walker.viewer.player import FPS, KEYS, PUSH, SCENE, SIZE, Player  # noqa: E402
-from gym_passive_walker.viewer.sliders import PANEL, sliders_of  # noqa: E402
-from gym_passive_walker.viewer.view import GAIT, LEGEND, PORTRAIT, View  # noqa: E402
+from gym_passive_walker.apps.viewer.player import FPS, KEYS, PUSH, SCENE, SIZE, Player  # noqa: E402
+from gym_passive_walker.apps.viewer.sliders import PANEL, sliders_of  # noqa: E402
+from gym_passive_walker.apps.viewer.view import GAIT, LEGEND, PORTRAIT, View  # noqa: E402
 
 SLOPE = 0.036
 LAB = WALKERS["lab"]

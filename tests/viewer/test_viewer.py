@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome, closed_loop_gait, find_gait, load_policy
-from gym_passive_walker.cli import main
-from gym_passive_walker.render import colours
-from gym_passive_walker.viewer import play
-from gym_passive_walker.viewer.walk import LiveWalk, Setup
+from gym_passive_walker.apps.cli import main
+from gym_passive_walker.apps.viewer import play
+from gym_passive_walker.apps.viewer.walk import LiveWalk, Setup
+from gym_passive_walker.pictures import colours
 
 pygame = pytest.importorskip("pygame")
 
-from gym_passive_walker.viewer.player import (  # noqa: E402
+from gym_passive_walker.apps.viewer.player import (  # noqa: E402
     FPS,
     PUSH,
     SCENE,
@@ -28,7 +28,7 @@ from gym_passive_walker.viewer.player import (  # noqa: E402
     gentle_slope,
     offered_policies,
 )
-from gym_passive_walker.viewer.view import GAIT, PORTRAIT, View  # noqa: E402
+from gym_passive_walker.apps.viewer.view import GAIT, PORTRAIT, View  # noqa: E402
 
 SLOPE = 0.036
 
@@ -382,7 +382,7 @@ def test_the_module_shows_a_walker_and_refuses_others_in_a_sentence(tmp_path, mo
     for words, status in ((f"lab 0.036 --seconds 0.05 --picture {seen}", 0), ("Z", 2)):
         monkeypatch.setattr(sys, "argv", ["viewer", *words.split()])
         with pytest.raises(SystemExit) as ended:
-            runpy.run_module("gym_passive_walker.viewer", run_name="__main__")
+            runpy.run_module("gym_passive_walker.apps.viewer", run_name="__main__")
         assert ended.value.code == status
     assert seen.stat().st_size > 0
     assert "no walker 'Z'" in capsys.readouterr().err
@@ -398,7 +398,9 @@ def test_the_code_on_the_viewers_page_opens_a_window_until_it_is_closed():
 
 
 def test_the_viewer_is_refused_in_a_sentence_without_pygame(monkeypatch):
-    for name in [name for name in sys.modules if name.startswith("gym_passive_walker.viewer.")]:
+    for name in [
+        name for name in sys.modules if name.startswith("gym_passive_walker.apps.viewer.")
+    ]:
         if name.rpartition(".")[2] in ("view", "player", "sliders"):
             monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "pygame", None)

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome, find_gait, load_policy, stride
-from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.gaits.dense_stride import states_at
-from gym_passive_walker.policies import TrainedPolicy
-from gym_passive_walker.viewer.walk import LiveWalk, Setup
+from gym_passive_walker.apps.viewer.walk import LiveWalk, Setup
+from gym_passive_walker.envs.policies import TrainedPolicy
+from gym_passive_walker.gaits.look.dense_stride import states_at
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from tests.before_impact import just_before
-from tests.physics.bodies import kinetic_energy, potential_energy
-from tests.physics.examples import LONG_GAITS
+from tests.equations.bodies import kinetic_energy, potential_energy
+from tests.equations.examples import LONG_GAITS
 
 FRAME = 1 / 60
 

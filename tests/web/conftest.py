@@ -12,8 +12,8 @@ import pytest
 import gym_passive_walker as gpw
 from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
-from gym_passive_walker.web.build import build
-from tests.modeling.statements import DRIVEN, PROGRESSIVE
+from gym_passive_walker.devices.web.build import build
+from tests.own.statements import DRIVEN, PROGRESSIVE
 from tests.web.browser import Browser
 
 

@@ -17,8 +17,8 @@ import tempfile
 from pathlib import Path
 
 import gym_passive_walker as gpw
+from gym_passive_walker.devices.web.build import KINDS, build
 from gym_passive_walker.engine.run import new_records
-from gym_passive_walker.web.build import KINDS, build
 from tests.web.browser import Browser, served
 from tests.web.test_package import COMPRESSED
 from tests.web.test_page import FRAMES, PAGE, READY

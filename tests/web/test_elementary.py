@@ -7,8 +7,8 @@ import numba
 import numpy as np
 import pytest
 
+from gym_passive_walker.devices.web import elementary
 from gym_passive_walker.engine.jit import fma
-from gym_passive_walker.web import elementary
 
 
 @numba.njit(error_model="numpy")

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.units import units_of
+from gym_passive_walker.models.units import units_of
 from tests.web.browser import served
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -11,17 +11,17 @@ import pytest
 import gym_passive_walker as gpw
 from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
-from gym_passive_walker import web
-from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.envs.starts import REFERENCE_SLOPES
-from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.policies import DESCRIPTION, TENSORS, shipped_policies
-from gym_passive_walker.units import units_of
-from gym_passive_walker.web import container, page_data
-from tests.modeling.statements import DRIVEN, PROGRESSIVE
+from gym_passive_walker.devices import web
+from gym_passive_walker.devices.web import container, page_data
+from gym_passive_walker.envs.policies import DESCRIPTION, TENSORS, shipped_policies
+from gym_passive_walker.gaits.scenes.scene import make_scene
+from gym_passive_walker.gaits.scenes.starts import REFERENCE_SLOPES
+from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.models.units import units_of
+from tests.own.statements import DRIVEN, PROGRESSIVE
 
 build = importlib.import_module(
-    "gym_passive_walker.web.build"
+    "gym_passive_walker.devices.web.build"
 )  # of which `web.build` is a function
 SYSTEMS = {"torso": TORSO, "driven": DRIVEN, "five": FIVE_LINKS, "progressive": PROGRESSIVE}
 
@@ -98,7 +98,7 @@ def test_walkers_of_a_page_have_their_parameters_and_gaits_that_repeat(name, dat
     walker, found = gpw.WALKERS[name], data["walkers"][name]
     assert gpw.Walker(**found["parameters"]) == walker
     assert list(found["parameters"]) == [*data["parameters"], "knees"]
-    assert found["about"] == gpw.walkers.ABOUT[name]
+    assert found["about"] == gpw.models.walkers.ABOUT[name]
     slopes = [slope for slope, _ in found["gaits"]]
     assert slopes == sorted({*slopes}) and {*slopes} & {*REFERENCE_SLOPES}
     given = units_of(walker).to_own([state for _, state in found["gaits"]])

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.web.build import DATA, KINDS, PACKAGE
+from gym_passive_walker.devices.web.build import DATA, KINDS, PACKAGE
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from tests.numbers import alike
 
 COMPRESSED = """
@@ -219,4 +219,4 @@ def test_the_published_folder_is_what_build_writes(package):
 
     stale = [name for name in sorted(names) if not same(name)]
     assert len(names) > 10
-    assert not stale, f'run gym_passive_walker.web.build("passive-walker"): {stale} are stale'
+    assert not stale, f'run `web.build("passive-walker")`: {stale} are stale'

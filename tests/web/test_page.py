@@ -12,8 +12,8 @@ import gym_passive_walker as gpw
 from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
 from gym_passive_walker.engine.run import advance, new_records
-from gym_passive_walker.physics.systems import bodies, system_of
-from gym_passive_walker.policies import shipped_policies
+from gym_passive_walker.envs.policies import shipped_policies
+from gym_passive_walker.models.equations.systems import bodies, system_of
 from tests.web.browser import served
 from tests.web.test_walks import SIX, _job, _near, _unlike
 
@@ -276,7 +276,7 @@ def in_a_notebook(there, package, widget, names):
 
 def test_the_widget_of_notebooks_walks_and_reports(page, package):
     pytest.importorskip("anywidget")
-    from gym_passive_walker.web.widget import PlayerWidget
+    from gym_passive_walker.apps.widget import PlayerWidget
 
     gait = gpw.find_gait("C", 0.02)
     widget = PlayerWidget(gait.walker, gait.slope, start=gait.state)
@@ -287,7 +287,7 @@ def test_the_widget_of_notebooks_walks_and_reports(page, package):
 
 def test_the_widget_of_a_system_walks_and_reports(page, package):
     pytest.importorskip("anywidget")
-    from gym_passive_walker.web.widget import PlayerWidget
+    from gym_passive_walker.apps.widget import PlayerWidget
 
     gait = gpw.find_gait(TORSO, 0.03)
     widget = PlayerWidget(gait.walker, gait.slope, start=gait.state)

@@ -9,12 +9,12 @@ import pytest
 import gym_passive_walker as gpw
 from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
-from gym_passive_walker import web
+from gym_passive_walker.devices import web
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.engine.run import advance, new_records, states_in
 from gym_passive_walker.envs.constraints import ROOM, hooks
-from gym_passive_walker.physics.systems import bodies
-from tests.modeling.statements import DRIVEN, PROGRESSIVE
+from gym_passive_walker.models.equations.systems import bodies
+from tests.own.statements import DRIVEN, PROGRESSIVE
 
 TICKS, EVERY, IMPULSE, SEED = 130, 7, 0.002, 5
 TERRAIN = gpw.rough(0.0005)

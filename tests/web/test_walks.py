@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from gym_passive_walker.devices.web.kernels import START
+from gym_passive_walker.devices.web.page_data import TOLERANCES
 from gym_passive_walker.engine.counter_rng import uniform, word
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.envs.batch import Batch
-from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.envs.starts import Starts, gait_near
-from gym_passive_walker.physics.systems import bodies, system_of
-from gym_passive_walker.render.pose import pose
-from gym_passive_walker.units import units_of
-from gym_passive_walker.web.kernels import START
-from gym_passive_walker.web.page_data import TOLERANCES
+from gym_passive_walker.gaits.scenes.scene import make_scene
+from gym_passive_walker.gaits.scenes.starts import Starts, gait_near
+from gym_passive_walker.models.equations.systems import bodies, system_of
+from gym_passive_walker.models.units import units_of
+from gym_passive_walker.pictures.pose import pose
 
 SIX = ("lab", "C", "A", "B", "D", "lab-straight")
 SPRUNG = {

@@ -11,12 +11,12 @@ import pytest
 
 import gym_passive_walker as gpw
 from examples.torso import TORSO
-from gym_passive_walker.policies import policy_folder
-from gym_passive_walker.units import units_of
+from gym_passive_walker.envs.policies import policy_folder
+from gym_passive_walker.models.units import units_of
 
 pytest.importorskip("anywidget")
 
-from gym_passive_walker.web.widget import PlayerWidget
+from gym_passive_walker.apps.widget import PlayerWidget
 
 
 @pytest.fixture
@@ -101,7 +101,7 @@ def test_where_a_film_is_asked_for_a_window_opens(notebook, tmp_path):
 
 def test_without_the_extra_the_error_names_it(notebook, monkeypatch):
     monkeypatch.setitem(sys.modules, "anywidget", None)
-    monkeypatch.delitem(sys.modules, "gym_passive_walker.web.widget")
+    monkeypatch.delitem(sys.modules, "gym_passive_walker.apps.widget")
     with pytest.raises(ImportError, match=r"anywidget.*gym-passive-walker\[notebook\]"):
         gpw.play("C", 0.02)
 

@@ -1,0 +1,1 @@
+"""Tools of every room: arguments, files, output."""

@@ -1,0 +1,161 @@
+"""Reader of JSON, YAML and TOML files, and what can be wrong with a file of any kind.
+
+Every reader of the package takes its JSON from `parse_json` and its reasons from `reason`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import pickle
+import re
+import sys
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, TypeGuard
+
+from gym_passive_walker._tools.console import cut
+
+_YAML = (".yaml", ".yml")
+SUFFIXES = (".json", *_YAML, ".toml")
+"""Supported file name endings."""
+
+HOLDS_CODE = "it holds code, or is damaged: do not load it unless you trust its source"
+
+_FLOAT = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+$")
+_FLOAT_TAG = "tag:yaml.org,2002:float"
+_DEEPEST = 100  # levels of lists and mappings
+_NESTED = f"it nests deeper than {_DEEPEST} levels"
+# Parts of messages with which numpy, torch and pyyaml refuse a file that would run code.
+_CODE = re.compile("allow_pickle|weights_only|2002:python/")
+
+
+def is_file(value: Any) -> TypeGuard[str | os.PathLike[str]]:
+    """Return whether a value names a file: a path object, or text with one of `SUFFIXES`."""
+    if isinstance(value, str):
+        return Path(value).suffix.lower() in SUFFIXES
+    return isinstance(value, os.PathLike)
+
+
+def reason(error: Exception) -> str:
+    """Return in one line why a file cannot be read, by the error that its reader raised.
+
+    Libraries that refuse a file because it holds code name the option with which it would run. Such
+    a message is replaced by `HOLDS_CODE`.
+    """
+    said = (isinstance(error, OSError) and error.strerror) or str(error)
+    said = " ".join(said.split()) or type(error).__name__
+    if isinstance(error, pickle.UnpicklingError) or _CODE.search(said):
+        return HOLDS_CODE
+    if isinstance(error, RecursionError):
+        return _NESTED
+    return f"{said} is missing" if isinstance(error, KeyError) else said
+
+
+def once(pairs: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
+    """Return a mapping of keys to values, each given once.
+
+    Raises:
+        ValueError: if a key is repeated, since only its last value would count.
+    """
+    found: dict[Any, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise ValueError(f"{key!r} is given twice: give it once")
+        found[key] = value
+    return found
+
+
+def parse_json(text: str | bytes) -> Any:
+    """Return the content of a JSON text, or of its bytes in UTF-8.
+
+    Raises:
+        ValueError: if it is not JSON, nests too deeply, repeats a key, or has a number beyond all
+            floats.
+    """
+    try:
+        text = text if isinstance(text, str) else text.decode("utf-8")
+        return _checked(json.loads(text, parse_float=_float, object_pairs_hook=once))
+    except RecursionError:
+        raise ValueError(_NESTED) from None
+
+
+def read_content(path: str | os.PathLike[str]) -> Any:
+    """Return the content of a JSON, YAML or TOML file; its ending determines the format.
+
+    Raises:
+        ValueError: if the file has another ending or cannot be read.
+        ImportError: if the file is YAML and pyyaml is not installed.
+    """
+    name, suffix = cut(os.fsdecode(path)), Path(path).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise ValueError(f"{name} cannot be read: its name must end in {', '.join(SUFFIXES)}")
+    try:
+        content = Path(path).read_text(encoding="utf-8")
+        if suffix in _YAML:
+            return _checked(_yaml(name, content))
+        if suffix == ".toml":
+            return _checked(tomllib.loads(content, parse_float=_float))
+        return parse_json(content)
+    except ImportError:
+        raise
+    except Exception as error:  # a damaged file may raise anything
+        raise ValueError(f"{name} cannot be read: {reason(error)}") from None
+
+
+def _float(text: str) -> float:
+    """Return the float that a text writes; infinity has to be written as such."""
+    return _written(float(text), text)
+
+
+def _written(found: float, text: str) -> float:
+    if math.isinf(found) and "inf" not in text.lower():
+        raise ValueError(f"{cut(text)} is too large for a number")
+    return found
+
+
+def _checked(content: Any) -> Any:
+    """Return content after a check of its depth, and that floats can hold its integers."""
+    level = [content]
+    for _ in range(_DEEPEST + 1):
+        for value in level:
+            if isinstance(value, int) and abs(value) > sys.float_info.max:
+                raise ValueError(f"a number of {value.bit_length()} bits is too large")
+        inside = (
+            value.values() if isinstance(value, dict) else value
+            for value in level
+            if isinstance(value, dict | list)
+        )
+        # YAML's aliases may repeat an object; it is checked once.
+        level = [*{id(value): value for values in inside for value in values}.values()]
+        if not level:
+            return content
+    raise ValueError(_NESTED)
+
+
+def _yaml(name: str, content: str) -> Any:
+    try:
+        import yaml
+    except ImportError:
+        raise ImportError(
+            f"{name} needs pyyaml, which is not installed: pip install pyyaml, or write it as JSON"
+        ) from None
+
+    class Loader(yaml.SafeLoader):
+        """Loader of YAML 1.1 that also reads floats as YAML 1.2 writes them: 2e-1, 1e6."""
+
+        def compose_mapping_node(self, anchor: Any) -> Any:
+            """Return the node of a mapping after a check for repeated keys."""
+            node = super().compose_mapping_node(anchor)
+            once((key.value, None) for key, _ in node.value if isinstance(key.value, str))
+            return node
+
+        def construct_float(self, node: Any) -> float:
+            """Return a float; see `_float`."""
+            return _written(self.construct_yaml_float(node), node.value)
+
+    Loader.add_implicit_resolver(_FLOAT_TAG, _FLOAT, list("-+0123456789."))
+    Loader.add_constructor(_FLOAT_TAG, Loader.construct_float)
+    return yaml.load(content, Loader)

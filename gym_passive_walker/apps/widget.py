@@ -1,0 +1,153 @@
+"""The player of web pages as a widget of notebooks."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gym_passive_walker._tools.extras import extra
+from gym_passive_walker.devices.web import page_data
+from gym_passive_walker.devices.web.build import DATA, PACKAGE, files, system_module
+from gym_passive_walker.envs.policies import TENSORS, TrainedPolicy
+from gym_passive_walker.gaits.scenes.checks import bounded
+from gym_passive_walker.gaits.scenes.starts import checked_state
+from gym_passive_walker.models.equations.systems import kind_of
+from gym_passive_walker.models.walkers import PARAMETERS, WALKERS, Mechanism, Walker
+
+with extra("notebook"):
+    import anywidget
+    import traitlets
+
+_LIBRARY, _PLAYER, _STYLE = "passive-walker.js", "player.js", "player.css"
+_READ = (".json", ".wasm", ".safetensors")
+_SYSTEM = "own"  # name of a user's system among the files
+_MOST_PUSH = 10.0  # m sqrt(g l), as in an environment
+
+
+def _module() -> str:
+    """Return one ES module with the library, the player and the widget."""
+    library, player = ((PACKAGE / name).read_text(encoding="utf-8") for name in (_LIBRARY, _PLAYER))
+    lines = [line for line in player.splitlines() if not line.endswith(f'from "./{_LIBRARY}";')]
+    widget = Path(__file__).with_name("widget.js").read_text(encoding="utf-8")
+    return "\n".join([library, *lines, widget])
+
+
+def _as_changes(walker: Walker) -> tuple[str, dict[str, float]]:
+    """Return the most similar named walker, and the parameters in which this one differs."""
+    found = {
+        name: {
+            parameter: getattr(walker, parameter)
+            for parameter in PARAMETERS
+            if getattr(walker, parameter) != getattr(preset, parameter)
+        }
+        for name, preset in WALKERS.items()
+        if kind_of(preset) == kind_of(walker)
+    }
+    return min(found.items(), key=lambda entry: len(entry[1]))
+
+
+class PlayerWidget(anywidget.AnyWidget):
+    """A walker in a notebook, with pushes and changes of its parameters; `play` makes it.
+
+    Angles are in rad and states in the walker's own units. A change of `slope`, `hip_torque`,
+    `speed` or `running` acts on the walker; the page reports the other attributes about ten times a
+    second.
+
+    Args:
+        walker: The walker, or a `System`.
+        slope: Slope in rad.
+        controller: A trained policy, or a constant hip torque in m g l; 0 for a `System`.
+        start: State on the Poincaré section to start from, (6,), or (2 m,) of a `System`; None is
+            a periodic gait.
+
+    Attributes:
+        state: Angles and angular velocities at the last control step, 6 or 2 m numbers; empty until
+            the widget is displayed.
+        strides: Strides since the walk began.
+        outcome: How the walk ended: a name of `Outcome`; empty while it continues.
+        policy: Name of the policy that works the motors; empty without one.
+        slope: Slope in rad.
+        hip_torque: Constant hip torque, in m g l.
+        speed: Speed of the picture; 1 is the walker's own pace.
+        running: Whether the walk continues; False is a pause.
+
+    Raises:
+        ValueError: if the walker has no such start.
+        ImportError: if anywidget is not installed.
+        WebError: if the WebAssembly modules cannot be compiled here.
+    """
+
+    _esm = _module()
+    _css = (PACKAGE / _STYLE).read_text(encoding="utf-8")
+    files = traitlets.Dict().tag(sync=True)
+    given = traitlets.Dict().tag(sync=True)
+    parameters = traitlets.Dict().tag(sync=True)
+    state = traitlets.List(traitlets.Float()).tag(sync=True)
+    strides = traitlets.Int().tag(sync=True)
+    outcome = traitlets.Unicode().tag(sync=True)
+    policy = traitlets.Unicode().tag(sync=True)
+    slope = traitlets.Float(min=-0.5 * math.pi, max=0.5 * math.pi).tag(sync=True)
+    hip_torque = traitlets.Float().tag(sync=True)
+    speed = traitlets.Float(1.0, min=2.0**-6, max=4.0).tag(sync=True)
+    running = traitlets.Bool(True).tag(sync=True)
+
+    def __init__(
+        self,
+        walker: Walker | Mechanism,
+        slope: float,
+        controller: TrainedPolicy | float = 0.0,
+        start: ArrayLike | None = None,
+    ) -> None:
+        self._walker = walker
+        if isinstance(walker, Mechanism):
+            given: dict[str, Any] = {"system": _SYSTEM}
+            own: Any = walker
+            if start is not None:
+                given["start"] = list(checked_state(np.asarray(start, float).tolist(), own))
+            super().__init__(
+                files={f"systems/{_SYSTEM}.wasm": system_module(walker)}, given=given,
+                parameters=walker.body._asdict(), slope=slope,
+            )  # fmt: skip
+            return
+        content = {name: file for name, file in files().items() if name.endswith(_READ)}
+        preset, changes = _as_changes(walker)
+        given = {"walker": preset, "changes": changes}
+        if start is not None:
+            given["start"] = list(checked_state(np.asarray(start, dtype=float).tolist(), walker))
+        if isinstance(controller, TrainedPolicy):
+            policy, controller = controller, 0.0
+            given["policy"] = name = policy.folder.name
+            if f"policies/{name}.safetensors" not in content:
+                data = json.loads(content[DATA])
+                data["policies"][name] = page_data.of_policy(policy.folder)
+                content[DATA] = json.dumps(data).encode()
+            content[f"policies/{name}.safetensors"] = (policy.folder / TENSORS).read_bytes()
+        parameters = {name: getattr(walker, name) for name in (*PARAMETERS, "knees")}
+        super().__init__(
+            files=content, given=given, parameters=parameters, policy=given.get("policy", ""),
+            slope=slope, hip_torque=controller,
+        )  # fmt: skip
+
+    @property
+    def walker(self) -> Walker | Mechanism:
+        """The walker with its parameters now."""
+        if isinstance(self._walker, Mechanism):
+            return self._walker.vary(**self.parameters)
+        return Walker(**self.parameters)
+
+    def push(self, impulse: float) -> None:
+        """Push the hip, or a system's centre of mass, by an impulse in m sqrt(g l), downhill.
+
+        Raises:
+            ValueError: if the impulse is not a number from -10 to 10.
+        """
+        self.send({"push": bounded("impulse", impulse, -_MOST_PUSH, _MOST_PUSH)})
+
+    def begin(self) -> None:
+        """Begin again, at the periodic gait of the current settings."""
+        self.send({"again": True})

@@ -1,0 +1,90 @@
+"""Access to the GPU: availability, arrays and kernels."""
+
+from __future__ import annotations
+
+import warnings
+from contextlib import nullcontext
+from typing import Any
+
+import numba.cuda
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker._tools.progress import compiling
+
+cuda: Any = numba.cuda
+"""Numba's module for GPUs."""
+
+SIMULATED = bool(cuda.config.ENABLE_CUDASIM)
+"""Whether numba simulates a GPU: ``NUMBA_ENABLE_CUDASIM=1``."""
+
+BLOCK = 64
+"""Threads of a block; blocks are small because a thread uses nearly all registers."""
+
+_MISSING = (
+    "this needs a CUDA GPU, and there is none here: simulate on the CPU (gpw.stride, "
+    "gym.make_vec), or set NUMBA_ENABLE_CUDASIM=1 before Python starts to simulate a GPU"
+)
+
+
+class NoDevice(RuntimeError):
+    """There is no CUDA GPU."""
+
+
+def need_device() -> None:
+    """Require a GPU.
+
+    Raises:
+        NoDevice: if there is no GPU, and none is simulated.
+    """
+    if not cuda.is_available():
+        raise NoDevice(_MISSING)
+
+
+class Row(np.void):
+    """A record with its fields as attributes, as in code for a GPU."""
+
+    def __getattribute__(self, name: str) -> Any:
+        get = super().__getattribute__
+        return self[name] if name in (get("dtype").names or ()) else get(name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        self[name] = value
+
+
+def kind(layout: np.dtype) -> np.dtype:
+    """Return the type of records on a GPU: aligned, with fields as attributes."""
+    return np.dtype((Row, np.dtype(layout.descr, align=True)))
+
+
+def put(array: NDArray) -> Any:
+    """Return a copy of an array on the GPU."""
+    array = np.array(array, order="C")
+    if array.dtype.fields:
+        array = array.view(kind(array.dtype))
+    return array if SIMULATED else cuda.to_device(array)
+
+
+def empty(shape: int | tuple[int, ...], of: Any) -> Any:
+    """Return an uninitialized array on the GPU."""
+    of = np.dtype(of)
+    of = kind(of) if of.fields else of
+    return np.empty(shape, of) if SIMULATED else cuda.device_array(shape, of)
+
+
+def to_host(array: Any) -> NDArray:
+    """Return a copy of an array of the GPU in the CPU's memory."""
+    found = array.copy() if SIMULATED else array.copy_to_host()
+    return found.view(np.ndarray)
+
+
+def launch(kernel: Any, count: int, *arguments: Any, stream: Any = 0) -> None:
+    """Run a kernel on a stream, with one thread for each of `count` walkers."""
+    if not SIMULATED:
+        known = kernel.overloads
+        with nullcontext() if known else compiling(f"{kernel.py_func.__name__} for the GPU"):
+            kernel[(count + BLOCK - 1) // BLOCK, BLOCK, stream](*arguments)
+        return
+    with warnings.catch_warnings():  # a GPU does not warn
+        warnings.simplefilter("ignore", RuntimeWarning)
+        kernel[count, 1](*arguments)

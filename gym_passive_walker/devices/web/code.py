@@ -1,0 +1,385 @@
+"""LLVM text of a module: equations, bookkeeping and elementary functions for wasm32.
+
+This module expects numba to write code for a plain CPU without vector units, so it runs in a
+process of its own; see `build`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import lru_cache, partial
+from types import FunctionType, SimpleNamespace
+from typing import Any
+
+import numba
+import numpy as np
+from llvmlite import binding as llvm
+from numba import types
+from numpy.typing import NDArray
+
+from gym_passive_walker.devices.web import elementary, kernels, system_kernels
+from gym_passive_walker.engine import jit, lanes, one_walker
+from gym_passive_walker.engine.compiled import OF_LANE, OF_LANES, phases_of, written
+from gym_passive_walker.engine.device_linker import DeviceLinker
+from gym_passive_walker.engine.layout import Layout
+from gym_passive_walker.engine.native import Emitter, Function, Memory, Module
+from gym_passive_walker.envs import disturbance_kernels
+from gym_passive_walker.envs import one_walker as one_episode
+from gym_passive_walker.envs.constraints import HOOK, equipped, push_code
+from gym_passive_walker.models.equations import bodies, kneed, simplest, straight
+from gym_passive_walker.models.equations.hybrid import System
+from gym_passive_walker.models.equations.systems import SYSTEMS
+from gym_passive_walker.models.expressions import Expression
+from gym_passive_walker.models.own import StatementError
+from gym_passive_walker.models.walkers import Mechanism
+from gym_passive_walker.models.walkers.walker import PARAMETERS
+from gym_passive_walker.pictures.pose import hip_over, joints
+
+KINDS = {kind.name: kind for kind in (kneed.SYSTEM, straight.SYSTEM, simplest.SYSTEM)}
+VARIANTS = ("", "-fitted", "-uneven")
+"""Endings of the names of a kind's systems: bare, with springs and all actuators, on any ground."""
+
+EXPORTED = ("run", "phases", "hooks", "body", "joints")
+EXPORTED_OF_SYSTEM = ("run", "phases", "hooks", "pose")
+
+TRIPLE = "wasm32-unknown-unknown"
+_FEATURES = "+bulk-memory,+nontrapping-fptoint,+sign-ext,+mutable-globals"
+_OPTIONS: dict[str, Any] = {
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+    "no_cpython_wrapper": True,
+}
+_FUNCTIONS = {
+    "fma": (elementary.fused, 3),
+    "sin": (elementary.sine, 1),
+    "cos": (elementary.cosine, 1),
+    "log": (elementary.logarithm, 1),
+    "asin": (elementary.arcsine, 1),
+    "exp": (elementary.exponential, 1),
+    "tanh": (elementary.hyperbolic_tangent, 1),
+}
+"""Elementary functions of one or three numbers, by the names that LLVM's text has for them."""
+
+
+def _jitted(function: FunctionType) -> Any:
+    return numba.njit(**_OPTIONS)(function)
+
+
+def _compiled(function: Any, *kinds: Any) -> tuple[str, str]:
+    """Compile a function by numba; return its LLVM text and its name there."""
+    dispatcher = function if hasattr(function, "compile") else _jitted(function)
+    dispatcher.compile(types.void(*kinds) if kinds[0] != types.float64 else kinds)
+    (result,) = dispatcher.overloads.values()
+    return result.library.get_llvm_str(), result.fndesc.llvm_func_name
+
+
+def _plain(text: str) -> str:
+    """Return numba's text without its target, its reference counts and its external symbols."""
+    text = re.sub(r'target (datalayout|triple) = "[^"]*"\n', "", text)
+    text = re.sub(r'"(target-cpu|target-features|tune-cpu|probe-stack)"="[^"]*"', "", text)
+    text = re.sub(r"= common (local_unnamed_addr )?global", "= internal global", text)
+    text = re.sub(
+        r"= linkonce_odr (local_unnamed_addr |hidden )*constant", "= internal constant", text
+    )
+    for name in ("NRT_decref", "NRT_incref"):
+        text = re.sub(
+            rf"(define [^\n]*@{name}\([^\n]*\{{)\n.*?\n\}}\n", r"\1\nentry:\n  ret void\n}\n", text,
+            flags=re.DOTALL,
+        )  # fmt: skip
+    text = re.sub(
+        r"^define (?!linkonce_odr|internal|private)", "define internal ", text, flags=re.M
+    )
+    return _with_own_functions(text)
+
+
+def _with_own_functions(text: str) -> str:
+    """Return text that calls this package's elementary functions instead of a library's."""
+    for name in _FUNCTIONS:
+        text = re.sub(rf"@(llvm\.)?{name}(\.f64)?\(", f"@own_{name}(", text)
+    text = re.sub(r"^declare [^\n]*@llvm\.x86[^\n]*\n", "", text, flags=re.M)
+    return text.replace("@sqrt(", "@llvm.sqrt.f64(")
+
+
+@lru_cache
+def bookkeeping(layout: Layout | None = None) -> list[str]:
+    """Return the texts of the bookkeeping and of the elementary functions.
+
+    Args:
+        layout: Layout of the records of a user's system; None for the package's walkers.
+    """
+    run = kernels.run if layout is None else system_kernels.run_for(layout)
+    bound = DeviceLinker({}, _jitted).instead({
+        lanes.integrate_phase: one_walker.integrate_phase,
+        jit.entry: one_walker.entry,
+        disturbance_kernels.integrate_past_events: one_episode.integrate_past_events,
+    })  # fmt: skip
+    text, name = _compiled(bound.rebound(run), types.int64, types.int64)
+    call = (
+        "define void @run(i32 %what, i32 %base) {\n"
+        "%result = alloca ptr\n%error = alloca ptr\n"
+        "%a = zext i32 %what to i64\n%b = zext i32 %base to i64\n"
+        f'call i32 @"{name}"(ptr %result, ptr %error, i64 %a, i64 %b)\nret void\n}}\n'
+    )
+    texts = [f"{_plain(text)}\n{call}"]
+    for symbol, (function, count) in _FUNCTIONS.items():
+        text, name = _compiled(function, *[types.float64] * count)
+        given = ", ".join(f"double %x{i}" for i in range(count))
+        texts.append(
+            f"{_plain(text)}\ndefine linkonce_odr double @own_{symbol}({given}) noinline {{\n"
+            "%result = alloca double\n%error = alloca ptr\n"
+            f'call i32 @"{name}"(ptr %result, ptr %error, {given})\n'
+            "%value = load double, ptr %result\nret double %value\n}\n"
+        )
+    return texts
+
+
+class _Addresses:
+    """Stands for native code: numbers functions in the order in which they are asked for."""
+
+    def __init__(self, prefix: str, names: list[str]) -> None:
+        self._prefix, self._names = prefix, names
+
+    def get_function_address(self, name: str) -> int:
+        """Return the number of a function, from 1 on."""
+        self._names.append(self._prefix + name)
+        return len(self._names)
+
+    def get_global_value_address(self, name: str) -> int:
+        """Return 0: constants are literals."""
+        return 0
+
+
+_ADDRESSES = (*OF_LANE, *OF_LANES, "open", "begin", "place", "resets")
+
+
+def _constant(name: str, array: NDArray, fields: tuple[str, ...], names: list[str]) -> str:
+    """Return the definition of an array of words, in which numbers of functions are addresses."""
+    words = []
+    layout = array.dtype
+    for row in array:
+        for field in layout.names or ():
+            for value in np.atleast_1d(row[field]).tolist():
+                if field in fields and value:
+                    words += [f"ptr @{names[value - 1]}", "i32 0"]
+                else:
+                    words.append(f"i64 {value}")
+    kinds = ", ".join(word.split()[0] for word in words)
+    return f"@{name} = internal constant <{{ {kinds} }}> <{{ {', '.join(words)} }}>, align 8"
+
+
+def equations(systems: Sequence[System], *, pushed: bool = True) -> list[str]:
+    """Return the texts of systems' equations, and of the tables of their addresses.
+
+    Args:
+        systems: Variants of one walker.
+        pushed: Whether there is code that pushes them.
+    """
+    texts, tables = [], []
+    for number, system in enumerate(systems):
+        names: list[str] = []
+        own, prefix = f"v{number}_", f"p{number}_"
+        phases = phases_of(system, _Addresses(own, names))
+        phases["move"] = 0  # one walker needs no other lane
+        phases, hooks = equipped(
+            system, phases, _Addresses(prefix, names) if pushed else None, None
+        )
+        texts.append(_prefixed(written(system, module=Module(group=1), width=1), own))
+        if pushed:
+            texts.append(_prefixed(push_code(system, Module(group=1)), prefix))
+        tables.append(_constant(f"phases{number}", phases, _ADDRESSES, names))
+        tables.append(_constant(f"hooks{number}", hooks, tuple(HOOK.names or ()), names))
+        tables += [
+            f"declare void @{name}(i64, i64, i64, i64, double, double)"
+            for name in dict.fromkeys(names)
+            if not name.endswith(tuple(f"_move{i}" for i in range(9)))
+        ]
+    for name in ("phases", "hooks"):
+        rows = ", ".join(f"ptr @{name}{number}" for number in range(len(systems)))
+        tables.append(
+            f"@all_{name} = internal constant [{len(systems)} x ptr] [{rows}]\n"
+            f"define i32 @{name}(i32 %variant) {{\n"
+            f"%place = getelementptr ptr, ptr @all_{name}, i32 %variant\n"
+            "%found = load ptr, ptr %place\n%address = ptrtoint ptr %found to i32\n"
+            "ret i32 %address\n}"
+        )
+    return [*texts, "\n".join(tables)]
+
+
+def _prefixed(module: Module, prefix: str) -> str:
+    """Return a module's text with a prefix to the names of its functions."""
+    text = re.sub(r"^@table = [^\n]*\n?", "", str(module), flags=re.M)
+    text = re.sub(r"^define void @(?!\w*move\d)", f"define void @{prefix}", text, flags=re.M)
+    text = re.sub(r"^define void @move", f"define internal void @{prefix}move", text, flags=re.M)
+    return _with_own_functions(text)
+
+
+class _Geometry(Module):
+    """A module with expressions that may use functions of a library."""
+
+    def function(self, name: str, layouts: Any, *, active: Any = ()) -> Function:
+        return _GeometryFunction(self, name, layouts)
+
+
+class _GeometryFunction(Function):
+    def _emitter(self, uses: Any, *, vector: bool, lane: bool) -> Emitter:
+        return _GeometryEmitter(self, uses, vector=vector, lane=lane)
+
+
+class _GeometryEmitter(Emitter):
+    def _of(self, x: Expression) -> str:
+        if x.op.startswith("library "):
+            name = x.op.partition(" ")[2]
+            self.owner.module.declared.add(f"declare double @own_{name}(double)")
+            return self.owner.new(f"call double @own_{name}(double {self(x.args[0])})")
+        return super()._of(x)
+
+
+def _of_library(name: str) -> Any:
+    return lambda x: x._with(f"library {name}", x)
+
+
+_SIN, _COS, _ARCSIN = map(_of_library, ("sin", "cos", "asin"))
+_NUMPY = SimpleNamespace(sin=_SIN, cos=_COS, arcsin=_ARCSIN)
+_MATH = SimpleNamespace(sin=_SIN, cos=_COS, asin=_ARCSIN)
+
+
+def _with(function: Any, **names: Any) -> Any:
+    """Return a function with other values of some global names."""
+    return FunctionType(function.__code__, {**function.__globals__, **names})
+
+
+def geometry(kind: System) -> str:
+    """Return the text of two functions of a walker's parameters: its constants, and its joints."""
+    module = _Geometry(fuses=False, group=1)
+    body = np.dtype([("body", "f8", (len(kind.Body._fields),))])  # type: ignore[attr-defined]
+    points = np.dtype([("points", "f8", (2 * len(kernels.POINTS),))])
+    for name, layout, code in (("body", body, _body), ("joints", points, _joints)):
+        function = module.function(f"traced_{name}", (kernels.SHAPE, layout))
+        function.once(partial(code, kind))
+        function.end()
+    return _called(module, "body", "joints")
+
+
+def _called(module: Module, *names: str) -> str:
+    """Return a module's text with its functions `traced_NAME` by their names, for a page."""
+    text = re.sub(r"^@table = [^\n]*\n?", "", str(module), flags=re.M)
+    text = text.replace("define void @traced", "define internal void @traced")
+    for name in names:
+        text += (
+            f"\ndefine void @{name}(i32 %first, i32 %second) {{\n"
+            "%a = zext i32 %first to i64\n%b = zext i32 %second to i64\n"
+            f"call void @traced_{name}(i64 %a, i64 %b, i64 0, i64 0, double 0.0, double 0.0)\n"
+            "ret void\n}\n"
+        )
+    return text
+
+
+def of_system(system: Mechanism) -> list[str]:
+    """Return the texts of a user's system: its equations, and the lines that show it."""
+    lines = [len(line) for line in system.drawn(np.zeros(2 * system.coordinates))]
+    module = Module(fuses=False, group=1)
+    given = np.dtype(
+        [("body", "f8", (len(system.body),)), ("state", "f8", (2 * system.coordinates,))]
+    )
+    function = module.function(
+        "traced_pose", (given, np.dtype([("points", "f8", (2 * sum(lines),))]))
+    )
+    function.once(partial(_pose, system))
+    function.end()
+    return [*equations(variants(system), pushed=pushed(system)), _called(module, "pose")]
+
+
+def variants(system: Mechanism) -> list[System]:
+    """Return a user's system, and its form for uneven ground if it has one."""
+    try:
+        return [system.hybrid, system.uneven]
+    except StatementError:
+        return [system.hybrid]
+
+
+def pushed(system: Mechanism) -> bool:
+    """Return whether a user's system can be pushed in all of its phases."""
+    return all(phase.push is not None for phase in system.hybrid.phases)
+
+
+def _pose(system: Mechanism, given: Memory, points: Memory) -> None:
+    """Write the points of a system's lines."""
+    body = type(system.body)(*given.entries("body"))
+    found = system.lines(body, system.State(*given.entries("state")))
+    numbers = [number for line in found for point in line for number in point]
+    for i, value in enumerate(numbers):
+        points["points", i] = value
+
+
+def _given(shape: Memory) -> SimpleNamespace:
+    """Return a walker's parameters by name, and its derived angle."""
+    given = SimpleNamespace(**dict(zip(PARAMETERS, shape.entries("parameters"), strict=True)))
+    reach = (given.shank_length - given.foot_radius) / given.thigh_length
+    given.shank_angle = _ARCSIN(_SIN(given.foot_angle) / reach)
+    return given
+
+
+def _body(kind: System, shape: Memory, body: Memory) -> None:
+    """Write a walker's constants."""
+    constants = _with(bodies.body_from, np=_NUMPY)(_given(shape), kind.Body)
+    for i, value in enumerate(constants):
+        body["body", i] = value
+
+
+def _joints(kind: System, shape: Memory, points: Memory) -> None:
+    """Write the positions of a walker's joints, from its angles; see `render.pose`."""
+    given, tilt = _given(shape), shape["tilt"]
+    stance, thigh, shank = shape.entries("angles")
+    reach = given.shank_length - given.foot_radius
+    line = given.thigh_length * _COS(given.foot_angle) + reach * _COS(given.shank_angle)
+    hip = _with(hip_over, leg_line=lambda _: line)(given, np.zeros(2), stance, tilt)
+    below = _with(joints, math=_MATH)
+    found = hip, *below(given, hip, stance, stance), *below(given, hip, thigh, shank)
+    for i, value in enumerate(np.concatenate(found)):
+        points["points", i] = value
+
+
+@lru_cache
+def machine() -> Any:
+    """Return LLVM's machine for wasm32."""
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    target = llvm.Target.from_triple(TRIPLE)
+    return target.create_target_machine(opt=2, features=_FEATURES, reloc="static")
+
+
+def of_kind(kind: str) -> list[str]:
+    """Return the texts of a kind of walker: its equations, its constants and its joints."""
+    return [*equations([SYSTEMS[kind + variant] for variant in VARIANTS]), geometry(KINDS[kind])]
+
+
+def object_code(
+    texts: Sequence[str], exported: Sequence[str], layout: Layout | None = None
+) -> bytes:
+    """Return the object file of a walker's texts, with all other code that it needs.
+
+    Args:
+        texts: LLVM's texts of its equations.
+        exported: Names of the functions that a page calls.
+        layout: Layout of the records of a user's system; None for the package's walkers.
+    """
+    context = llvm.create_context()
+
+    def parsed(text: str) -> Any:
+        found = llvm.parse_assembly(text, context)
+        found.triple, found.data_layout = TRIPLE, str(machine().target_data)
+        return found
+
+    whole = parsed("")
+    for text in (*texts, *bookkeeping(layout)):
+        whole.link_in(parsed(text))
+    for function in whole.functions:
+        if not function.is_declaration and function.name not in exported:
+            function.linkage = "internal"
+    whole.verify()
+    tuning = llvm.create_pipeline_tuning_options(speed_level=2)
+    tuning.loop_vectorization = tuning.slp_vectorization = tuning.loop_unrolling = False
+    builder = llvm.create_pass_builder(machine(), tuning)
+    builder.getModulePassManager().run(whole, builder)
+    return machine().emit_object(whole)

@@ -1,0 +1,184 @@
+"""Data of a page besides compiled code: layouts, walkers, gaits to start from, policies."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gym_passive_walker import __version__
+from gym_passive_walker.devices.web import kernels, system_kernels
+from gym_passive_walker.engine.layout import layout_of
+from gym_passive_walker.engine.run import options
+from gym_passive_walker.envs import disturbance_kernels, task
+from gym_passive_walker.envs.batch import rules_of
+from gym_passive_walker.envs.policies import DESCRIPTION, policy_folder, shipped_policies
+from gym_passive_walker.gaits.gait import Gait
+from gym_passive_walker.gaits.scenes import rules
+from gym_passive_walker.gaits.scenes.checks import CHECKS
+from gym_passive_walker.gaits.scenes.scene import SCENES, make_scene
+from gym_passive_walker.gaits.scenes.starts import REFERENCE_SLOPES, searched_gait
+from gym_passive_walker.models.equations.hybrid import Outcome, System
+from gym_passive_walker.models.equations.systems import kind_of
+from gym_passive_walker.models.walkers import WALKERS, Mechanism
+from gym_passive_walker.models.walkers.presets import ABOUT
+from gym_passive_walker.models.walkers.walker import PARAMETERS
+
+TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)
+"""Tolerances of the integration that a page may choose from."""
+
+SECTION = "gym_passive_walker"
+"""Name of the custom section of a module with its notes."""
+
+_KINDS = {"f8": "f8", "f4": "f4", "i8": "i8", "u8": "u8"}
+
+
+def _places(layout: np.dtype, origin: int = 0, prefix: str = "") -> dict[str, list]:
+    """Return the offset, the kind and the number of entries of each field, also of nested ones."""
+    found: dict[str, list] = {}
+    for name, (field, offset, *_) in (layout.fields or {}).items():
+        place = origin + offset
+        if field.base.names:
+            found[prefix + name] = [place, "record", field.itemsize]
+            found |= _places(field.base, place, f"{prefix}{name}.")
+        else:
+            count = int(np.prod(field.shape, dtype=int))
+            found[prefix + name] = [place, _KINDS[field.base.str[1:]], count]
+    return found
+
+
+def of_module(kind: System, variants: tuple[str, ...], end: int) -> bytes:
+    """Return the notes of a module, as JSON.
+
+    Args:
+        kind: The kind of walker.
+        variants: Endings of the names of its systems.
+        end: First address after the module's data.
+    """
+    content = {
+        "kind": kind.name,
+        "variants": variants,
+        "constants": len(kind.Body._fields),  # type: ignore[attr-defined]
+        "rules": _rules(kind),
+        "points": kernels.POINTS,
+    }
+    return _noted(kind, end, content)
+
+
+def of_system(system: Mechanism, end: int, variants: Sequence[System], gait: Gait | None) -> bytes:
+    """Return the notes of the module of a user's system, as JSON.
+
+    Args:
+        system: The system.
+        end: First address after the module's data.
+        variants: The system, and its form for uneven ground if it has one.
+        gait: A gait of the system, in which a page begins; None is the system's `start`.
+    """
+    layout = layout_of(system.hybrid)
+    start = system.start if gait is None else gait.state
+    start = None if start is None else list(map(float, start))
+    lines = system.drawn(np.zeros(2 * system.coordinates) if start is None else start)
+    points = sum(len(line) for line in lines)
+    content = {
+        "system": system.title,
+        "body": system.body._asdict(),
+        "state": system.State._fields,  # type: ignore[attr-defined]
+        "controls": system.controls,
+        "start": start,
+        "slope": 0.0 if gait is None else gait.slope,
+        "lines": [len(line) for line in lines],
+        "outcomes": [outcome.name for outcome in Outcome],
+        "room": layout.links,
+        # Bytes of a body, of a state, and of the points that show it.
+        "scratch": 8 * (len(system.body) + 2 * system.coordinates + 2 * points),
+        "uneven": len(variants) > 1,
+        "pushed": all(phase.push is not None for phase in system.hybrid.phases),
+    }
+    return _noted(system.hybrid, end, content, system_kernels.block_for(layout))
+
+
+def _noted(
+    system: System, end: int, content: dict[str, Any], block: np.dtype = kernels.WALK
+) -> bytes:
+    """Return notes with what all modules share: places of fields, and options of the engine."""
+    left = {"tile", "history"}
+    shared = {
+        "version": __version__,
+        "end": end,
+        "size": block.itemsize,
+        "places": {
+            name: place
+            for name, place in _places(block).items()
+            if name.partition(".")[0] not in left and not name.startswith(("blank", "before."))
+        },
+        "links": [phase.links for phase in system.phases],
+        "options": {
+            f"{tolerance:g}": [options(tolerance)[name].item() for name in _OPTIONS]
+            for tolerance in TOLERANCES
+        },
+    }
+    return json.dumps(shared | content, separators=(",", ":"), allow_nan=False).encode()
+
+
+def _rules(kind: System) -> dict[str, list[float]]:
+    """Return the rules of a passive walker of a kind that a page does not change."""
+    name = next(name for name, walker in WALKERS.items() if kind_of(walker) == kind.name)
+    rules = rules_of(make_scene({"walker": name}), kind, 0.0)[0]
+    left = ("tick", "step_limit")  # infinite here or in a page
+    return {
+        field: np.atleast_1d(rules[field]).tolist()
+        for field in rules.dtype.names or ()
+        if field not in left
+    }
+
+
+_OPTIONS = ("tolerance", "landing", "doubt", "first_step", "fineness")
+
+
+def of_all() -> dict[str, Any]:
+    """Return the data that all modules share."""
+    return {
+        "version": __version__,
+        "parameters": PARAMETERS,
+        "walkers": {
+            name: {
+                "kind": kind_of(walker),
+                "about": ABOUT[name],
+                "parameters": {field: getattr(walker, field) for field in (*PARAMETERS, "knees")},
+                "gaits": _gaits(name),
+            }
+            for name, walker in WALKERS.items()
+        },
+        "outcomes": [outcome.name for outcome in Outcome],
+        "channels": task.CHANNELS,
+        "energies": rules.ENERGIES,
+        "every_step": task.EVERY_STEP,
+        "every_stride": task.EVERY_STRIDE,
+        "bounds": rules.BOUNDS.tolist(),
+        "checks": CHECKS,
+        "latest": kernels.LATEST,
+        "farthest": kernels.FARTHEST,
+        "passed": disturbance_kernels.PASSED,
+        "scenes": SCENES,
+        "policies": {name: of_policy(policy_folder(name)) for name in shipped_policies()},
+    }
+
+
+def _gaits(name: str) -> list[list[Any]]:
+    """Return slopes at which a walker has a stable or unstable long gait, and its states there."""
+    slopes = sorted({*REFERENCE_SLOPES, *_SLOPES})
+    found = ((slope, searched_gait(WALKERS[name], slope)) for slope in slopes)
+    return [[slope, list(state)] for slope, state in found if state is not None]
+
+
+_SLOPES = (0.0025, 0.004, 0.008, 0.015, 0.03, 0.045, 0.05, 0.07, 0.08, 0.11)
+
+
+def of_policy(folder: Path) -> dict[str, Any]:
+    """Return the options of a trained policy's network, and its scene."""
+    content = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
+    options = {key: content[key] for key in ("algo", "activation", "normalizer")}
+    return options | {"scene": SCENES[content["scene"]] | content["env"]}

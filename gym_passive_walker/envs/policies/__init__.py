@@ -1,0 +1,161 @@
+"""Trained policies: those of the package need only NumPy.
+
+A policy is a folder of two files:
+
+    policy.safetensors  tensors of the network, and moments of the observation normalizer
+    policy.json         scene, algorithm and network options, and the training configuration
+
+Policies of other programs are read from ONNX files and from files of stable-baselines3.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from gym_passive_walker._tools.arguments import near, shown
+from gym_passive_walker._tools.console import cut
+from gym_passive_walker._tools.loading import parse_json
+from gym_passive_walker.envs.policies.network import Network
+from gym_passive_walker.envs.policies.onnx_file import OnnxPolicy, write_onnx
+from gym_passive_walker.envs.policies.sb3_file import Sb3Policy
+from gym_passive_walker.envs.policies.tensors import PolicyError, read_tensors, reading
+from gym_passive_walker.gaits.control import controllers
+from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+
+TENSORS, DESCRIPTION = "policy.safetensors", "policy.json"
+_SHIPPED = Path(__file__).parent
+
+
+class TrainedPolicy(Network):
+    """A trained policy and the scene that it was trained for.
+
+    Attributes:
+        name: Name of its folder: that of a policy of the package, such as "level-ppo".
+        algorithm: Name of the algorithm, in capitals.
+        scene: Scene of the training.
+        folder: Folder of the policy's files.
+        trained: Complete configuration of the training run; empty if the files do not include it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        description = _description(folder / DESCRIPTION)
+        with reading(folder, "is not a policy"):
+            acting = {name: description[name] for name in ("algo", "activation", "normalizer")}
+            self.name, self.algorithm = folder.resolve().name, str(acting["algo"]).upper()
+            self._trained_in = description["scene"], _names(description["env"], "env")
+            self.scene: Scene = make_scene(self._trained_in[0], **self._trained_in[1])
+            self.trained: dict[str, Any] = _names(description.get("trained", {}), "trained")
+            super().__init__(read_tensors(folder / TENSORS), **acting)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name}>"
+
+    def to_onnx(self, path: str | Path) -> None:
+        """Write the policy as an ONNX file, with its observation normalizer.
+
+        The input "observation" has shape (n, size), the output "action" shape (n, actions). Both
+        are float32 and n is free. Actions are the mean actions, in [-1, 1]; they agree with those
+        of `predict` to rounding. The file's metadata name the scene, the observations and the
+        actions.
+
+        Example:
+            >>> import tempfile, gym_passive_walker as gpw
+            >>> path = tempfile.mkdtemp() + "/level-ppo.onnx"
+            >>> gpw.load_policy("level-ppo").to_onnx(path)
+            >>> gpw.load_policy(path).scene == gpw.load_policy("level-ppo").scene
+            True
+
+        Args:
+            path: The file.
+
+        Raises:
+            ImportError: if onnx is not installed: pip install "gym-passive-walker[onnx]".
+            OSError: if the file cannot be written.
+        """
+        scene, env = self._trained_in
+        write_onnx(self, path, scene=scene, env=env, algorithm=self.algorithm)
+
+
+def shipped_policies() -> list[str]:
+    """Return the names of the policies that come with the package."""
+    return sorted(path.parent.name for path in _SHIPPED.glob(f"*/{DESCRIPTION}"))
+
+
+def policy_folder(name: str | Path) -> Path:
+    """Return the folder of a policy, from a name in the package or a path.
+
+    Raises:
+        PolicyError: if there is no such policy.
+    """
+    if isinstance(name, str | Path):
+        for folder in (_SHIPPED / name, Path(name)):
+            with suppress(OSError, ValueError):  # invalid file names
+                if (folder / DESCRIPTION).is_file():
+                    return folder
+    known = shipped_policies()
+    raise PolicyError(
+        f"no policy {cut(str(name))!r}{near(name, known)}: choose from {', '.join(known)}; or give "
+        f"a folder with {TENSORS} and {DESCRIPTION}, as `python train.py export RUN FOLDER` writes "
+        f"it; or an ONNX file (.onnx), or a file of stable-baselines3 (.zip)"
+    )
+
+
+def load_policy(name_or_folder: str | Path) -> TrainedPolicy | OnnxPolicy | Sb3Policy:
+    """Load a trained policy; those of the package and exported ones require NumPy alone.
+
+    Example:
+        >>> import gym_passive_walker as gpw
+        >>> policy = gpw.load_policy("level-ppo")
+        >>> gait = gpw.closed_loop_gait(policy, policy.scene)
+        >>> gait.stable, round(gait.speed, 2)
+        (True, 0.15)
+
+    Args:
+        name_or_folder: Name of a policy that comes with the package: "level-ppo", "steep-ppo",
+            "steep-sac", "rolling-ppo", "lab-ppo", "rough-ppo", "pushed-ppo", "push-off-ppo",
+            "commanded-ppo" or "anywhere-ppo". Or the folder of an exported policy, an ONNX file
+            (.onnx), or a file of stable-baselines3 (.zip).
+
+    Returns:
+        The policy. Its method `predict(observation, state, episode_start, deterministic)` is that
+        of stable-baselines3, and takes the environment's observations without normalization. Its
+        attribute `scene` is None where the file names no scene.
+
+    Raises:
+        PolicyError: if there is no such policy, or its files are damaged.
+        ImportError: if an ONNX file is read without onnxruntime (extra "onnx"), or a file of
+            stable-baselines3 without torch (extra "train").
+    """
+    if isinstance(name_or_folder, str | Path):
+        suffix = Path(name_or_folder).suffix.lower()
+        if suffix in READERS:
+            return READERS[suffix](name_or_folder)
+    return TrainedPolicy(policy_folder(name_or_folder))
+
+
+READERS: dict[str, type[OnnxPolicy | Sb3Policy]] = {".onnx": OnnxPolicy, ".zip": Sb3Policy}
+"""Readers of policies in one file, by the ending of its name."""
+controllers.LOADERS.append(load_policy)
+
+
+def _description(path: Path) -> dict[str, Any]:
+    """Read a policy's JSON file."""
+    with reading(path):
+        description = parse_json(path.read_bytes())
+        if not isinstance(description, dict):
+            raise ValueError("it does not describe a policy")
+        return description
+
+
+def _names(value: Any, name: str) -> dict[str, Any]:
+    """Return a mapping from a policy's JSON file.
+
+    Raises:
+        ValueError: if the value is not a mapping.
+    """
+    if not isinstance(value, dict):
+        raise ValueError(f"{name} must map names to values, not {shown(value)}")
+    return value

@@ -1,0 +1,1 @@
+"""Gaits over a parameter, and their bifurcations."""

@@ -1,0 +1,268 @@
+"""Agents that learn nothing, which any learned one has to be better than.
+
+Each is a policy object: `predict` takes one observation or a batch, and returns actions as
+stable-baselines3 does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.control.feedback import Method, gains, powered_gait
+from gym_passive_walker.gaits.control.optimal import OptimalGait
+from gym_passive_walker.gaits.control.policy import Policy
+from gym_passive_walker.gaits.control.ticks import ticked_stride
+from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.models.units import units_of
+
+_STANDS = 1e-5  # rad, in single precision: legs that mirror each other have just changed roles
+_SWAPPED = 0.1  # rad: angles of both legs jump by more where they change roles on uneven ground
+
+
+class ConstantTorque:
+    """A constant torque.
+
+    Args:
+        torque: Torque in units of m g l.
+        scene: A `Scene`, its name, or a mapping of its arguments; gives what action 1 stands for.
+    """
+
+    name = "constant torque"
+
+    def __init__(self, torque: float, scene: Scene | str | dict[str, Any]) -> None:
+        scene = make_scene(scene)
+        if torque and "hip" not in scene.actions:
+            raise ValueError(f"a hip torque is none of this scene's actions {scene.actions}")
+        self.torque = float(torque)
+        self.scale = scene.largest("hip") if torque else scene.max_hip_torque
+        self.acts = np.array([name == "hip" for name in scene.actions])
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """The action, whatever is observed."""
+        shape = np.shape(observation)[:-1]
+        action = 0.0 if self.torque == 0.0 else np.clip(self.torque / self.scale, -1.0, 1.0)
+        return np.full((*shape, len(self.acts)), action * self.acts, np.float32), state
+
+
+class Passive(ConstantTorque):
+    """No torque: passive walking, as McGeer's machines walk.
+
+    Args:
+        scene: A `Scene`, its name, or a mapping of its arguments; gives the number of actions. One
+            when None.
+    """
+
+    name = "passive"
+
+    def __init__(self, scene: Scene | str | dict[str, Any] | None = None) -> None:
+        super().__init__(0.0, "level" if scene is None else scene)
+
+
+class StrideFeedback:
+    """The actions of a stride, set at its start by how far the walker is from a gait.
+
+    The policy's `state` says which actions a walker's stride has, how far it has come, and the last
+    angles of stance leg and swing thigh.
+
+    Args:
+        name: Name of the policy.
+        scene: The scene in which it acts.
+        point: The gait on the section, dimensionless, (m,).
+        actions: Of the gait in each control step, as shares of the largest, (N, actions), or (N,)
+            where there is one; the last are held until heelstrike.
+        rows: How actions answer to deviations from the gait: -rows @ deviation; (N, actions, m),
+            or (N, m). They do not when None.
+
+    Attributes:
+        scene: The scene.
+        every: Whether each observation is at the start of a stride, as with control="stride".
+    """
+
+    def __init__(
+        self, name: str, scene: Scene, point: NDArray, actions: NDArray, rows: NDArray | None = None
+    ) -> None:
+        self.name, self.scene, self.point = name, scene, point
+        self.every = scene.control == "stride"
+        self.actions = actions.reshape(len(actions), -1)
+        rows = np.zeros((self.actions.size, len(point))) if rows is None else rows
+        self.rows = rows.reshape(*self.actions.shape, -1)
+        self._seen = Section(walker=scene.walker).coordinates
+
+    def plan(self, points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
+        """Actions of strides, (n, N, actions), that start at points (n, m), on any slope."""
+        answers = np.einsum("tam,nm->nta", self.rows, points - self.point)
+        return np.clip(self.actions - answers, -1.0, 1.0)
+
+    def plan_by(self, points: NDArray, slopes: ArrayLike) -> tuple[NDArray, NDArray]:
+        """Their derivatives by points, (n, N, actions, m), and by the slope, (n, N, actions)."""
+        plan = self.plan(points, slopes)
+        return -self.rows * (np.abs(plan) < 1.0)[..., None], np.zeros_like(plan)
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: tuple[NDArray, ...] | None = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], tuple[NDArray, ...] | None]:
+        """The action of a step: of new actions just after heelstrike, else of those under way.
+
+        Args:
+            observation: One observation or a batch.
+            state: Memory that the last call returned; None at the beginning.
+            episode_start: Whether each walker has just begun an episode.
+            deterministic: Ignored; actions are deterministic.
+        """
+        seen = np.atleast_2d(np.asarray(observation, dtype=float))
+        plan = self.plan(seen[:, self._seen], seen[:, 7])
+        step = np.zeros(len(seen), int)
+        if state is not None:
+            # A heelstrike raises the stance angle and lowers the swing angle; a stride does not.
+            jump = seen[:, :2] - state[2]
+            begun = (jump[:, 0] > _SWAPPED) & (jump[:, 1] < -_SWAPPED) | self.every
+            begun |= np.max(np.abs(seen[:, :1] + seen[:, 1:3]), axis=1) < _STANDS
+            if episode_start is not None:
+                begun |= np.asarray(episode_start, dtype=bool)
+            plan = np.where(begun[:, None, None], plan, state[0])
+            step = np.where(begun, 0, np.minimum(state[1] + 1, plan.shape[1] - 1))
+        action = plan[np.arange(len(plan)), step].astype(np.float32)
+        angles = seen[:, :2].copy()
+        return action.reshape(*np.shape(observation)[:-1], plan.shape[2]), (plan, step, angles)
+
+
+class Schedule(StrideFeedback):
+    """The torques and the push-off of an optimal gait, played in each stride without feedback.
+
+    Args:
+        scene: A `Scene`, its name, or a mapping of its arguments; the one that the gait is of.
+        gait: The gait.
+    """
+
+    def __init__(self, scene: Scene | str | dict[str, Any], gait: OptimalGait) -> None:
+        scene = make_scene(scene)
+        count = len(gait.torques)
+        given = {
+            "hip": gait.torques,
+            "ankle": gait.ankle_torques or [0.0] * count,
+            "push_off": [gait.push_off] * count,
+        }
+        actions = np.array([given[name] for name in scene.actions], dtype=float).T
+        largest = np.array([scene.largest(name) for name in scene.actions])
+        super().__init__("schedule", scene, np.array(gait.point), actions / largest)
+
+
+class LinearFeedback(StrideFeedback):
+    """Linear feedback by one or two torques a stride, which stabilizes the gait.
+
+    Args:
+        scene: A `Scene`, its name, or a mapping of its arguments; of a range of slopes, the gains
+            belong to the gait at its middle.
+        method: "lqr" or "deadbeat".
+        pieces: Torques a stride: 1, or 2 for its halves where torques are held for ticks.
+        torque_weight: Weight of torques with "lqr"; see `feedback.gains`.
+
+    Attributes:
+        gait: The gait that is held.
+        closed_loop: Derivative of the stride map under the feedback, dimensionless, (m, m).
+
+    Raises:
+        GaitNotFound: if there is no gait to hold.
+        ValueError: if the number of pieces or the method is none.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | str | dict[str, Any] = "level",
+        method: Method = "lqr",
+        *,
+        pieces: int = 1,
+        torque_weight: float = 100.0,
+    ) -> None:
+        scene = make_scene(scene)
+        if pieces not in (1, 2) or (pieces == 2 and scene.control == "stride"):
+            raise ValueError(
+                f'pieces must be 1, or 2 with control="tick", not {pieces!r} with '
+                f"control={scene.control!r}"
+            )
+        walker, slope = scene.walker, float(np.mean(scene.slope))
+        self.gait = powered_gait(walker, slope)
+        point = Section(walker=walker).points_at(self.gait.state)[0]
+        torque = self.gait.hip_torque / units_of(walker).torque
+        free = ticked_stride(walker, slope, point, np.array([torque]), tick=np.inf)
+        count = 1 if scene.control == "stride" else math.ceil(free.duration / scene.tick)
+        torques = np.full(count, torque)
+        walked = ticked_stride(walker, slope, point, torques, tick=scene.tick)
+        # Which ticks belong to which piece.
+        held = np.eye(pieces)[np.arange(count) * pieces // count]
+        by_torque = walked.by_torque @ held
+        answer = gains(walked.by_point, by_torque, method, torque_weight=torque_weight)
+        self.closed_loop = walked.by_point - by_torque @ answer
+        name = {"lqr": "LQR", "deadbeat": "deadbeat"}[method] + (", two torques" * (pieces - 1))
+        scale = scene.max_hip_torque
+        super().__init__(name, scene, point, torques / scale, held @ answer / scale)
+
+
+class Optimal(StrideFeedback):
+    """Torques of an optimal gait, with linear feedback that stabilizes it.
+
+    On the gait it plays exactly the gait's torques. Off it, LQR over all torques of the stride
+    changes them at its start, whether or not the gait is stable by itself.
+
+    Args:
+        scene: A `Scene`, its name, or a mapping of its arguments.
+        gait: The gait; None is the stored one that earns the scene's reward fastest.
+        torque_weight: See `feedback.gains`.
+
+    Attributes:
+        gait: The gait.
+        closed_loop: Derivative of the stride map under the feedback, dimensionless, (m, m).
+
+    Raises:
+        ValueError: if no gaits of the scene are stored.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | str | dict[str, Any] = "level",
+        gait: OptimalGait | None = None,
+        *,
+        torque_weight: float = 10.0,
+    ) -> None:
+        given, scene = scene, make_scene(scene)
+        if gait is None:
+            known = optimal.load(given if isinstance(given, str) else optimal.stored_name(scene))
+            gait = max(known, key=lambda g: g.speed * (1.0 - scene.energy_weight * g.hip_cost))
+        self.gait = gait
+        point, torques = np.array(gait.point), np.array(gait.torques)
+        tick = scene.tick if scene.control == "tick" else np.inf
+        walked = ticked_stride(scene.walker, gait.slope, point, torques, tick=tick)
+        rows = gains(walked.by_point, walked.by_torque, torque_weight=torque_weight)
+        self.closed_loop = walked.by_point - walked.by_torque @ rows
+        scale = scene.max_hip_torque
+        super().__init__("optimal", scene, point, torques / scale, rows / scale)
+
+
+CONSTANT_TORQUE = 0.0025
+"""Torque of the agent that holds one all along, in units of m g l: it walks on level ground."""
+
+BASELINES: dict[str, Callable[[Scene], Policy]] = {
+    "passive": Passive,
+    "constant": lambda scene: ConstantTorque(CONSTANT_TORQUE, scene),
+    "lqr": LinearFeedback,
+    "deadbeat": lambda scene: LinearFeedback(scene, "deadbeat"),
+    "optimal": Optimal,
+}
+"""Agents that learn nothing, by name."""

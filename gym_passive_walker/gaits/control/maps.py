@@ -1,0 +1,289 @@
+"""The one way to a stride map: of a walker, passive or under a controller, on any ground."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gym_passive_walker._tools.arguments import check_tolerance, number, one_slope, unknown
+from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, one_actuation
+from gym_passive_walker.gaits.control.baselines import BASELINES, Schedule, StrideFeedback
+from gym_passive_walker.gaits.control.controlled import ControlledMap
+from gym_passive_walker.gaits.control.controllers import (
+    ControllerLike,
+    SceneLike,
+    acting,
+    as_policy,
+)
+from gym_passive_walker.gaits.control.optimum import OptimalGait
+from gym_passive_walker.gaits.control.policy import Policy
+from gym_passive_walker.gaits.find.fixed_point import find_gait
+from gym_passive_walker.gaits.gait import Gait
+from gym_passive_walker.gaits.scenes.scene import (
+    CHANNELS,
+    UNDISTURBED,
+    Scene,
+    make_scene,
+    undisturbed,
+)
+from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, terrain_from
+from gym_passive_walker.models.walkers import (
+    Mechanism,
+    WalkerLike,
+    as_any,
+    check_heights_only,
+    check_parametric,
+    state_size,
+)
+
+
+def stride_map(
+    walker: WalkerLike | None = None,
+    slope: float | None = None,
+    *,
+    controller: ControllerLike | Actuation | OptimalGait | Mapping | None = None,
+    scene: SceneLike | None = None,
+    terrain: TerrainLike | None = None,
+    tolerance: float = 1e-12,
+) -> StrideMap:
+    """Return the stride map (Poincaré map) of a walker, passive or under a controller.
+
+    Whatever takes a walker and a slope takes such a map: gaits, families, bifurcation diagrams,
+    basins, simulations and all other analyses.
+
+    Example:
+        >>> import gym_passive_walker as gpw
+        >>> strides = gpw.stride_map(controller=gpw.load_policy("level-ppo"))
+        >>> strides.exact  # its network has a derivative, and so has the map
+        True
+        >>> gpw.find_gait(strides).stable
+        True
+
+    Args:
+        walker: The walker, in a form that `as_walker` takes; the scene's when None.
+        slope: Slope in rad; the scene's, or the middle of its range, when None. Without a scene it
+            may be left to the analysis.
+        controller: What works the motors: None for a passive walker; an `Actuation`, the same in
+            each stride; a mapping of a `System`'s controls to what they hold; an `OptimalGait` (its
+            torques are applied without feedback); a trained policy, a baseline, or the name of
+            either; the path of a policy that `load_policy` reads, such as an ONNX file; any object
+            with `predict(observation, state, episode_start, deterministic)`; or a function or a
+            torch module from observations (n, 8) to actions (n, actions). What it remembers starts
+            again with each stride. A `System` is observed by its state, the slope and the scene's
+            command, (n, 2 m + 1) without a command.
+        scene: Which motors a controller has, how strong they are and how long its actions are
+            held, in a form that `make_scene` takes; the policy's own or "level" when None. Its
+            disturbances are left out.
+        terrain: How footholds lie, in a form that `terrain_from` takes; smooth when None, as the
+            scene's own is left out. One that repeats, such as `stairs` and `waves`: random ground
+            is for `simulate` and `robustness`.
+        tolerance: Error of the integration, relative to the largest angle or rate.
+
+    Returns:
+        The map. Its `apply` and `linearize` take points of the section, which `points_at` makes of
+        states.
+
+    Raises:
+        ValueError: if the controller cannot act, or an argument is out of its range.
+    """
+    tolerance, ground = check_tolerance(tolerance), _repeating(terrain)
+    if isinstance(controller, Mapping):
+        if scene is not None or slope is None:
+            raise ValueError("a controller that is a mapping of controls needs a slope, no scene")
+        controller, scene = _held(walker, controller)
+    if controller is None or isinstance(controller, Actuation):
+        if scene is not None and walker is None:
+            walker = make_scene(scene).walker
+        if scene is not None and slope is None:
+            slope = float(np.mean(make_scene(scene).slope))
+        if walker is None:
+            raise ValueError("stride_map needs a walker, a scene, or a policy")
+        own, held = as_any(walker), controller or PASSIVE
+        if held is not PASSIVE:
+            check_parametric(own, "an Actuation")
+        check_heights_only(own, 0.0 if ground is None else ground.slopes)
+        return StrideMap.of(
+            own, slope=None if slope is None else one_slope(slope), tolerance=tolerance,
+            controller=held if held is PASSIVE else one_actuation(own, held), terrain=ground,
+        )  # fmt: skip
+    named: Any = controller
+    if isinstance(named, OptimalGait):
+        if scene is None:
+            raise ValueError("say of which scene this gait is, by scene=")
+        slope = named.slope if slope is None else slope
+        named = Schedule(make_scene(scene), named)
+    changes: dict[str, Any] = {} if walker is None else {"walker": as_any(walker)}
+    if isinstance(named, str) and named in BASELINES:
+        if slope is not None:
+            changes["slope"] = one_slope(slope)  # it is made for this slope
+    else:
+        named = as_policy(named)
+    if scene is None:
+        scene = getattr(named, "scene", None) or "level"
+    acts, there = acting(named, scene, **changes)  # type: ignore[arg-type]
+    there = calm(there, slope)
+    check_heights_only(there.walker, 0.0 if ground is None else ground.slopes)
+    return ControlledMap(
+        walker=there.walker, slope=float(np.mean(there.slope)), agent=acts, scene=there,
+        tolerance=tolerance, terrain=ground,
+    )  # fmt: skip
+
+
+def _held(walker: Any, controls: Mapping[str, Any]) -> tuple[Policy | None, Scene | None]:
+    """Return constant controls of a `System` as a policy, and its scene.
+
+    Both are None if all controls are zero.
+
+    Raises:
+        ValueError: if the walker is no `System`, or has no such control.
+    """
+    if not isinstance(walker, Mechanism):
+        raise ValueError(
+            "a mapping of controls is a controller of a System; give an Actuation for others"
+        )
+    if strange := unknown(controls, walker.controls, f"system {walker.title!r}"):
+        raise ValueError(strange)
+    held = {name: number(value, name) for name, value in controls.items() if value}
+    if not held:
+        return None, None
+    needed = max(map(abs, held.values())) / walker.total_mass
+    scene = make_scene(walker=walker, slope=0.0, control="stride", max_hip_torque=needed)
+    largest = [scene.largest(name) for name in scene.actions]
+    shares = [[held.get(name, 0.0) / x for name, x in zip(scene.actions, largest, strict=True)]]
+    if np.max(np.abs(shares)) > 1.0 + 1e-12:
+        raise ValueError(f"the limits of system {walker.title!r} are smaller than {dict(held)}")
+    point = np.zeros(state_size(walker))
+    return StrideFeedback("held controls", scene, point, np.array(shares)), scene
+
+
+def _repeating(terrain: TerrainLike | None) -> Terrain | None:
+    """Return the ground of a stride map; None if it is smooth.
+
+    Raises:
+        ValueError: if it is random, or does not repeat.
+    """
+    ground = terrain_from(terrain)
+    if ground is None or ground.smooth:
+        return None
+    if ground.random or not ground.repeats:
+        raise ValueError(
+            "a stride map is of ground that repeats, as stairs and waves do; walk over random "
+            "footholds by simulate(..., terrain=) or robustness"
+        )
+    return ground
+
+
+def closed_loop_gait(
+    policy: ControllerLike,
+    scene: SceneLike | None = None,
+    *,
+    slope: float | None = None,
+    period: int = 1,
+    guess: ArrayLike | None = None,
+) -> Gait:
+    """Find the periodic gait of a walker under a policy: `find_gait` of its `stride_map`.
+
+    Example:
+        >>> import gym_passive_walker as gpw
+        >>> from gym_passive_walker.control.baselines import LinearFeedback
+        >>> gait = gpw.closed_loop_gait(LinearFeedback("steep"), "steep")
+        >>> gait.stable, round(gait.froude_speed, 3)
+        (True, 0.325)
+
+    Args:
+        policy: A baseline, a trained policy, or any other controller of `stride_map` that observes.
+        scene: A `Scene`, its name, or a mapping of its arguments. None is the policy's own, or
+            "level" for one without a scene.
+        slope: Slope in rad; the scene's, or the middle of its range, if None.
+        period: Strides until the gait repeats.
+        guess: A section state to start from; None is where walks from the scene's start come to.
+
+    Raises:
+        GaitNotFound: if the walker falls at once, or no gait is found.
+        ValueError: if the policy cannot act, or an argument is out of its range.
+    """
+    if policy is None or isinstance(policy, Actuation | Mapping):
+        raise ValueError(
+            "closed_loop_gait needs a policy, which observes its walker; find_gait(stride_map("
+            "walker, slope, controller=...)) finds the gaits of motors that do the same in each "
+            "stride"
+        )
+    strides = stride_map(None, slope, controller=policy, scene=scene)
+    return find_gait(strides, period=period, guess=guess)
+
+
+def acting_as(strides: StrideMap, slope: float) -> tuple[Policy, Scene]:
+    """Return a map's controller as a policy, and the scene in which it acts.
+
+    Args:
+        strides: A map of a walker that is not passive.
+        slope: Slope in rad.
+    """
+    if isinstance(strides, ControlledMap):
+        return strides.agent, make_scene(strides.scene, walker=strides.walker, slope=slope)
+    held: dict[str, float] = dict(zip(CHANNELS, strides.actuation, strict=True))
+    used = tuple(name for name, value in held.items() if value)
+    largest: dict[str, Any] = {
+        f"max_{name}" + "_torque" * (name != "push_off"): abs(held[name]) for name in used
+    }
+    scene = make_scene(
+        walker=strides.walker, slope=slope, control="stride", actions=used,
+        end_on_toe_stub=strides.end_on_toe_stub,
+        **largest,
+    )  # fmt: skip
+    shares = np.array([[np.sign(held[name]) for name in used]])
+    point = np.zeros(strides.dimension)
+    return StrideFeedback(strides.controller_name, scene, point, shares), scene
+
+
+def map_in(scene: Scene, policy: Policy | None) -> StrideMap:
+    """Return the stride map of a scene's walker on smooth ground, without disturbances.
+
+    Args:
+        scene: The scene, of one slope.
+        policy: The controller; None for a passive walker.
+
+    Raises:
+        ValueError: if a stride depends on more than the state in which it begins: the policy
+            remembers, actions are delayed, or commands vary.
+    """
+    slope = float(np.mean(scene.slope))
+    if policy is None:
+        return StrideMap.of(
+            scene.walker, slope=slope, tolerance=scene.tolerance,
+            end_on_toe_stub=bool(scene.end_on_toe_stub) and scene.walker.knees,
+        )  # fmt: skip
+    depends = "a stride must depend on the state in which it begins, and "
+    if scene.action_delay:
+        raise ValueError(f"{depends}action_delay={scene.action_delay} carries actions over")
+    if np.ptp(np.ravel(scene.command or 0.0)):
+        raise ValueError(f"{depends}commands vary in this scene: choose one, as command=0.15")
+    there = calm(scene, slope)
+    strides = ControlledMap(
+        walker=there.walker, slope=slope, agent=policy, scene=there, tolerance=scene.tolerance
+    )
+    if strides.remembers:
+        raise ValueError(f"{depends}{strides.controller_name} remembers earlier ones")
+    return strides
+
+
+def calm(scene: Scene, slope: float | None = None) -> Scene:
+    """Return a scene without disturbances, on smooth ground of one slope, with one command.
+
+    Args:
+        scene: The scene. Motors are charged for absolute work, and an agent that sees the ground
+            ahead sees that it is smooth.
+        slope: Slope in rad; the scene's, or the middle of its range, when None.
+    """
+    slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
+    command = None if scene.command is None else float(np.mean(scene.command))
+    undisturbed(scene, "controllers of stride maps go", {"observation": None})
+    alike = {"energy": "absolute", "reset_noise_scale": 0.0, "domain_randomization": {}}
+    alike |= UNDISTURBED | {"slope": slope, "command": command}
+    if scene.terrain_lookahead:
+        alike |= {"terrain": Terrain(), "terrain_lookahead": scene.terrain_lookahead}
+    return make_scene(scene, **alike)

@@ -1,0 +1,354 @@
+"""Periodic gaits of least cost of transport at given speeds, found and stored."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from gym_passive_walker._tools.arguments import instance, number, shown, unknown
+from gym_passive_walker._tools.files import replacing
+from gym_passive_walker._tools.progress import progress
+from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, to_dimensionless
+from gym_passive_walker.gaits.control.feedback import first_driven, powered_gait
+from gym_passive_walker.gaits.control.optimum import OptimalGait, Problem, slope_of
+from gym_passive_walker.gaits.control.ticks import ticked_stride
+from gym_passive_walker.gaits.find.search import seek
+from gym_passive_walker.gaits.gait import GaitNotFound
+from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.models.units import units_of
+
+STORE = Path(__file__).parent / "gaits"
+"""Folder of the stored optimal gaits of named scenes."""
+
+COSTS = Path(__file__).parent / "least_costs.json"
+"""File of their costs of transport, at more speeds."""
+
+_SPARE = 1.5  # ticks given to a stride, over those it takes at first
+_ALIKE = 1e-6  # relative difference of costs that is none
+_AT_HAND = 0.02  # difference in speed, over sqrt(g l), from which a stored gait is a start
+_SHARES = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0)  # of the largest push-off or ankle torque, to begin with
+
+
+def optimal_gait(
+    scene: Scene | str | dict[str, Any], speed: float, *, start: OptimalGait | None = None
+) -> OptimalGait:
+    """Find the periodic gait of least cost of transport at a speed, on smooth ground.
+
+    Terrain, disturbances and command of the scene do not matter.
+    The optimum is a local one: that which lies nearest to where the search starts. Where the scene
+    ends an episode on a stubbed toe (`end_on_toe_stub`), the toe clears the ground on it. Where it
+    does not, the toe may stub: `stubs` of the gait says so.
+
+    Args:
+        scene: A `Scene`, its name, or a mapping of its arguments, of one slope: says which torques
+            there are, for how long they are held and how the motor is charged.
+        speed: Speed over sqrt(g l).
+        start: A gait at a neighbouring speed; None is the nearest of those stored for the scene if
+            there is one at hand, else one with a constant torque. From that, the search starts
+            twice more, from the torques it has found a tick later and a tick earlier: that takes
+            two to three times as long, and of optima some 0.1 to 1 % apart finds the lowest more
+            often.
+
+    Raises:
+        GaitNotFound: if none is found at that speed, or none that the scene's rule
+            `end_on_toe_stub` allows; the message has speeds with a gait.
+        ValueError: if the scene has a range of slopes, or the speed is not positive.
+    """
+    scene = make_scene(scene)
+    slope_of(scene)  # refuses a range before there is work done
+    if not 0.0 < number(speed, "speed", above=0.0) < 2.0:
+        raise ValueError(f"speed must lie between 0 and 2, over sqrt(g l), not {speed!r}")
+    if start is not None:
+        instance(start, OptimalGait, "start", "gpw.optimal_gait returns")
+    near = start or _at_hand(scene, speed)
+    begun = near or constant_gait(scene)
+    ticks = 1 if scene.control == "stride" else math.ceil(_SPARE * begun.step_period / scene.tick)
+    problem = Problem(scene, speed, ticks, len(begun.point))
+    try:
+        z = problem.solve(problem.begun_at(begun))
+        if not problem.allowed(z):
+            own = begun if start is None else _at_hand(scene, speed) or constant_gait(scene)
+            z = _clearing(problem, [z, problem.begun_at(begun), problem.begun_at(own)])
+    except GaitNotFound as error:
+        raise GaitNotFound(f"{error}; {_known_speeds(scene, begun)}") from None
+    best = first = _with_corners(problem, z)
+    if near is None and ticks > 1:
+        # From a start so far away, torques may have come to lie in ticks too late or too early.
+        for shifted in _shifted(first):
+            with suppress(GaitNotFound):
+                z = problem.solve(problem.begun_at(shifted), known=best.motor_cost)
+                if problem.allowed(z):
+                    best = _cheaper(best, _with_corners(problem, z))
+    return best
+
+
+def _with_corners(problem: Problem, z: NDArray) -> OptimalGait:
+    """Return the gait of a solution, or a cheaper one with a knee that locks as a tick ends."""
+    best = problem.measured(z)
+    for edge in _edges(best, problem.tick):
+        problem.edge = edge
+        with suppress(GaitNotFound):
+            held = problem.solve(z, known=best.motor_cost)
+            if problem.allowed(held):
+                best = _cheaper(best, problem.measured(held))
+    problem.edge = None
+    return best
+
+
+def _cheaper(known: OptimalGait, found: OptimalGait) -> OptimalGait:
+    """Return the cheaper of two gaits; `found` if they cost the same."""
+    return found if found.motor_cost <= known.motor_cost * (1.0 + _ALIKE) else known
+
+
+def _shifted(gait: OptimalGait) -> list[OptimalGait]:
+    """Return gaits with the torques a tick later, and a tick earlier."""
+    hip, ankle = gait.torques, gait.ankle_torques
+    return [
+        replace(gait, torques=hip[:1] + hip, ankle_torques=ankle[:1] + ankle),
+        replace(gait, torques=hip[1:] or hip, ankle_torques=ankle[1:] or ankle),
+    ]
+
+
+def _clearing(problem: Problem, starts: list[NDArray]) -> NDArray:
+    """Return the first solution, from some starts, on which the toe clears the ground.
+
+    It is a condition only once a search without it has ended in a gait that the scene forbids: to
+    know the swing leg at kneestrike takes about as long as the rest of a stride.
+
+    Raises:
+        GaitNotFound: if there is none.
+    """
+    problem.clears = True
+    for z in starts[:-1]:
+        with suppress(GaitNotFound):
+            return problem.solve(z)
+    return problem.solve(starts[-1])
+
+
+def _at_hand(scene: Scene, speed: float) -> OptimalGait | None:
+    """Return the stored gait of a scene that is nearest in speed; None if none is near."""
+    try:
+        gaits = load(stored_name(scene))
+    except ValueError:
+        return None
+    nearest = min(gaits, key=lambda gait: abs(gait.speed - speed))
+    return nearest if abs(nearest.speed - speed) < _AT_HAND else None
+
+
+def _known_speeds(scene: Scene, begun: OptimalGait) -> str:
+    """Return a clause on the speeds at which a scene is known to have gaits."""
+    speeds = [begun.speed]
+    with suppress(ValueError):  # none are stored
+        speeds += [gait.speed for gait in load(stored_name(scene))]
+    low, high = min(speeds), max(speeds)
+    known = f"speed {low:.4g}" if low == high else f"speeds from {low:.4g} to {high:.4g}"
+    return (
+        f"there are gaits at {known} √(g l), and gpw.optimal_gaits(scene, speeds) finds those that "
+        "exist at speeds around"
+    )
+
+
+def _edges(gait: OptimalGait, tick: float) -> list[float]:
+    """Return the ends of the ticks before and after a gait's kneestrike.
+
+    A torque that changes just as the knee locks makes a corner in the cost, and most optima lie in
+    one; smooth optimization finds them by holding the kneestrike there.
+    """
+    if gait.kneestrike_time == 0.0 or math.isinf(tick):
+        return []
+    before = round(gait.kneestrike_time / tick, 2)
+    return [edge * tick for edge in range(math.floor(before), math.ceil(before) + 1)]
+
+
+def constant_gait(scene: Scene) -> OptimalGait:
+    """Return the gait at which searches begin: passive, or with one constant actuator.
+
+    Raises:
+        GaitNotFound: if there is none.
+    """
+    walker, slope = scene.walker, slope_of(scene)
+    state, held = _driven(scene)
+    point = Section(walker=walker).points_at(state)[0]
+    hip, ankle, push_off = to_dimensionless(units_of(walker), held)
+    torques = np.array([[hip], [ankle]])
+    walked = ticked_stride(walker, slope, point, torques, tick=math.inf, push_off=push_off)
+    ticks = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)
+    problem = Problem(scene, float(walked.length / walked.duration), ticks, len(point))
+    return problem.measured(problem.begun(point, [[hip], [ankle]], push_off))
+
+
+def _driven(scene: Scene) -> tuple[NDArray, Actuation]:
+    """Return the initial state of a gait, passive or with one constant actuator, and the actuation.
+
+    Raises:
+        GaitNotFound: if there is none.
+    """
+    walker, slope = scene.walker, slope_of(scene)
+    passive = seek(walker, slope).gait
+    if passive is not None:
+        return passive.state, PASSIVE
+    refused = None
+    if "hip" in scene.actions:
+        try:
+            powered = powered_gait(walker, slope)
+            return powered.state, Actuation(hip_torque=powered.hip_torque)
+        except GaitNotFound as error:
+            refused = error
+    for channel, name in (("push_off", "push_off"), ("ankle", "ankle_torque")):
+        if channel in scene.actions:
+            amounts = (share * scene.largest(channel) for share in _SHARES)
+            if found := first_driven(walker, slope, name, amounts):
+                return found
+    raise refused or GaitNotFound(
+        f"no passive gait at slope {slope:g}, and none with a constant "
+        f"{' or '.join(scene.actions)} of {_SHARES[0]:g} to {_SHARES[-1]:g} of the largest; "
+        "try another slope, or larger motors"
+    )
+
+
+def optimal_gaits(
+    scene: Scene | str | dict[str, Any], speeds: Iterable[float]
+) -> list[OptimalGait]:
+    """Find the optimal gaits that exist at several speeds, each from its neighbours.
+
+    The search goes outwards from the constant torque's own speed until there is no gait any more,
+    and then once back; of two optima at one speed the cheaper one is kept. A passive gait, where
+    there is one, is the optimum at its speed: it is among them.
+
+    Args:
+        scene: As for `optimal_gait`.
+        speeds: Speeds over sqrt(g l).
+    """
+    scene = make_scene(scene)
+    if isinstance(speeds, str | bytes | Mapping) or not np.iterable(speeds):
+        raise ValueError(f"speeds must be speeds over sqrt(g l) in a row, not {shown(speeds)}")
+    speeds = [number(speed, f"speeds[{i}]", above=0.0) for i, speed in enumerate(speeds)]
+    natural = constant_gait(scene)
+    speeds = sorted(speeds, key=lambda speed: abs(speed - natural.speed))
+    best = {natural.speed: natural} if natural.motor_cost == 0.0 else {}
+    with progress("searches for an optimal gait") as searched:
+        for way in (
+            [speed for speed in speeds if speed >= natural.speed],
+            [speed for speed in speeds if speed < natural.speed],
+        ):
+            last = natural
+            for speed in [*way, *way[::-1]]:
+                if speed in best and last is best[speed]:
+                    continue
+                searched()
+                try:
+                    last = found = optimal_gait(scene, speed, start=last)
+                except GaitNotFound:
+                    if speed not in best:
+                        break
+                    last = best[speed]
+                    continue
+                if speed not in best or found.motor_cost < best[speed].motor_cost:
+                    best[speed] = found
+                last = best[speed]
+    return [best[speed] for speed in sorted(best)]
+
+
+def save(path: Path, gaits: list[OptimalGait]) -> None:
+    """Write gaits as JSON."""
+    lines = ",\n".join(json.dumps(asdict(gait)) for gait in gaits)
+    path.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
+
+
+def load(scene: str) -> list[OptimalGait]:
+    """Return the stored optimal gaits of a named scene, in order of increasing speed.
+
+    Raises:
+        ValueError: if there are none.
+    """
+    path = STORE / f"{scene}.json"
+    if not path.is_file():
+        known = ", ".join(sorted(path.stem for path in STORE.glob("*.json"))) or "none"
+        raise ValueError(
+            f"no optimal gaits of scene {scene!r} are stored, only those of: {known}; "
+            f"`python train.py optimal --scene {scene}` computes them"
+        )
+    return [OptimalGait(**entry) for entry in json.loads(path.read_text(encoding="utf-8"))]
+
+
+def stored_name(scene: Scene) -> str:
+    """Return the name of the stored gaits of a scene: of its walker, slope, actuators and charge.
+
+    Raises:
+        ValueError: if there are none.
+    """
+    kept = ("walker", "slope", "control", "tick", "actions", "max_hip_torque", "energy")
+    for path in sorted(STORE.glob("*.json")):
+        other = make_scene(path.stem)
+        if all(getattr(scene, name) == getattr(other, name) for name in kept):
+            return path.stem
+    raise ValueError(
+        "no optimal gaits of this scene are stored: find one by "
+        "gym_passive_walker.optimal_gait(scene, speed)"
+    )
+
+
+def least_cost(gaits: str | Sequence[OptimalGait], speed: float) -> float:
+    """Return the optimum's cost of transport at a speed.
+
+    Between known speeds the logarithm of the cost is interpolated by monotone cubic polynomials.
+    The costs of named scenes are stored at intervals of 0.00125 √(g l) or less. Midway between them
+    the error is below 0.1 % on "level" and "steep", and up to 0.5 % on "lab". Of gaits at intervals
+    of 0.01 √(g l), it is up to 0.7 %.
+
+    Args:
+        gaits: Name of a scene with stored costs, or optimal gaits.
+        speed: Speed over sqrt(g l).
+
+    Raises:
+        ValueError: if no costs are stored for the scene, or the speed is beyond those known.
+    """
+    speed = round(number(speed, "speed"), 9)
+    if isinstance(gaits, str):
+        known = stored_costs(gaits)
+    elif not (known := [(gait.speed, gait.cost_of_transport) for gait in gaits]):
+        raise ValueError("least_cost needs at least one gait")
+    speeds, costs = np.array(sorted(known)).T
+    speeds = speeds.round(9)
+    if not speeds[0] <= speed <= speeds[-1]:
+        raise ValueError(
+            f"least costs are known at speeds from {speeds[0]:g} to {speeds[-1]:g} √(g l), not at "
+            f"{speed:g}; gpw.optimal_gait(scene, speed) searches for the gait at another speed"
+        )
+    if len(speeds) == 1 or not costs.min() > 0.0:  # no logarithm, or no curve
+        return float(np.interp(speed, speeds, costs))
+    return math.exp(scipy.interpolate.PchipInterpolator(speeds, np.log(costs))(speed))
+
+
+@cache
+def stored_costs(scene: str) -> list[tuple[float, float]]:
+    """Return speeds over sqrt(g l) and the optimum's costs of transport, of a named scene.
+
+    Raises:
+        ValueError: if none are stored.
+    """
+    known = json.loads(COSTS.read_text(encoding="utf-8"))
+    if scene not in known:
+        raise ValueError(unknown([scene], sorted(known), "the list of least costs by scene"))
+    return [(speed, cost) for speed, cost in known[scene]]
+
+
+def save_costs(scene: str, gaits: Iterable[OptimalGait]) -> None:
+    """Store the costs of optimal gaits of a named scene, for `least_cost`."""
+    known = json.loads(COSTS.read_text(encoding="utf-8")) if COSTS.is_file() else {}
+    known[scene] = [(gait.speed, gait.cost_of_transport) for gait in gaits]
+    lines = ",\n".join(f"{json.dumps(name)}: {json.dumps(known[name])}" for name in sorted(known))
+    with replacing(COSTS) as path:
+        path.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")
+    stored_costs.cache_clear()

@@ -1,0 +1,1 @@
+"""Walkers that are designed."""

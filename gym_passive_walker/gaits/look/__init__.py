@@ -1,0 +1,1 @@
+"""What a stride and a gait consist of."""

@@ -1,0 +1,1 @@
+"""Basins and first passage."""

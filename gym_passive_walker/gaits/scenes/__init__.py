@@ -1,0 +1,1 @@
+"""Tasks and the states from which they start."""

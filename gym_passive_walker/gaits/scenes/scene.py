@@ -1,0 +1,505 @@
+"""Scenes: configurations of the environments."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
+
+import numpy as np
+
+from gym_passive_walker._tools.arguments import (
+    boolean,
+    check_slope,
+    check_tolerance,
+    near,
+    real_array,
+    shown,
+    unknown,
+    whole,
+)
+from gym_passive_walker._tools.loading import is_file
+from gym_passive_walker.envs.custom import RULES, checked_rule
+from gym_passive_walker.envs.task import CHANNELS
+from gym_passive_walker.gaits.scenes.checks import (
+    SceneError,
+    UnknownArgumentError,
+    bounded,
+    checked,
+    checked_constraints,
+    checked_noise,
+    checked_pushes,
+    several,
+    spread,
+)
+from gym_passive_walker.gaits.scenes.rules import ENERGIES, SIZE
+from gym_passive_walker.gaits.terrain import Terrain, terrain_from
+from gym_passive_walker.models.units import PROPORTIONS
+from gym_passive_walker.models.walkers import (
+    PARAMETERS,
+    Mechanism,
+    Walker,
+    as_any,
+    as_walker,
+    check_heights_only,
+    state_size,
+)
+
+CONTROLS = ("tick", "stride")
+
+FASTEST = 1.0
+"""Largest speed over sqrt(g l) at which a stiff leg can keep ground contact."""
+
+_FARTHEST = 1000  # largest number of observed footholds
+_LATEST = 10_000  # largest delay of actions, in control steps
+_LARGEST = {"hip": "max_hip_torque", "ankle": "max_ankle_torque", "push_off": "max_push_off"}
+_MAX_HIP_TORQUE = {"tick": 0.05, "stride": 0.03}
+_PERTURBATION = {"tick": 0.10, "stride": 0.05}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """Configuration of an environment: a walker, its ground, its actuators and the episode's rules.
+
+    All numbers are in the dimensionless units of the walker: lengths in leg lengths l, times in
+    sqrt(l/g), torques and energies in m g l (m is the total mass). An argument of None is replaced
+    by its default.
+
+    Attributes:
+        walker: A walker in a form that `as_walker` takes: a `Walker`, a name, a mapping or a file;
+            or a user's `System`. `make_scene` also takes a `System` as `system`.
+        slope: Slope in rad, positive downhill; or (low, high), drawn at each reset.
+        control: "tick" for a new action every `tick`, and at each heelstrike; "stride" for one
+            action from heelstrike to heelstrike.
+        tick: Length of a control step in sqrt(l/g); a heelstrike ends it early.
+        actions: Actuators, in the order of the action's numbers. "hip" is a torque between the
+            legs. "ankle" is a torque between ground and stance leg, for point feet. "push_off" is
+            an impulse along the stance leg just before heelstrike, by the stride's last action.
+            None is ("hip",), or all controls of a `System`.
+        max_hip_torque: Torque of the action 1; 0 is a passive walker. None is 0.05 for ticks and
+            0.03 for strides. For the simplest walker, torque per unit of foot mass.
+        max_ankle_torque: Ankle torque of the action 1.
+        max_push_off: Push-off of the action 1, in units of m sqrt(g l).
+        energy_weight: Price of a unit of energy, in leg lengths of distance.
+        energy: Actuator work that the reward subtracts: "absolute", "positive" or "net".
+        end_on_toe_stub: Whether a locked swing leg below the ground ends the episode. None is True
+            for walkers with knees; straight legs always pass through the ground.
+        reset_noise_scale: Largest relative change of the initial angle and angular velocities. None
+            is 0.10 for ticks and 0.05 for strides.
+        domain_randomization: Largest relative change of walker parameters, drawn at each reset:
+            ``{"foot_radius": 0.1}``.
+        randomization_pool: Number of walkers from which `domain_randomization` draws, equal in all
+            environments; None draws a new walker at each reset.
+        observe_body: Parameters of the walker that agents observe, as ``("foot_radius",)``:
+            lengths over l, masses over m, stiffnesses over m g l. They are the last entries of the
+            observation.
+        start: Initial state on the Poincaré section instead of the passive gait: [stance, thigh,
+            shank] angles in rad, then their angular velocities in units of 1/sqrt(l/g).
+        max_stride_time: Time in sqrt(l/g) after which a stride without heelstrike has stalled.
+        tolerance: Error of the dynamics of a step; see `stride`.
+        pushes: Impulses on the hip along the slope (for a `System`, on its centre of mass), at
+            random times; none if empty. "rate" is their mean number in a unit of time. "impulse",
+            in units of m sqrt(g l) and positive downhill, is a number or a range to draw from.
+        observation_noise: Standard deviation of the noise on each observation: one number for
+            angles and angular velocities, or one for each entry.
+        action_noise: Standard deviation of the noise on each action, as a share of the largest.
+        action_delay: Number of control steps between an action and its effect.
+        command: Commanded speed over sqrt(g l), or (low, high), drawn at each reset; it is part of
+            the observation. None commands nothing.
+        command_weight: Price of each leg length by which a stride differs from the commanded
+            distance in its time.
+        constraints: "ignore", "report" or "end" for each check of `reality_check`: "scuffing",
+            "knee lock", "contact" and "friction".
+        terrain: Footholds, in a form that `terrain_from` takes: a `Terrain`, a mapping
+            such as ``{"rough": {"height_std": 0.01}}``, text or a file; smooth when None.
+        terrain_lookahead: Number of footholds ahead that agents observe, by their changes of height
+            and slope.
+        friction: Coefficient of friction of foot and ground.
+        knee_latch: Largest flexion torque in m g l that a latch of the stance knee holds, and in a
+            collision the impulse in m l sqrt(g l); 0 is a knee that is pressed on its stop.
+        scuff_depth: Largest depth of the swing foot below the ground, in leg lengths.
+        reward: The reward instead of the default: a function of a `Transition`, or weights of
+            `custom.TERMS` by name: ``{"distance": 1.0, "energy": -10.0}``.
+        observation: The observation instead of the default: a function of a `Transition` that
+            returns numbers.
+        terminated: Termination besides falls: a function of a `Transition`.
+        reward_terms: Whether `info` has the terms of each reward: "reward_distance" and so on.
+    """
+
+    walker: Walker = "C"  # type: ignore[assignment]
+    slope: float | tuple[float, float] = 0.0
+    control: str = "tick"
+    tick: float = 0.1
+    actions: tuple[str, ...] = None  # type: ignore[assignment]
+    max_hip_torque: float = None  # type: ignore[assignment]
+    max_ankle_torque: float = 0.05
+    max_push_off: float = 0.2
+    energy_weight: float = 10.0
+    energy: str = "absolute"
+    end_on_toe_stub: bool = None  # type: ignore[assignment]
+    reset_noise_scale: float = None  # type: ignore[assignment]
+    domain_randomization: dict[str, float] = field(default_factory=dict)
+    randomization_pool: int | None = None
+    observe_body: tuple[str, ...] = ()
+    start: tuple[float, ...] | None = None
+    max_stride_time: float = 20.0
+    tolerance: float = 1e-8
+    pushes: dict[str, Any] = field(default_factory=dict)
+    observation_noise: float | tuple[float, ...] = 0.0
+    action_noise: float = 0.0
+    action_delay: int = 0
+    command: float | tuple[float, float] | None = None
+    command_weight: float = 2.0
+    constraints: dict[str, str] = field(default_factory=dict)
+    terrain: Terrain | None = None
+    terrain_lookahead: int = 0
+    friction: float = 0.8
+    knee_latch: float = 0.0
+    scuff_depth: float = 0.01
+    reward: Callable[[Any], Any] | dict[str, float] | None = None
+    observation: Callable[[Any], Any] | None = None
+    terminated: Callable[[Any], Any] | None = None
+    reward_terms: bool = False
+
+    def __post_init__(self) -> None:
+        """Check every argument, and choose what was left open."""
+
+        def put(name: str, value: Any) -> None:
+            object.__setattr__(self, name, value)
+
+        def bound(name: str, low: float, high: float) -> None:
+            put(name, bounded(name, getattr(self, name), low, high))
+
+        put("walker", as_any(self.walker))
+        if self.own_system is not None:
+            self._check_own()
+        put("slope", self._checked_slope())
+        for name, names in (("control", CONTROLS), ("energy", ENERGIES)):
+            if getattr(self, name) not in names:
+                allowed = " or ".join(map(repr, names))
+                raise SceneError(f"{name} must be {allowed}, not {shown(getattr(self, name))}")
+        if self.max_hip_torque is None:
+            put("max_hip_torque", _MAX_HIP_TORQUE[self.control])
+        if self.reset_noise_scale is None:
+            put("reset_noise_scale", _PERTURBATION[self.control])
+        if self.end_on_toe_stub is None:
+            put("end_on_toe_stub", self.walker.knees)
+        for name in ("end_on_toe_stub", "reward_terms"):
+            put(name, checked(boolean, getattr(self, name), name))
+        if self.end_on_toe_stub and not self.walker.knees:
+            raise SceneError(
+                "end_on_toe_stub is a rule for walkers with knees: straight legs always scuff"
+            )
+        bound("tick", 1e-3, 1e3)
+        for name in CHANNELS:
+            bound(_LARGEST[name], 0.0, 1e3)
+        put("actions", self._checked_actions())
+        bound("energy_weight", 0.0, 1e6)
+        bound("reset_noise_scale", 0.0, 0.9)
+        bound("max_stride_time", 0.1, 1e3)
+        put("tolerance", checked(check_tolerance, self.tolerance))
+        put("domain_randomization", self._checked_shares())
+        put("randomization_pool", self._checked_pool())
+        put("observe_body", several("observe_body", self.observe_body, PROPORTIONS))
+        put("pushes", checked_pushes(self.pushes))
+        size = SIZE if self.own_system is None else state_size(self.walker) + 1
+        put("observation_noise", checked_noise(self.observation_noise, size))
+        put("action_delay", self._checked_delay())
+        if self.command is not None:
+            low, high = spread("command", self.command, 0.0, FASTEST)
+            put("command", low if low == high else (low, high))
+        put("constraints", checked_constraints(self.constraints, knees=self.walker.knees))
+        put("terrain_lookahead", self._checked_preview())
+        bound("action_noise", 0.0, 1.0)
+        bound("command_weight", 0.0, 1e3)
+        bound("friction", 0.0, 1e3)
+        bound("knee_latch", 0.0, 1e3)
+        bound("scuff_depth", 0.0, 1.0)
+        if self.start is not None:
+            put("start", self._checked_start())
+        for name in RULES:
+            put(name, checked_rule(name, getattr(self, name)))
+        for name, term in (("energy_weight", "energy"), ("command_weight", "command")):
+            given = getattr(self, name)
+            if isinstance(self.reward, Mapping) and given != getattr(type(self), name):
+                raise SceneError(
+                    f"{name}={given:g} has no effect, since reward has its own weights: give "
+                    f"the weight of {term!r} there"
+                )
+        if self.observe_body and self.observation is not None:
+            raise SceneError(
+                "observe_body adds to the environment's own observation, and this scene has "
+                "another: leave out observe_body or observation"
+            )
+
+    def _checked_slope(self) -> float | tuple[float, float]:
+        """Return the slope or the range of slopes, in rad, after a check."""
+        bounds = np.empty(0)
+        try:
+            bounds = np.atleast_1d(check_slope(self.slope))
+        except (TypeError, ValueError):
+            pass  # raises the error below
+        if bounds.shape not in ((1,), (2,)) or bounds[0] > bounds[-1]:
+            raise SceneError(
+                "slope must be an angle in rad between -pi/2 and pi/2, or a range of them as "
+                f"(low, high), not {shown(self.slope)}"
+            )
+        low, high = bounds[[0, -1]].tolist()
+        return low if len(bounds) == 1 else (low, high)
+
+    def _checked_actions(self) -> tuple[str, ...]:
+        """Return the names of the actions after a check."""
+        channels = self.channels
+        if self.actions is None:
+            return ("hip",) if self.own_system is None else channels
+        actions = several("actions", self.actions, channels, least=min(len(channels), 1))
+        if "ankle" in actions and self.walker.foot_radius != 0.0:
+            raise SceneError(
+                "the action 'ankle' needs point feet: a round foot rolls, and the ground under it "
+                "bears no torque; choose a walker with foot_radius=0"
+            )
+        return actions
+
+    @property
+    def own_system(self) -> Mechanism | None:
+        """The user's `System`; None with a walker of the package."""
+        return self.walker if isinstance(self.walker, Mechanism) else None
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of possible actions."""
+        return CHANNELS if self.own_system is None else self.own_system.controls
+
+    def largest(self, channel: str) -> float:
+        """Return the control or impulse of the action 1 in a channel."""
+        if self.own_system is None:
+            return getattr(self, _LARGEST[channel])
+        usual = self.max_hip_torque * self.own_system.total_mass
+        return float(self.own_system.limits.get(channel, usual))
+
+    def least(self, channel: str) -> float:
+        """Return the smallest action in a channel: -1, or 0 for the push-off."""
+        return 0.0 if self.own_system is None and channel == "push_off" else -1.0
+
+    def _check_own(self) -> None:
+        """Raise an error for arguments that a user's system does not support."""
+        names = ("constraints", "terrain_lookahead", "observe_body")
+        found = [name for name in names if getattr(self, name)]
+        if found:
+            raise SceneError(
+                f"{' and '.join(found)} need a walker with two legs and McGeer's parameters, not "
+                f"the system {self.walker.title!r}"
+            )
+
+    def _checked_shares(self) -> dict[str, float]:
+        """Return the largest relative changes of walker parameters, by name, after a check."""
+        if not isinstance(self.domain_randomization, Mapping):
+            raise SceneError(
+                "domain_randomization must map parameters to shares, not "
+                f"{shown(self.domain_randomization)}"
+            )
+        own = self.own_system
+        known = PARAMETERS if own is None else own.body._fields
+        if said := unknown(self.domain_randomization, known, "domain_randomization: a walker"):
+            raise SceneError(said)
+        return {
+            name: bounded(f"domain_randomization[{name!r}]", share, 0.0, 0.5)
+            for name, share in sorted(self.domain_randomization.items())
+        }
+
+    def _checked_pool(self) -> int | None:
+        """Return the number of walkers of the pool, or None, after a check."""
+        if self.randomization_pool is None:
+            return None
+        if not self.domain_randomization:
+            raise SceneError(
+                "randomization_pool is a number of walkers of domain_randomization: give both"
+            )
+        return checked(whole, self.randomization_pool, "randomization_pool", most=2**31)
+
+    def _checked_preview(self) -> int:
+        """Set the terrain, and return the number of observed footholds, after a check."""
+        object.__setattr__(self, "terrain", checked(terrain_from, self.terrain))
+        if self.terrain is not None:
+            slopes = *self.terrain.slopes, self.terrain.slope_std
+            checked(check_heights_only, self.walker, slopes)
+        lookahead = checked(
+            whole, self.terrain_lookahead, "terrain_lookahead", least=0, most=_FARTHEST
+        )
+        if lookahead and self.terrain is None:
+            raise SceneError(
+                "terrain_lookahead shows footholds of a terrain: give one, or terrain_lookahead=0"
+            )
+        return lookahead
+
+    def _checked_delay(self) -> int:
+        """Return the delay of actions in control steps after a check."""
+        try:
+            return whole(self.action_delay, "action_delay", least=0, most=_LATEST)
+        except ValueError as error:
+            raise SceneError(f"{error} (of steps)") from None
+
+    def _checked_start(self) -> tuple[float, ...]:
+        """Return the initial state after a check."""
+        try:
+            start = real_array(self.start, "start", "numbers")  # type: ignore[arg-type]
+        except ValueError:
+            start = np.empty(0)
+        if start.shape != (size := state_size(self.walker),):
+            parts = "angles and rates" if self.own_system is None else "coordinates and rates"
+            raise SceneError(
+                f"start must be {size} finite numbers, {parts}, not {shown(self.start)}"
+            )
+        return tuple(start.tolist())
+
+    @property
+    def frames_per_second(self) -> int:
+        """Control steps per second of the walker's time; 2 if each step is a stride."""
+        if self.control == "stride":
+            return 2
+        return max(1, round(1.0 / (self.tick * self.walker.time_unit)))
+
+
+def kept_argument(name: str, value: Any) -> Any:
+    """Return an argument of a scene for a saved file: the content of a walker or terrain file.
+
+    The file itself can change or move before a sweep or a training continues.
+
+    Args:
+        name: Name of the argument.
+        value: Value of the argument; only walkers and terrains are converted.
+
+    Raises:
+        ValueError: if the value is no valid walker or terrain.
+        ImportError: if the file is YAML and pyyaml is not installed.
+    """
+    if name == "walker" and (isinstance(value, Walker) or is_file(value)):
+        walker = as_walker(value)
+        return asdict(walker) | ({"title": walker.title} if walker.title else {})
+    if name == "terrain" and (isinstance(value, Terrain) or is_file(value)):
+        return asdict(terrain_from(value))  # type: ignore[arg-type]
+    return value
+
+
+UNDISTURBED: dict[str, Any] = {
+    "pushes": {}, "observation_noise": 0.0, "action_noise": 0.0, "action_delay": 0,
+    "constraints": {},
+    "terrain": None, "terrain_lookahead": 0,
+}  # fmt: skip
+"""Arguments of a scene without disturbances."""
+
+CALM = UNDISTURBED | {"command": None}
+"""Arguments of a scene without disturbances and without a command."""
+
+_BODIES = dict.fromkeys(
+    ("foot_radius", "shank_com", "shank_gyration", "shank_length", "shank_mass", "thigh_com",
+     "thigh_gyration"), 0.1,
+)  # fmt: skip
+
+SCENES: dict[str, dict[str, Any]] = {
+    "level": {},
+    "steep": {"slope": 0.11, "control": "stride"},
+    "rolling": {"slope": (0.0, 0.06)},
+    "lab": {"walker": "lab", "slope": 0.036},
+    "rough": {"slope": 0.02, "terrain": {"rough": {"height_std": 0.002}}, "terrain_lookahead": 2},
+    "pushed": {"pushes": {"rate": 0.05, "impulse": (-0.03, 0.03)}},
+    "push-off": {
+        "walker": "D",
+        "control": "stride",
+        "actions": ("push_off",),
+        "max_push_off": 0.1,
+        "reset_noise_scale": 0.02,
+        "start": (
+            0.194588876, -0.194588876, -0.194588876, -0.202960578, -0.187756427, -0.187756427,
+        ),
+    },
+    "commanded": {"command": (0.1, 0.2)},
+    "anywhere": {
+        "slope": (0.0, 0.02),
+        "command": (0.12, 0.18),
+        "domain_randomization": _BODIES,
+        "observe_body": tuple(_BODIES),
+    },
+}  # fmt: skip
+"""Named scenes, and the motion of their walkers without actuation.
+
+- "level", the default: walker C on level ground. Its steps shrink until it stubs its toe: 91
+  strides and 9.5 l without reset noise, 61 strides and 6.3 l on average over the benchmark's
+  episodes. Judge it by distance and speed, not by strides.
+- "steep": walker C at a slope of 0.11, one torque a stride. Its gait is unstable; it stubs its toe.
+- "rolling": walker C on a slope drawn from 0 to 0.06 at each reset.
+- "lab": the laboratory's walker at 0.036, where its passive gait is stable.
+- "rough": walker C at a slope of 0.02, on footholds with heights of standard deviation 0.002 l; two
+  footholds ahead are observed. It stubs its toe, after eight strides on average.
+- "pushed": walker C on level ground, with one push in about seven strides.
+- "push-off": the simplest walker on level ground, near Kuo's slow gait (2002), in which each stride
+  ends with a push-off of 0.04; without push-off it falls backward, mostly in its first stride.
+- "commanded": walker C on level ground, with a commanded speed; passively as "level".
+- "anywhere": a new body at each reset, seven parameters of walker C within 10 %, on a slope from 0
+  to 0.02 with a commanded speed; slope, speed and body are observed.
+"""
+
+
+def undisturbed(scene: Scene, subject: str, calm: Mapping[str, Any] = CALM) -> Scene:
+    """Return a scene after a check of its arguments: by default, no disturbances and no command.
+
+    Args:
+        scene: The scene.
+        subject: Beginning of the error's message.
+        calm: Values that the scene must have, by the names of its arguments.
+
+    Raises:
+        SceneError: if the scene has other values.
+    """
+    if found := [name for name, value in calm.items() if getattr(scene, name) != value]:
+        calmed = ", ".join(f"{name}={calm[name]!r}" for name in found)
+        raise SceneError(
+            f"{subject} without {' and '.join(found)}, which this scene has: choose "
+            f"make_scene(scene, {calmed})"
+        )
+    return scene
+
+
+def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any) -> Scene:
+    """Return a scene: a given one, a named one, or one from its arguments, with changes.
+
+    Args:
+        scene: A `Scene`, one of `SCENES`, or a mapping of a scene's arguments.
+        **changes: Arguments of `Scene` that replace the scene's own; "system", a `System` of the
+            user's own, is another name of "walker".
+
+    Raises:
+        SceneError: if the scene is unknown, or an argument is invalid. For an unknown argument it
+            is a `TypeError` as well.
+        WalkerError: if the walker is invalid.
+    """
+    known = [f.name for f in fields(Scene)]
+    if isinstance(scene, Scene):
+        arguments = {name: getattr(scene, name) for name in known}
+    elif isinstance(scene, Mapping):
+        arguments = dict(scene)
+    elif isinstance(scene, str) and scene in SCENES:
+        arguments = dict(SCENES[scene])
+    elif isinstance(scene, Mechanism):
+        raise SceneError(
+            f"the system {scene.title!r} is no scene: give its arguments, system=... among them"
+        )
+    else:
+        raise SceneError(
+            f"no scene {shown(scene)}{near(scene, SCENES)}: give a Scene, or one of "
+            f"{', '.join(SCENES)}"
+        )
+    for given in (arguments, changes):
+        if "system" not in given:
+            continue
+        if "walker" in given:
+            raise SceneError("give a scene a walker or a system, not both")
+        given["walker"] = given.pop("system")
+        if not isinstance(given["walker"], Mechanism):
+            raise SceneError(f"system must be a gpw.System, not {shown(given['walker'])}")
+    if said := unknown(arguments, known, "a scene"):
+        raise SceneError(said)
+    if said := unknown(changes, known, "a scene"):
+        strange = [f"unexpected keyword argument {shown(n)}" for n in changes if n not in known]
+        raise UnknownArgumentError(f"{', '.join(strange)}: {said}")
+    return Scene(**arguments | changes)

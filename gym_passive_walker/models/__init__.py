@@ -1,0 +1,1 @@
+"""What walks: walkers, units, equations."""

@@ -1,0 +1,49 @@
+"""Systems that users state themselves, by their masses or by their equations.
+
+The named tuples here state the package's own kinds of walkers too.
+"""
+
+from gym_passive_walker.models.equations.hybrid import (
+    Ground,
+    Guard,
+    Outcome,
+    Phase,
+    Refusal,
+    Reset,
+    Stage,
+    Step,
+    Strike,
+    Watch,
+)
+from gym_passive_walker.models.equations.hybrid import System as HybridSystem
+from gym_passive_walker.models.own.mechanics import Link
+from gym_passive_walker.models.own.stated import StatementError
+from gym_passive_walker.models.own.statement import (
+    accelerations_of,
+    heelstrike_of,
+    kinetic_energy_of,
+    stop_of,
+)
+from gym_passive_walker.models.own.system import Free, System
+
+__all__ = [
+    "Free",
+    "Ground",
+    "Guard",
+    "HybridSystem",
+    "Link",
+    "Outcome",
+    "Phase",
+    "Refusal",
+    "Reset",
+    "Stage",
+    "StatementError",
+    "Step",
+    "Strike",
+    "System",
+    "Watch",
+    "accelerations_of",
+    "heelstrike_of",
+    "kinetic_energy_of",
+    "stop_of",
+]

@@ -1,0 +1,473 @@
+"""A user's walker: a hybrid system stated by the positions of its masses, or by equations."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.engine import compiled
+from gym_passive_walker.models.equations import hybrid
+from gym_passive_walker.models.equations.hybrid import SMOOTH, Ground, Guard, Outcome, Watch
+from gym_passive_walker.models.equations.systems import register
+from gym_passive_walker.models.own.checks import check, check_given
+from gym_passive_walker.models.own.mechanics import (
+    Derived,
+    Link,
+    Motion,
+    is_zero,
+    rates_by,
+    relabelled,
+    solve,
+)
+from gym_passive_walker.models.own.stated import Stated, StatementError, stated
+from gym_passive_walker.models.own.statement import push_of
+from gym_passive_walker.models.walkers import Mechanism
+
+_FUNCTIONS = (
+    "links", "landing", "relabel", "falls", "counts", "potential", "dissipation", "forces",
+    "travel", "pose", "centre",
+)  # fmt: skip
+_BETWEEN = 7  # looks at a guard within a step; a foot may dip and rise between its ends
+_ITERATIONS, _CLOSE = 30, 1e-9  # of Newton's method, and its largest error
+
+
+class Free(NamedTuple):
+    """The controls of a system without actuators: none."""
+
+
+def _uncontrolled(state: Any) -> Free:
+    return Free()
+
+
+def _falls(guard: Guard, body: Any, state: Any) -> Any:
+    """A guard's function on smooth ground."""
+    return guard.falls(body, state, SMOOTH)
+
+
+def _falls_of(equations: hybrid.System) -> dict[str, Callable[[Any, Any], Any]]:
+    """The rules by which a walker of given equations has fallen, by the names of outcomes."""
+    return {
+        guard.outcome.name.lower(): partial(_falls, guard)
+        for guard in equations.phases[0].guards
+        if guard.watch == Watch.BOUND
+    }
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class System(Mechanism):
+    """A user's walker, stated by the positions of its masses and its landing foot, or by equations.
+
+    From `links`, `landing`, `relabel` and `falls` follow equations of motion, the plastic impact at
+    heelstrike, energies and all derivatives. `System.of` takes given equations instead. Choose
+    any units of length and mass; gravity is 1, so the unit of time is sqrt(l/g). All functions are
+    plain arithmetic with `gym_passive_walker.math`. They take the `body` and the
+    state, both named tuples. Positions are those of a frame at the stance foot: x along the ground
+    in the walking direction (downhill), y up from the ground.
+
+    Attributes:
+        name: Its name, for messages and pictures.
+        body: Its parameters: an instance of a named tuple.
+        State: Named tuple of up to eight coordinates, and of their rates in the same order.
+        links: Function of body and state: the masses, a `Link` for each rigid body or point mass.
+        landing: Function of body and state: x and y of the swing foot. The foot strikes where y
+            falls through zero; it stays where it lands. If a foot rolls, x is the position of its
+            centre less the distance that it has rolled.
+        relabel: Function of body and state: the coordinates after a heelstrike, when the legs have
+            exchanged their roles, by those before it.
+        falls: By the name of an outcome ("fell_forward", "fell_backward", "swing_overrotation"), a
+            function of body and state that is positive until the walker has fallen.
+        counts: Functions of body and state that are positive where a heelstrike counts, for feet
+            that scuff the ground at midstance.
+        potential: Function of body and state: energy of springs.
+        dissipation: Function of body and state: half the power that friction takes, a quadratic
+            form of the rates (Rayleigh's dissipation function).
+        forces: Function of body and state: generalized forces, one for each coordinate, of
+            feedback that is part of the walker. Their work counts as negative friction.
+        Control: Named tuple of the controls, held constant while the engine integrates.
+        travel: Function of the state: for each control the coordinate that it moves, as a
+            `Control`. Its torque acts along that coordinate.
+        start: A state just after heelstrike near a gait, (2 m,), with which searches begin.
+        limits: By the name of a control, its largest torque: that of the action 1 of an
+            environment. For other controls it is the scene's `max_hip_torque` times the weight.
+        pose: Function of body and state: lines of points (x, y) for pictures. None draws a
+            line from the foot to each mass, or to the centre of mass.
+        equations: The hybrid system that was given to `of`; None otherwise. `State`, `Control`,
+            `travel` and `falls` are then those of the equations.
+        mass: Its total mass, as given to `of`.
+        centre: Function of body and state: x and y of its centre of mass, as given to `of`.
+
+    Raises:
+        StatementError: if a function does not fit the others. The message names it.
+    """
+
+    name: str
+    body: Any
+    State: type
+    links: Callable[[Any, Any], Sequence[Link]]
+    landing: Callable[[Any, Any], tuple[Any, Any]]
+    relabel: Callable[[Any, Any], Sequence[Any]]
+    falls: Mapping[str, Callable[[Any, Any], Any]]
+    counts: Sequence[Callable[[Any, Any], Any]] = ()
+    potential: Callable[[Any, Any], Any] | None = None
+    dissipation: Callable[[Any, Any], Any] | None = None
+    forces: Callable[[Any, Any], Sequence[Any]] | None = None
+    Control: type = Free
+    travel: Callable[[Any], Any] = _uncontrolled
+    start: Sequence[float] | None = None
+    limits: Mapping[str, float] = field(default_factory=dict)
+    pose: Callable[[Any, Any], Sequence[Sequence[tuple[Any, Any]]]] | None = None
+    equations: hybrid.System | None = None
+    mass: float = 1.0
+    centre: Any = None
+    _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.equations is not None:
+            check_given(self, self.equations)
+            given = stated(_pushed(self.equations), self.name)
+            self.__dict__.update(equations=given, falls=_falls_of(given), travel=given.travel)
+        self.__dict__.update({name: self._stated_as(name) for name in _FUNCTIONS})
+        check(self)
+
+    def _stated_as(self, name: str) -> Any:
+        """The user's function of a name, or a collection of them, as `Stated`."""
+
+        def of(given: Any) -> Any:
+            if isinstance(given, Mapping):
+                return {key: of(each) for key, each in given.items()}
+            if isinstance(given, tuple | list):
+                return tuple(map(of, given))
+            return Stated(name, given, self.name) if callable(given) else given
+
+        return of(getattr(self, name))
+
+    @classmethod
+    def of(
+        cls,
+        equations: hybrid.System,
+        body: Any,
+        *,
+        centre: Callable[[Any, Any], tuple[Any, Any]],
+        mass: float = 1.0,
+        **rest: Any,
+    ) -> System:
+        """A system with given equations: accelerations, guards, resets and energies.
+
+        The package states its own walkers in this way: `physics.straight.SYSTEM` is an example.
+
+        Args:
+            equations: The hybrid system, a `gym_passive_walker.modeling.HybridSystem`. Its phases
+                have accelerations, guards and resets; the last phase ends with a heelstrike. A
+                `push` that a phase lacks follows from the mass matrix.
+            body: Its parameters, of the type `equations.Body`.
+            centre: Function of body and state: x and y of the centre of mass from the stance foot.
+            mass: Its total mass.
+            **rest: `name`, `start`, `limits`, `pose`, as in the class.
+
+        Raises:
+            StatementError: if the functions contradict each other: a mass matrix that is not
+                positive, a power balance that does not close, a guard that never falls, a reset
+                that gains energy or moves the walker. The message names the function.
+        """
+        if not isinstance(equations, hybrid.System):
+            raise StatementError(f"equations must be a HybridSystem, not {equations!r}")
+        if not equations.phases:
+            raise StatementError(f"phases of {equations.name!r} must have one phase or more")
+        if unknown := rest.keys() - {"name", "start", "limits", "pose"}:
+            raise TypeError(f"System.of has no argument {', '.join(sorted(unknown))}")
+        absent: Any = None  # functions from which equations would be derived
+        given: dict[str, Any] = {
+            "name": equations.name, "State": equations.State, "Control": equations.Control,
+            "travel": equations.travel, "falls": _falls_of(equations),
+        }  # fmt: skip
+        return cls(
+            body=body, equations=equations, centre=centre, mass=mass, links=absent,
+            landing=absent, relabel=absent, **(given | rest),
+        )  # fmt: skip
+
+    def vary(self, **parameters: float) -> System:
+        """This system with other values of some fields of its body."""
+        unknown = [name for name in parameters if name not in self.body._fields]
+        if unknown:
+            raise StatementError(
+                f"body of system {self.name!r} has no {', '.join(unknown)}: it has "
+                f"{', '.join(self.body._fields)}"
+            )
+        made = self.with_body(parameters)
+        check(made)
+        return made
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_made": {}}  # what is compiled stays in its process
+
+    @property
+    def title(self) -> str:  # type: ignore[override]
+        """Its name."""
+        return self.name
+
+    @property
+    def controls(self) -> tuple[str, ...]:
+        """Names of its controls."""
+        return self.Control._fields  # type: ignore[attr-defined]
+
+    def drawn(self, state: Sequence[float]) -> list[NDArray[np.float64]]:
+        """Lines of points (x, y) that show a state (2 m,), each of shape (points, 2)."""
+        return [np.array(line, dtype=float) for line in self.lines(self.body, self.State(*state))]
+
+    def lines(self, body: Any, state: Any) -> Sequence[Sequence[tuple[Any, Any]]]:
+        """Lines of points (x, y) that show a state of a body, of the kind of numbers given."""
+        if self.pose is not None:
+            return self.pose(body, state)
+        if self.equations is not None:
+            return [[(0.0, 0.0), self.centre(body, state)]]
+        links = (Link(*link) for link in self.links(body, state))
+        return [[(0.0, 0.0), (link.x, link.y)] for link in links]
+
+    def centre_of_mass(self, state: Sequence[float]) -> NDArray[np.float64]:
+        """Position (x, y) of the centre of mass in a state (2 m,), from the stance foot, (2,)."""
+        mass, x, y = self._centre(self.body, self.State(*state))
+        return np.array([x / mass, y / mass], dtype=float)
+
+    def with_both_feet_down(self, coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Coordinates (n, m) nearby at which the swing foot touches the ground.
+
+        The first coordinate stays as it is; the others change as little as Newton's method allows.
+        They are not a number where it does not converge.
+        """
+        rates = np.zeros_like(coordinates)
+
+        def foot(body: Any, state: Any) -> tuple:
+            height = self._clearance(body, state)
+            return height, *rates_by(height, state[1 : self.coordinates])
+
+        found = np.array(coordinates, dtype=float)
+        height = np.full(len(found), np.inf)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for _ in range(_ITERATIONS):
+                parts = Derived(foot)(self.body, self.State(*found.T, *rates.T))
+                height, *slopes = (np.broadcast_to(part, len(found)) for part in parts)
+                step = np.stack(slopes, axis=-1) * (height / sum(s**2 for s in slopes))[:, None]
+                found[:, 1:] -= np.where(height[:, None] == 0.0, 0.0, step)
+        found[~(np.abs(height) < _CLOSE)] = np.nan
+        return found
+
+    def struck(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
+        """States (n, 2 m) after a heelstrike in each of these."""
+        strike = self.hybrid.phases[-1].resets[Outcome.HEELSTRIKE].strike
+        after = Derived(lambda body, state: tuple(strike(body, state, 0.0, SMOOTH).after))(
+            self.body, self.State(*states.T)
+        )
+        return np.stack([np.broadcast_to(part, len(states)) for part in after], axis=-1)
+
+    def exchanged(self, coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Coordinates (n, m) after the legs have exchanged their roles."""
+        return self.struck(np.hstack([coordinates, np.zeros_like(coordinates)]))[
+            :, : self.coordinates
+        ]
+
+    def standing(self, state: Sequence[float]) -> bool:
+        """Whether no rule of `falls` says that a state (2 m,) has fallen."""
+        given = self.State(*state)
+        bounds = (g for g in self.hybrid.phases[0].guards if g.watch == Watch.BOUND)
+        return all(float(guard.falls(self.body, given, SMOOTH)) > 0.0 for guard in bounds)
+
+    @property
+    def coordinates(self) -> int:
+        """Number m of its coordinates."""
+        return len(self.State._fields) // 2  # type: ignore[attr-defined]
+
+    @property
+    def total_mass(self) -> float:  # type: ignore[override]
+        """Its mass, which is also its weight."""
+        return float(self._centre(self.body, self.State(*[0.0] * (2 * self.coordinates)))[0])
+
+    @property
+    def hybrid(self) -> hybrid.System:  # type: ignore[override]
+        """The hybrid system that the engine compiles."""
+        if "hybrid" not in self._made:
+            self._made["hybrid"] = _registered(self.equations or self._stated())
+        return self._made["hybrid"]
+
+    @property
+    def uneven(self) -> hybrid.System:  # type: ignore[override]
+        """The same on footholds of different heights."""
+        if self.equations is not None and "height_change" in self.equations.absent:
+            raise StatementError(
+                f"equations of system {self.name!r} are for even ground: `height_change` is absent"
+            )
+        if "uneven" not in self._made:
+            absent = tuple(name for name in self.hybrid.absent if name != "height_change")
+            self._made["uneven"] = _registered(self.hybrid._replace(absent=absent))
+        return self._made["uneven"]
+
+    def with_body(self, values: Mapping[str, float]) -> System:
+        """This system with other values of some fields of its body, without checks."""
+        made = object.__new__(System)  # with the same equations, which are compiled once
+        made.__dict__.update(self.__dict__ | {"body": self.body._replace(**values)})
+        return made
+
+    def _clearance(self, body: Any, state: Any) -> Any:
+        """Height of the swing foot."""
+        if self.equations is not None:
+            return self.equations.foot_clearance(body, state)
+        return self.landing(body, state)[1]
+
+    def _stated(self) -> hybrid.System:
+        strike = Guard(
+            lambda body, state, ground: self.landing(body, state)[1] - ground.height_change,
+            Outcome.HEELSTRIKE,
+            Watch.STRIKE,
+            tuple(_on_ground(counts) for counts in self.counts),
+            _BETWEEN,
+        )
+        falls = tuple(
+            Guard(_on_ground(function), Outcome[name.upper()])
+            for name, function in self.falls.items()
+        )
+        phase = hybrid.Phase(
+            stage=hybrid.Stage.LOCKED,
+            links=self.coordinates,
+            accelerations=Derived(self._accelerations),
+            guards=(strike, *falls),
+            resets={Outcome.HEELSTRIKE: hybrid.Reset(self._strike)},
+            push=Derived(self._push),
+        )
+        takes = self.dissipation is not None or self.forces is not None
+        return hybrid.System(
+            name=self.name,
+            Body=type(self.body),
+            phases=(phase,),
+            measure=self._measure,
+            place=self._place,
+            kinetic_energy=Derived(self._kinetic_energy),
+            potential_gain=self._potential_gain,
+            foot_clearance=lambda body, state: self.landing(body, state)[1],
+            mass_matrix=Derived(self._mass_matrix),
+            travel=self.travel,
+            works=self.Control(*[1.0] * len(self.Control._fields)),  # type: ignore[attr-defined]
+            spring_gain=None if self.potential is None else self._spring_gain,
+            friction_power=Derived(self._taken) if takes else None,
+            absent=("height_change", "slope_change", "push_off"),
+            State=self.State,
+            Control=self.Control,
+        )
+
+    def _motion(self, body: Any, state: Any) -> Motion:
+        return Motion([Link(*link) for link in self.links(body, state)], state)
+
+    def _own_forces(self, body: Any, state: Any) -> list[Any]:
+        """Generalized forces of friction and feedback."""
+        totals: list[Any] = [0.0] * self.coordinates
+        if self.dissipation is not None:
+            rates = state[self.coordinates :]
+            totals = [-force for force in rates_by(self.dissipation(body, state), rates)]
+        if self.forces is not None:
+            totals = [a + b for a, b in zip(totals, self.forces(body, state), strict=True)]
+        return totals
+
+    def _accelerations(self, body: Any, state: Any, control: Any, ground: Ground) -> tuple:
+        motion, coordinates = self._motion(body, state), state[: self.coordinates]
+        forces = motion.forces((ground.sine, -ground.cosine))
+        forces = [a + b for a, b in zip(forces, self._own_forces(body, state), strict=True)]
+        if self.potential is not None:
+            springs = rates_by(self.potential(body, state), coordinates)
+            forces = [a - b for a, b in zip(forces, springs, strict=True)]
+        for torque, moved in zip(control, self.travel(state), strict=True):
+            if not is_zero(torque):
+                ways = rates_by(moved, coordinates)
+                forces = [a + b * torque for a, b in zip(forces, ways, strict=True)]
+        return tuple(solve(motion.matrix(), forces))
+
+    def _push(self, body: Any, state: Any, back: Any, up: Any) -> tuple:
+        """Jumps of the rates by an impulse at the centre of mass, per unit of mass."""
+        _, x, y = self._centre(body, state)
+        ways = (rates_by(part, state[: self.coordinates]) for part in (x, y))
+        impulses = [up * b - back * a for a, b in zip(*ways, strict=True)]
+        return tuple(solve(self._motion(body, state).matrix(), impulses))
+
+    def _strike(self, body: Any, before: Any, push_off: Any, ground: Ground) -> hybrid.Strike:
+        rates, lost = self._motion(body, before).landing(self.landing(body, before))
+        return hybrid.Strike(relabelled(self.relabel, body, before, rates), lost)
+
+    def _measure(
+        self, system: Any, body: Any, start: Any, before: Any, after: Any, ground: Ground
+    ) -> hybrid.Step:
+        began = type(before)(*start, *before[self.coordinates :])
+        return hybrid.Step(
+            self.landing(body, before)[0],
+            self._place(body, before),
+            -self._potential_gain(body, began, before, ground),
+            0.0 if self.potential is None else -self._spring_gain(body, began, before),
+        )
+
+    def _centre(self, body: Any, state: Any) -> tuple[Any, Any, Any]:
+        """The whole mass, and its first moments along x and y."""
+        if self.equations is not None:
+            x, y = self.centre(body, state)
+            return self.mass, self.mass * x, self.mass * y
+        mass: Any = 0.0
+        x: Any = 0.0
+        y: Any = 0.0
+        for link in self.links(body, state):
+            each = Link(*link)
+            mass, x, y = mass + each.mass, x + each.mass * each.x, y + each.mass * each.y
+        return mass, x, y
+
+    def _place(self, body: Any, state: Any) -> Any:
+        """Position of the centre of mass along the ground."""
+        mass, x, _ = self._centre(body, state)
+        return x / mass
+
+    def _potential_gain(self, body: Any, start: Any, end: Any, ground: Ground) -> Any:
+        _, x0, y0 = self._centre(body, start)
+        _, x1, y1 = self._centre(body, end)
+        return ground.cosine * (y1 - y0) - ground.sine * (x1 - x0)
+
+    def _spring_gain(self, body: Any, start: Any, end: Any) -> Any:
+        assert self.potential is not None
+        return self.potential(body, end) - self.potential(body, start)
+
+    def _kinetic_energy(self, body: Any, state: Any) -> Any:
+        return self._motion(body, state).kinetic_energy()
+
+    def _mass_matrix(self, body: Any, state: Any) -> tuple:
+        return tuple(self._motion(body, state).matrix().values())
+
+    def _taken(self, body: Any, state: Any) -> Any:
+        """Power that friction takes, less what feedback supplies."""
+        power: Any = 0.0
+        forces = self._own_forces(body, state)
+        for force, rate in zip(forces, state[self.coordinates :], strict=True):
+            power = power - force * rate
+        return power
+
+
+def _pushed(equations: hybrid.System) -> hybrid.System:
+    """A hybrid system in which all phases have a `push`, if it has a mass matrix."""
+    matrix, gain = equations.mass_matrix, equations.potential_gain
+    if matrix is None:
+        return equations
+    phases = (
+        phase if phase.push else phase._replace(push=push_of(matrix, gain, phase.links))
+        for phase in equations.phases
+    )
+    return equations._replace(phases=tuple(phases))
+
+
+def _registered(stated: hybrid.System) -> hybrid.System:
+    """Name a system by its compiled text, and make it known by this name."""
+    module = compiled.written(stated)
+    name = f"own-{hashlib.sha256(str(module).encode()).hexdigest()[:16]}"
+    compiled.WRITTEN[name] = module
+    return register(stated._replace(name=name))
+
+
+def _on_ground(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any, Ground], Any]:
+    """A function of body and state as one of body, state and ground."""
+    return lambda body, state, ground: function(body, state)

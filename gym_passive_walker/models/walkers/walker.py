@@ -1,0 +1,227 @@
+"""The walker: McGeer's parameters and their validation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import dataclass, fields, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from gym_passive_walker._tools.arguments import shown, unknown
+from gym_passive_walker._tools.shown import Shown
+
+_PLACES = ("thigh_com", "thigh_offset", "thigh_gyration")
+_PLACES += ("shank_com", "shank_offset", "shank_gyration")
+_NOT_NEGATIVE = ("thigh_mass", "shank_mass", "hip_mass", "thigh_gyration", "shank_gyration")
+_NOT_NEGATIVE += ("hip_stiffness", "hip_friction", "knee_stiffness")
+
+
+class WalkerError(ValueError):
+    """A parameter of a walker is invalid; the message names it and its range."""
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Walker(Shown):
+    """A planar walker with two equal legs; masses are per leg.
+
+    A walker with legs without mass (``thigh_mass = shank_mass = 0`` and ``hip_mass > 0``) is the
+    simplest walker: the limit of a vanishing point mass at each foot. `passive-walker figures 4.1`
+    draws a walker with the name of each parameter; so does the page on theory.
+
+    Attributes:
+        thigh_length: l_t, hip to knee.
+        thigh_offset: w_t, centre of mass of the thigh, backwards from the hip-knee line.
+        thigh_mass: m_t, mass of one thigh.
+        thigh_gyration: r_t, radius of gyration of the thigh about its centre of mass.
+        thigh_com: c_t, centre of mass of the thigh, down from the hip.
+        shank_length: l_s, knee to the bottom of the foot, through the foot's centre.
+        shank_offset: w_s, centre of mass of the shank, backwards from the line knee-foot centre.
+        shank_mass: m_s, mass of one shank.
+        shank_gyration: r_s, radius of gyration of the shank about its centre of mass.
+        shank_com: c_s, centre of mass of the shank, down from the knee.
+        foot_radius: R, of the circular foot: from 0 (a point foot) to below the shank's length.
+        foot_angle: epsilon_T, with the knee locked, from the thigh's line forward to the line
+            hip-foot centre.
+        hip_mass: a point mass at the hip, once for both legs.
+        hip_stiffness: of a torsional spring between the legs, relaxed where they are parallel; per
+            unit of foot mass where legs have none.
+        hip_friction: viscous, torque per rate at which the legs open; per
+            unit of foot mass where legs have none.
+        knee_stiffness: of a torsional spring at the knee, relaxed where the leg is straight; of no
+            effect on locked knees.
+        knees: whether the swing knee is free until it strikes its stop; False locks both knees.
+        gravity: g, acceleration of gravity.
+
+    Raises:
+        WalkerError: if a parameter is unknown, not finite, out of its range, or leaves a joint with
+            nothing to turn.
+    """
+
+    thigh_length: float
+    thigh_offset: float = 0.0
+    thigh_mass: float
+    thigh_gyration: float = 0.0
+    thigh_com: float = 0.0
+    shank_length: float
+    shank_offset: float = 0.0
+    shank_mass: float
+    shank_gyration: float = 0.0
+    shank_com: float = 0.0
+    foot_radius: float = 0.0
+    foot_angle: float = 0.0
+    hip_mass: float = 0.0
+    hip_stiffness: float = 0.0
+    hip_friction: float = 0.0
+    knee_stiffness: float = 0.0
+    knees: bool = True
+    gravity: float = 9.81
+    title = ""
+    """Name in pictures and messages; walkers that differ in it alone are equal."""
+
+    def __new__(cls, **parameters: Any) -> Walker:
+        """Check the names of the parameters; `__init__` would raise Python's own error."""
+        known = cls.__dataclass_fields__
+        if not parameters.keys() <= known.keys():  # seldom, and walkers are made by the thousand
+            raise WalkerError(unknown(parameters, tuple(known), "a walker"))
+        return super().__new__(cls)
+
+    def __post_init__(self) -> None:
+        """Check the values of the parameters."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name == "knees":
+                if not isinstance(value, bool):
+                    raise WalkerError(f"knees must be True or False, not {shown(value)}")
+                continue
+            try:
+                if isinstance(value, str | bytes | bool | np.bool_):
+                    raise TypeError
+                value = float(value)
+            except (TypeError, ValueError, OverflowError):
+                raise WalkerError(f"{field.name} must be a number, not {shown(value)}") from None
+            if not math.isfinite(value):
+                raise WalkerError(f"{field.name} must be finite, not {value}")
+            object.__setattr__(self, field.name, value)
+        for name in ("thigh_length", "shank_length", "gravity"):
+            if getattr(self, name) <= 0.0:
+                raise WalkerError(f"{name} must be positive, not {getattr(self, name)}")
+        for name in _NOT_NEGATIVE:
+            if getattr(self, name) < 0.0:
+                raise WalkerError(f"{name} must not be negative, but is {getattr(self, name)}")
+        if not 0.0 <= self.foot_radius < self.shank_length:
+            raise WalkerError(
+                f"foot_radius must lie from 0 to below the shank's length {self.shank_length}, "
+                f"so that the foot's centre is below the knee; it is {self.foot_radius}"
+            )
+        reach = (self.shank_length - self.foot_radius) / self.thigh_length
+        if not (abs(self.foot_angle) < 0.5 * math.pi and abs(math.sin(self.foot_angle)) < reach):
+            limit = math.asin(min(1.0, reach))
+            raise WalkerError(
+                f"foot_angle {self.foot_angle} rad cannot be reached by this shank: its size must "
+                f"be below {limit:.6g} rad (sin of it below (l_s - R)/l_t)"
+            )
+        self._check_places()
+        self._check_masses()
+
+    def _check_places(self) -> None:
+        """Check positions: a centre of mass far from its leg is a wrong decimal point or unit."""
+        farthest = 2.0 * self.leg_length
+        for name in _PLACES:
+            if abs(getattr(self, name)) > farthest:
+                raise WalkerError(
+                    f"{name} must be at most two leg lengths, {farthest:g}, for the mass to "
+                    f"belong to a leg; it is {getattr(self, name)}"
+                )
+
+    def _check_masses(self) -> None:
+        """Check that each joint moves some inertia."""
+        if self.thigh_mass == 0.0 and self.shank_mass == 0.0:
+            if self.hip_mass == 0.0:
+                raise WalkerError("a walker needs mass: thigh_mass, shank_mass and hip_mass are 0")
+            if self.knees or self.foot_radius != 0.0:
+                raise WalkerError(
+                    "legs without mass are the simplest walker, which has point feet and no "
+                    "knees: set foot_radius=0 and knees=False, or give the legs some mass"
+                )
+            return
+        thigh_spread = math.hypot(self.thigh_gyration, self.thigh_com, self.thigh_offset)
+        shank_spread = math.hypot(self.shank_gyration, self.shank_com, self.shank_offset)
+        if self.knees and self.shank_mass * shank_spread == 0.0:
+            raise WalkerError(
+                "a free shank needs a moment of inertia about the knee: give it shank_mass and "
+                "one of shank_com, shank_offset, shank_gyration, or set knees=False"
+            )
+        if self.shank_mass == 0.0 and self.thigh_mass * thigh_spread == 0.0:
+            raise WalkerError(
+                "a swing leg needs a moment of inertia about the hip: move some of its mass away "
+                "from the hip, or set both leg masses to 0 for the simplest walker"
+            )
+
+    def titled(self, title: str) -> Walker:
+        """Return a walker of equal parameters with a title; see `name_of`."""
+        walker = copy(self)
+        object.__setattr__(walker, "title", title)
+        return walker
+
+    def facts(self) -> dict[str, str]:
+        """The walker's parameters, in its own units."""
+        return {field.name: f"{getattr(self, field.name):.6g}" for field in fields(self)} | {
+            "knees": str(self.knees)
+        }
+
+    def __repr__(self) -> str:
+        """The expression that makes the walker, without parameters that have their default."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        given = (f.name for f in fields(self) if values[f.name] != f.default)
+        return f"Walker({', '.join(f'{name}={values[name]!r}' for name in given)})"
+
+    @property
+    def leg_length(self) -> float:
+        """Leg length l = l_t + l_s, the unit of length of all dimensionless numbers."""
+        return self.thigh_length + self.shank_length
+
+    @property
+    def total_mass(self) -> float:
+        """Mass of both legs and the hip."""
+        return 2.0 * (self.thigh_mass + self.shank_mass) + self.hip_mass
+
+    @property
+    def massless_legs(self) -> bool:
+        """Whether this is the simplest walker, the limit of vanishing foot mass."""
+        return self.thigh_mass == 0.0 and self.shank_mass == 0.0
+
+    @property
+    def time_unit(self) -> float:
+        """The pendulum time sqrt(l/g), the unit of time of all dimensionless numbers."""
+        return math.sqrt(self.leg_length / self.gravity)
+
+    @property
+    def shank_angle(self) -> float:
+        """Angle in rad from the line foot centre-hip to the shank's line, forward (epsilon_F)."""
+        reach = (self.shank_length - self.foot_radius) / self.thigh_length
+        return math.asin(math.sin(self.foot_angle) / reach)
+
+
+PARAMETERS = tuple(field.name for field in fields(Walker) if field.name != "knees")
+"""Names of the numerical parameters of a walker."""
+
+
+def changed(walker: Any, **parameters: float) -> Any:
+    """A walker or system with other values of some parameters.
+
+    Raises:
+        ValueError: if it cannot have these values.
+    """
+    if isinstance(walker, Walker):
+        return replace(walker, **parameters)
+    return walker.vary(**parameters)
+
+
+def varied(walker: Walker, parameters: Mapping[str, Any]) -> Any:
+    """An object with a walker's attributes and other values of some parameters, such as tensors."""
+    attributes = {**vars(walker), "massless_legs": walker.massless_legs, **parameters}
+    return SimpleNamespace(**attributes)

@@ -1,0 +1,297 @@
+"""The figures of Garcia (1999), chapter 4, recomputed: a function and a caption for each.
+
+Each function returns a matplotlib Figure that pyplot does not know; nothing is shown. `draw` writes
+one of them to a file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from gym_passive_walker._tools.arguments import near
+from gym_passive_walker._tools.extras import need
+from gym_passive_walker._tools.shown import picture
+from gym_passive_walker.gaits.branches.bifurcation import bifurcation_diagram
+from gym_passive_walker.gaits.branches.doubling import doubling_cascade
+from gym_passive_walker.gaits.branches.family import GaitFamily, gait_family
+from gym_passive_walker.gaits.find.fixed_point import find_gait, find_gaits
+from gym_passive_walker.gaits.gait import Gait, GaitKind
+from gym_passive_walker.gaits.look.trajectory import simulate
+from gym_passive_walker.models.walkers import WALKERS, Walker, interpolate, name_of, tune
+from gym_passive_walker.pictures.axes import (
+    ANGLE,
+    BLACK,
+    BLUE,
+    GREY,
+    OWN,
+    SKY_BLUE,
+    SLOPE,
+    VERMILION,
+    figure_of,
+    legend,
+    panels,
+    save,
+    series,
+)
+from gym_passive_walker.pictures.diagram import walker_diagram
+from gym_passive_walker.pictures.plots import MEASURES, draw_family, family_key
+from gym_passive_walker.pictures.portrait import both
+from gym_passive_walker.pictures.strobe import strobe
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_ANGLE, _SPEED = "stance_angle", "froude_speed"
+_KINDS: tuple[tuple[GaitKind, float], ...] = (("long", 1.8), ("short", 0.9))
+
+
+def families(walker: Walker, low: float, high: float, looks: int = 8) -> list[GaitFamily]:
+    """Every branch of periodic gaits that passes one of `looks` slopes, continued over the range.
+
+    Args:
+        walker: The walker.
+        low: Lowest slope in rad.
+        high: Highest slope in rad.
+        looks: Number of slopes, evenly spaced, at which gaits are searched for.
+    """
+    found: list[GaitFamily] = []
+    for slope in np.linspace(low, high, looks):
+        for gait in find_gaits(walker, float(slope)):
+            if not any(_passes(family, gait) for family in found):
+                found.append(gait_family(walker, low, high, start=gait))
+    return found
+
+
+def _passes(family: GaitFamily, gait: Gait) -> bool:
+    """Whether a branch passes through a gait, within the distance of its points."""
+    apart = np.hypot(
+        np.log(family.slope / gait.slope), np.log(family.stance_angle / gait.stance_angle)
+    )
+    return bool(apart.min() < 0.05)
+
+
+def _lab() -> tuple[Walker, float, Any]:
+    gait = find_gait("lab", 0.036)
+    return gait.walker, gait.slope, gait.state
+
+
+def transition(by: str = _ANGLE) -> Figure:
+    """Figs. 4.5 and 4.11: transition of the short step's scaling, for two foot masses."""
+    figure, (ax,) = panels(size=(5.8, 5.2))
+    # E and F have the same long steps: E is drawn broad and pale under F.
+    for name, ratio, colour, width in (("E", 0.125, SKY_BLUE, 4.0), ("F", 0.05 / 0.9, BLACK, 1.2)):
+        dashes: tuple[tuple[GaitKind, Any], ...] = (("long", "-"), ("short", (0, (4, 1.5))))
+        for kind, dash in dashes:
+            family = gait_family(WALKERS[name], 1e-7, 0.2, kind)
+            style = {"color": colour, "linestyle": dash, "linewidth": width}
+            label = f"{name}, {kind} step"
+            ax.plot(family.slope, family.columns()[by], label=label, dash_capstyle="butt", **style)
+        ax.axvline(
+            ratio**1.5, color=colour, linewidth=0.4 * width, linestyle=":",
+            label=f"{name}, (foot mass / hip mass)$^{{3/2}}$",
+        )  # fmt: skip
+    ax.set(xscale="log", yscale="log", xlabel=SLOPE, ylabel=MEASURES[by])
+    legend(ax)
+    return figure
+
+
+def lab_families(by: str = _ANGLE) -> Figure:
+    """Figs. 4.6 and 4.12: gaits of the laboratory's walker with knees free and locked."""
+    figure, (ax,) = panels(size=(6.0, 5.8))
+    drawn = []
+    for name, colour, dash, said in (
+        ("lab", BLUE, "-", "knees free"), ("lab-straight", VERMILION, (0, (5, 1.5)), "knees locked")
+    ):  # fmt: skip
+        for i, family in enumerate(families(WALKERS[name], 0.005, 0.1)):
+            label = "" if i else f"walker {name}: {said}"
+            draw_family(ax, family, by, label, color=colour, linestyle=dash)
+            drawn.append(family)
+    ax.set_xlim(0.0, 0.1)
+    family_key(ax, *drawn)
+    legend(ax, columns=2)
+    return figure
+
+
+def detuning(fractions: tuple[float, ...] = (0.0, 0.05, 0.3, 0.6, 0.75, 1.0)) -> Figure:
+    """Fig. 4.8: branches of gaits between the tuned kneed walker C and the laboratory's walker."""
+    figure, axes = panels(2, 3, (9.2, 6.4), sharex=True, sharey=True)
+    tuned, lab = tune(WALKERS["C"]), WALKERS["lab"]
+    drawn = []
+    for ax, fraction in zip(axes, fractions, strict=True):
+        walker = interpolate(tuned, lab, fraction)
+        for family in families(walker, 1e-6, 0.15):
+            draw_family(ax, family)
+            drawn.append(family)
+        name = {0.0: " (C, tuned)", 1.0: " (lab)"}.get(fraction, "")
+        ax.set_title(f"{fraction:.0%} of the way{name}", fontsize="small")
+        ax.set(xlim=(0.0, 0.15), ylim=(0.0, 0.6), xlabel="", ylabel="")
+    for ax in axes[3:]:
+        ax.set_xlabel(SLOPE)
+    for ax in axes[::3]:
+        ax.set_ylabel(ANGLE)
+    family_key(axes[0], *drawn)
+    handles, labels = axes[0].get_legend_handles_labels()
+    style = {"frameon": False, "fontsize": "small"}
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, **style)
+    return figure
+
+
+def tuned_families(by: str = _ANGLE) -> Figure:
+    """Figs. 4.9 and 4.13: five walkers with gaits at vanishing slope, on linear and log axes."""
+    figure, axes = panels(1, 2, (9.6, 5.4))
+    for index, name in enumerate("ABCDE"):
+        for kind, width in _KINDS:
+            family = gait_family(tune(WALKERS[name]), 1e-5, 0.1, kind)
+            value = family.columns()[by]
+            style = {**series(index), "linewidth": width, "markersize": 4.5}
+            style["fillstyle"] = "full" if kind == "long" else "none"
+            for ax, spaced in zip(axes, (np.asarray, np.log), strict=True):
+                # Markers at equal distances along the axis, shifted a little for each walker.
+                where = spaced(family.slope)
+                at = np.linspace(where.min(), where.max(), 9)[1:] - index * np.ptp(where) / 50.0
+                marked = sorted({int(np.argmin(np.abs(where - x))) for x in at})
+                label = f"{name}, {kind} step"
+                ax.plot(family.slope, value, label=label, markevery=marked, **style)
+    for ax in axes:
+        ax.set(xlabel=SLOPE, ylabel=MEASURES[by])
+    axes[1].set(xscale="log", yscale="log")
+    handles, labels = axes[1].get_legend_handles_labels()
+    style = {"frameon": False, "fontsize": "small"}
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, **style)
+    return figure
+
+
+def period_doubling(slopes: int = 1200) -> Figure:
+    """Fig. 4.10: bifurcation diagram of the tuned kneed walker, and its gait of period one."""
+    walker = tune(WALKERS["C"])
+    diagram = bifurcation_diagram(
+        walker, np.linspace(0.07, 0.098, slopes), n_transient=500, n_recorded=100
+    )
+    ax: Any = picture(diagram, OWN)
+    family = gait_family(walker, 0.07, 0.098)
+    draw_family(ax, family, label="gait of period 1")
+    cascade = doubling_cascade(walker, 0.07, 0.098, doublings=3)
+    for period, slope in zip(cascade.periods, cascade.slopes, strict=True):
+        ax.axvline(slope, color=GREY, linewidth=0.6, linestyle=":")
+        ax.annotate(
+            f"→ {2 * period}", (slope, 1.0), (0, 2), xycoords=("data", "axes fraction"),
+            textcoords="offset points", ha="center", fontsize="x-small",
+        )  # fmt: skip
+    ax.set_title(f"walker {name_of(walker)}", fontsize="medium", pad=14.0)
+    ax.plot([], [], ".", color="black", label="stance angles after transients")
+    ax.plot([], [], ":", color=GREY, label="period doublings to 2, 4, 8")
+    family_key(ax, family)
+    legend(ax)
+    return figure_of(ax)
+
+
+class Plate(NamedTuple):
+    """A figure that can be drawn.
+
+    Attributes:
+        draw: Function without arguments that returns the figure.
+        caption: Description of the figure that is complete without the page around it.
+    """
+
+    draw: Callable[[], Figure]
+    caption: str
+
+
+_STABLE = (
+    "Heavy lines are stable gaits, light ones unstable; where a family ends, a marker gives the "
+    "reason."
+)
+_LAB_SAYS = (
+    "of the gaits of the laboratory's walker over slope, with its knees free and locked. "
+    + _STABLE
+    + " Hollow squares: gaits with a stance leg that stops for an instant in mid-stride."
+)
+_TUNED_SAYS = (
+    "of the walkers A to E, tuned so that they can walk at vanishing slope, over slope, on linear "
+    "and on logarithmic axes. Heavy lines with full markers are long-step gaits, light ones with "
+    "hollow markers short-step gaits."
+)
+_TRANSITION_SAYS = (
+    "of the point-foot walkers E and F over slope. Long steps are as the cube root of the slope "
+    "for both; short steps change their scaling about where the slope is the ratio of foot mass to "
+    "hip mass to the power 3/2 (dotted)."
+)
+
+FIGURES: dict[str, Plate] = {
+    "4.1": Plate(
+        walker_diagram,
+        "A kneed walker with the name of each parameter. Angles are measured from the ground's "
+        "normal to a leg's line, which runs from the foot's centre to the hip when the knee is "
+        "straight; they are positive when the upper end lies uphill. Black discs are masses, "
+        "dashed circles radii of gyration. The right leg swings.",
+    ),
+    "4.3-angles": Plate(
+        lambda: figure_of(both(simulate(*_lab(), strides=2, samples=400), OWN)),
+        "Two strides of the laboratory's kneed walker at a slope of 0.036 rad. Left: angles of "
+        "both legs' thighs and shanks over time, in units of √(l/g). Right: angular velocities "
+        "over angles, by role; dotted lines connect the states before and after an impact.",
+    ),
+    "4.3-strobe": Plate(
+        lambda: figure_of(strobe(*_lab(), strides=3, ax=OWN)),
+        "Three strides of the laboratory's kneed walker down a slope of 0.036 rad. Seven postures "
+        "of each stride, evenly spaced in time, heavy at heelstrike; stance legs are pale between. "
+        "Diamonds: the knee at kneestrike. Marks on the ground count leg lengths l.",
+    ),
+    "4.5": Plate(transition, "Stance angle just after heelstrike " + _TRANSITION_SAYS),
+    "4.6": Plate(lab_families, "Stance angle just after heelstrike " + _LAB_SAYS),
+    "4.8": Plate(
+        detuning,
+        "Stance angle over slope as the tuned kneed walker C is changed, all parameters in "
+        "proportion, into the laboratory's walker. " + _STABLE,
+    ),
+    "4.9": Plate(tuned_families, "Stance angle just after heelstrike " + _TUNED_SAYS),
+    "4.10": Plate(
+        period_doubling,
+        "The period-doubling route to chaos of the tuned kneed walker C. Black: stance angles of "
+        "100 successive strides, after 500 transient strides, at each of 1200 slopes. "
+        "Blue: the gait of period one, heavy where it is stable. Dotted: period doublings to 2, 4 "
+        "and 8. Dashed: the crisis, beyond which all walks end in a fall.",
+    ),
+    "4.11": Plate(partial(transition, _SPEED), "Mean speed over √(g l) " + _TRANSITION_SAYS),
+    "4.12": Plate(partial(lab_families, _SPEED), "Mean speed over √(g l) " + _LAB_SAYS),
+    "4.13": Plate(partial(tuned_families, _SPEED), "Mean speed over √(g l) " + _TUNED_SAYS),
+}
+"""The figures that can be drawn, by their numbers in Garcia (1999), chapter 4.
+
+Figs. 4.4 and 4.7 are sketches of definitions and Fig. 4.2 is a photograph; they are not computed.
+"""
+
+KINDS = ("png", "svg", "pdf")
+"""File formats of figures."""
+
+
+def draw(name: str, folder: str | Path, kind: str = "png") -> Path:
+    """Draw a figure to a file, with its caption in the file's metadata.
+
+    Args:
+        name: One of `FIGURES`.
+        folder: Folder to write to; created if it does not exist.
+        kind: File format, one of `KINDS`.
+
+    Returns:
+        Path of the file.
+
+    Raises:
+        ValueError: if the figure or the format is unknown.
+    """
+    if name not in FIGURES:
+        raise ValueError(
+            f"no figure {name!r}{near(name, FIGURES)}: choose from {', '.join(FIGURES)}"
+        )
+    need("matplotlib", "figures")
+    if kind not in KINDS:
+        raise ValueError(f"no kind of file {kind!r}: choose from {', '.join(KINDS)}")
+    path = Path(folder) / f"figure-{name}.{kind}"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save(FIGURES[name].draw(), path, FIGURES[name].caption)
+    return path

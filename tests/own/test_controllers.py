@@ -1,0 +1,157 @@
+"""A user's own system walks under a controller as the environment has it walk."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from examples.five_links import FIVE_LINKS
+from examples.torso import TORSO
+from gym_passive_walker.gaits.map_result import Change
+from gym_passive_walker.gaits.scenes.scene import make_scene
+from tests.own.statements import DRIVEN
+
+SLOPE = 0.03
+# A system with room in a walker's record, and one that needs a larger one.
+SCENES = {
+    "compass": {"system": DRIVEN, "slope": SLOPE, "tolerance": 1e-10},
+    "five links": {"system": FIVE_LINKS, "slope": 0.05, "tolerance": 1e-10},
+}
+
+
+class Linear:
+    """Actions that are linear in the observation, with or without a derivative."""
+
+    name = "linear"
+
+    def __init__(self, scene, *, exact=True, double=True):
+        self.scene, self.double = scene, double
+        system = scene["system"]
+        shape = (len(system.controls), 2 * system.coordinates + 1)
+        self.gain = 0.05 * np.random.default_rng(3).uniform(-1.0, 1.0, shape)
+        if exact:
+            self.linearize = lambda seen: (
+                self._actions(seen),
+                np.broadcast_to(self.gain, (len(seen), *shape)),
+            )
+
+    def _actions(self, seen):
+        return seen @ self.gain.T
+
+    def predict(self, seen, state=None, episode_start=None, deterministic=True):
+        """Return actions and the state."""
+        return self._actions(seen), state
+
+
+@pytest.fixture(params=SCENES)
+def scene(request):
+    """The arguments of a scene in which a user's system walks."""
+    return SCENES[request.param]
+
+
+def test_a_stride_under_a_controller_is_that_of_the_environment(scene):
+    control = Linear(scene, exact=False, double=False)
+    strides = gpw.stride_map(controller=control, scene=scene, tolerance=1e-10)
+    env = gym.make("PassiveWalker-v0", **scene, reset_noise_scale=0.0).unwrapped
+    seen, _ = env.reset(seed=0)
+    start = env.state
+    for _ in range(500):
+        seen, _, ended, _, info = env.step(control.predict(seen[None])[0][0].astype(np.float32))
+        assert not ended
+        if info["step_period"]:
+            break
+    found = strides.stride(start)
+    assert found.outcome == gpw.Outcome.HEELSTRIKE
+    # The environment takes actions in single precision.
+    np.testing.assert_allclose(found.state, env.state, atol=3e-6)
+    assert found.duration == pytest.approx(info["step_period"], abs=3e-6)
+    work = found.hip_work - found.heelstrike_loss - found.friction_loss
+    work += found.gravity_work + found.spring_work
+    kinetic = [
+        scene["system"].hybrid.kinetic_energy(scene["system"].body, scene["system"].State(*state))
+        for state in (start, found.state)
+    ]
+    assert work == pytest.approx(kinetic[1] - kinetic[0], abs=1e-8)
+
+
+def test_exact_derivatives_under_a_controller_are_those_of_differences(scene):
+    exact, differences = (
+        gpw.stride_map(controller=Linear(scene, exact=exact), scene=scene)
+        for exact in (True, False)
+    )
+    assert exact.exact and not differences.exact
+    points = exact.beginning(scene["slope"])
+    for parameter in ("slope", next(iter(exact.parameters))):
+        found, expected = (
+            each.linearize(points, by=("state", parameter))[1] for each in (exact, differences)
+        )
+        for field in Change.__dataclass_fields__:
+            values = getattr(found, field), getattr(expected, field)
+            np.testing.assert_allclose(*values, rtol=1e-5, atol=1e-6, err_msg=field)
+
+
+def test_without_torque_a_controlled_walker_is_passive(scene):
+    control = Linear(scene)
+    control.gain = 0.0 * control.gain
+    controlled = gpw.find_gait(gpw.stride_map(controller=control, scene=scene))
+    passive = gpw.find_gait(scene["system"], scene["slope"])
+    np.testing.assert_allclose(controlled.state, passive.state, atol=1e-8)
+    largest = [np.sort(np.abs(gait.multipliers))[-3:] for gait in (controlled, passive)]
+    np.testing.assert_allclose(*largest, atol=1e-5)
+
+
+def test_analyses_of_a_system_take_its_controller():
+    scene = SCENES["compass"]
+    strides = gpw.stride_map(controller=Linear(scene), scene=scene)
+    gait = gpw.find_gait(strides)
+    assert gait.stride_map.controller_name == "linear"
+    family = gpw.gait_family(strides, 0.028, 0.032)
+    assert len(family) > 1
+    by_mass = gpw.parameter_family(strides, "hip", 0.64, 0.69, slope=SLOPE)
+    assert len(by_mass) > 1
+    assert gpw.basin_of_attraction(strides, resolution=4, strides=2).slope == SLOPE
+    assert np.isfinite(gpw.lyapunov_exponents(DRIVEN, [SLOPE], strides=5, n_transient=2)).all()
+    walk = gpw.simulate(gait, strides=2)
+    columns = walk.columns()
+    assert set(columns) >= {"stance", "swing", "hip"}
+    assert np.ptp(columns["hip"]) > 0.0
+
+
+def test_pictures_of_a_system_name_its_coordinates(scene):
+    gait = gpw.find_gait(scene["system"], scene["slope"])
+    names = {
+        name.replace("_", " ")
+        for name in scene["system"].State._fields[: scene["system"].coordinates]
+    }
+    for portrait in gpw.simulate(gait, strides=2).plot():
+        assert names <= {text.get_text() for text in portrait.get_legend().get_texts()}
+    assert len(gait.plot()) == 4
+
+
+def test_a_stroboscopic_picture_shows_a_system_s_own_lines():
+    from gym_passive_walker.pictures import strobe
+
+    gait = gpw.find_gait(TORSO, SLOPE)
+    lines = strobe(gait, strides=1, flashes=5).get_lines()
+    drawn = TORSO.drawn(gait.state.tolist())
+    assert sum(line.get_linewidth() in (1.0, 2.0) for line in lines) >= 5 * len(drawn)
+
+
+def test_a_scene_of_a_mapping_may_name_its_system():
+    assert make_scene({"system": DRIVEN}).walker is DRIVEN
+    with pytest.raises(ValueError, match="a walker or a system, not both"):
+        make_scene({"system": DRIVEN, "walker": "C"})
+
+
+def test_a_controller_of_a_system_observes_its_command():
+    scene, seen = make_scene(**SCENES["compass"], command=0.15), []
+
+    def idle(observation):
+        seen.append(observation)
+        return np.zeros((len(observation), len(scene.actions)))
+
+    strides = gpw.stride_map(controller=idle, scene=scene)
+    strides.apply(strides.beginning([SLOPE]))
+    env = gym.make("PassiveWalker-v0", scene=scene)
+    assert seen[0].shape[1:] == env.observation_space.shape
+    assert (seen[0][:, -2:] == (SLOPE, 0.15)).all()
