@@ -13,7 +13,6 @@ References:
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -21,7 +20,6 @@ import numpy as np
 
 import gym_passive_walker as gpw
 from examples.torso import TORSO
-from gym_passive_walker._tools import console
 
 SLOPE = 0.03
 
@@ -73,4 +71,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(console.run(main))
+    main()

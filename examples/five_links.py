@@ -14,13 +14,10 @@ References:
 
 from __future__ import annotations
 
-import sys
 from typing import NamedTuple
 
-from gym_passive_walker.math import cos, sin
-
 import gym_passive_walker as gpw
-from gym_passive_walker._tools import console
+from gym_passive_walker.math import cos, sin
 
 LEG, MASS = 0.8, 32.0  # m, kg
 
@@ -169,4 +166,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(console.run(main))
+    main()

@@ -21,7 +21,6 @@ References:
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -31,7 +30,6 @@ from scipy.integrate import simpson
 
 import gym_passive_walker as gpw
 from gym_passive_walker import Gait, Walker
-from gym_passive_walker._tools import console
 
 _SAMPLES = 4001  # of a stride, for Simpson's rule
 _BEFORE = 1.0 - 1e-12  # at its end the collision has changed the angular velocities
@@ -226,4 +224,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(console.run(main))
+    main()

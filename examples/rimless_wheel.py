@@ -12,13 +12,10 @@ References:
 from __future__ import annotations
 
 import math
-import sys
 from typing import NamedTuple
 
-from gym_passive_walker.math import cos, sin
-
 import gym_passive_walker as gpw
-from gym_passive_walker._tools import console
+from gym_passive_walker.math import cos, sin
 
 
 class Wheel(NamedTuple):
@@ -79,4 +76,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(console.run(main))
+    main()

@@ -21,21 +21,18 @@ References:
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
-from gym_passive_walker.envs.scene import make_scene
 from numpy.typing import ArrayLike, NDArray
 
 import gym_passive_walker as gpw
 from gym_passive_walker import Gait
-from gym_passive_walker._tools import console
-from gym_passive_walker.gaits.control.controllers import SceneLike
-from gym_passive_walker.gaits.control.feedback import Method, gains
+from gym_passive_walker.control import Method, SceneLike, gains
+from gym_passive_walker.envs.scene import make_scene
 
 PARTS = {"hip": "hip_torque", "ankle": "ankle_torque", "push_off": "push_off"}
 """The part of an `Actuation` for each action of a scene."""
@@ -309,4 +306,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(console.run(main))
+    main()

@@ -13,13 +13,10 @@ References:
 from __future__ import annotations
 
 import math
-import sys
 from typing import NamedTuple
 
-from gym_passive_walker.math import cos, sin
-
 import gym_passive_walker as gpw
-from gym_passive_walker._tools import console
+from gym_passive_walker.math import cos, sin
 
 
 class Body(NamedTuple):
@@ -104,4 +101,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(console.run(main))
+    main()

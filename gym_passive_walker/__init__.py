@@ -1,155 +1,61 @@
-"""Exact passive walkers for reinforcement learning and gait analysis."""
+"""Exact passive walkers for reinforcement learning and gait analysis.
 
-__version__ = "0.1.0"
+`import gym_passive_walker` registers the environments. A public name loads its module when it is
+first used; `__init__.pyi` lists the names and their modules.
+"""
 
 # Imported first, so that Ctrl-C ends the command line with one line even during later imports.
-import gym_passive_walker._tools.console
+import gym_passive_walker._tools.console  # noqa: F401
 
 # isort: split
 
-# These modules register the plots of objects, without importing matplotlib.
-import gym_passive_walker.apps.sweeps.pictures
-import gym_passive_walker.envs.evaluation.pictures
-import gym_passive_walker.pictures  # noqa: F401
-from gym_passive_walker.apps.sweeps.run import SweepResult, sweep
-from gym_passive_walker.apps.viewer.play import play
-from gym_passive_walker.envs.evaluation.gauntlet import Gauntlet, gauntlet
-from gym_passive_walker.envs.evaluation.robustness import Robustness, robustness
-from gym_passive_walker.envs.explain import explain
-from gym_passive_walker.envs.policies import PolicyError, TrainedPolicy, load_policy
+import ast as _ast
+from importlib import import_module as _import_module
+from pathlib import Path as _Path
+from typing import Any as _Any
+
+from gym_passive_walker._tools.shown import DRAWERS as _DRAWERS
+from gym_passive_walker._version import __version__ as __version__
 from gym_passive_walker.envs.registration import register as _register
-from gym_passive_walker.envs.transitions import Transition
-from gym_passive_walker.gaits.actuation import Actuation
-from gym_passive_walker.gaits.branches.bifurcation import (
-    BifurcationDiagram,
-    bifurcation_diagram,
-    crisis_slope,
-    lyapunov_exponents,
-)
-from gym_passive_walker.gaits.branches.doubling import Cascade, doubling_cascade
-from gym_passive_walker.gaits.branches.family import GaitFamily, gait_family, parameter_family
-from gym_passive_walker.gaits.control.maps import closed_loop_gait, stride_map
-from gym_passive_walker.gaits.control.optimal import optimal_gait, optimal_gaits
-from gym_passive_walker.gaits.control.optimum import OptimalGait
-from gym_passive_walker.gaits.design.design import Design, optimize_walker, tune_to_walk
-from gym_passive_walker.gaits.find.fixed_point import find_gait, find_gaits
-from gym_passive_walker.gaits.gait import Gait, GaitNotFound
-from gym_passive_walker.gaits.look.dense_stride import Impulse, TimedExtremum
-from gym_passive_walker.gaits.look.measures import (
-    FootVelocity,
-    Measures,
-    collision_matrix,
-    foot_velocity,
-    measures,
-)
-from gym_passive_walker.gaits.look.reality import RealityCheck, reality_check
-from gym_passive_walker.gaits.look.stability import stride_jacobian
-from gym_passive_walker.gaits.look.trajectory import Trajectory, simulate
-from gym_passive_walker.gaits.robust.basin import (
-    Basin,
-    VelocityPerturbations,
-    basin_of_attraction,
-    largest_push,
-)
-from gym_passive_walker.gaits.stride import Stride, stride
-from gym_passive_walker.gaits.terrain import Terrain, footholds, rough, stairs, waves
-from gym_passive_walker.models import math
-from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.own.mechanics import Link
-from gym_passive_walker.models.own.system import StatementError, System
-from gym_passive_walker.models.walkers import (
-    WALKERS,
-    Part,
-    TuningErrors,
-    Walker,
-    WalkerError,
-    as_walker,
-    assemble,
-    interpolate,
-    lab_walker_from_parts,
-    tune,
-    tuning_errors,
-)
 
-blend = interpolate
-"""Former name of `interpolate`."""
-optimise_walker = optimize_walker
-"""Former name of `optimize_walker`."""
+_LISTED = _ast.parse(_Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")).body
+_MODULES = {
+    name.name: str(line.module)
+    for line in _LISTED
+    if isinstance(line, _ast.ImportFrom)
+    for name in line.names
+}
+_FORMER = {"blend": "interpolate", "optimise_walker": "optimize_walker"}
+"""Names of earlier commits, which keep working."""
 
-__all__ = [
-    "WALKERS",
-    "Actuation",
-    "Basin",
-    "BifurcationDiagram",
-    "Cascade",
-    "Design",
-    "FootVelocity",
-    "Gait",
-    "GaitFamily",
-    "GaitNotFound",
-    "Gauntlet",
-    "Impulse",
-    "Link",
-    "Measures",
-    "OptimalGait",
-    "Outcome",
-    "Part",
-    "PolicyError",
-    "RealityCheck",
-    "Robustness",
-    "StatementError",
-    "Stride",
-    "SweepResult",
-    "System",
-    "Terrain",
-    "TimedExtremum",
-    "TrainedPolicy",
-    "Trajectory",
-    "Transition",
-    "TuningErrors",
-    "VelocityPerturbations",
-    "Walker",
-    "WalkerError",
-    "as_walker",
-    "assemble",
-    "basin_of_attraction",
-    "bifurcation_diagram",
-    "closed_loop_gait",
-    "collision_matrix",
-    "crisis_slope",
-    "doubling_cascade",
-    "explain",
-    "find_gait",
-    "find_gaits",
-    "foot_velocity",
-    "footholds",
-    "gait_family",
-    "gauntlet",
-    "interpolate",
-    "lab_walker_from_parts",
-    "largest_push",
-    "load_policy",
-    "lyapunov_exponents",
-    "math",
-    "measures",
-    "optimal_gait",
-    "optimal_gaits",
-    "optimize_walker",
-    "parameter_family",
-    "play",
-    "reality_check",
-    "robustness",
-    "rough",
-    "simulate",
-    "stairs",
-    "stride",
-    "stride_jacobian",
-    "stride_map",
-    "sweep",
-    "tune",
-    "tune_to_walk",
-    "tuning_errors",
-    "waves",
+__all__ = sorted(_MODULES.keys() - {"__version__"})
+
+# These modules register the plots of objects; a first plot loads them.
+_DRAWERS += [
+    f"{__name__}.{_room}"
+    for _room in ("pictures", "envs.evaluation.pictures", "apps.sweeps.pictures")
 ]
+
+
+def __getattr__(name: str) -> _Any:
+    known = _FORMER.get(name, name)
+    if _MODULES.get(known, __name__) != __name__:
+        value = getattr(_import_module(_MODULES[known]), known)
+    elif name.startswith("_"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    else:  # a room or a door
+        try:
+            value = _import_module(f"{__name__}.{name}")
+        except ModuleNotFoundError as error:
+            if error.name != f"{__name__}.{name}":
+                raise
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}") from None
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
 
 _register()

@@ -1,15 +1,18 @@
 """Door to `devices.gpu`: strides and environments on a CUDA GPU."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gym_passive_walker.devices.gpu import DeviceBatch, NoDevice, advance, stride
 
-__all__ = ["DeviceBatch", "NoDevice", "PassiveWalkerGpuEnv", "advance", "stride"]  # noqa: F822
+if TYPE_CHECKING:
+    from gym_passive_walker.devices.gpu.environment import PassiveWalkerGpuEnv
+
+__all__ = ["DeviceBatch", "NoDevice", "PassiveWalkerGpuEnv", "advance", "stride"]
 
 
 def __getattr__(name: str) -> Any:
     if name != "PassiveWalkerGpuEnv":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from gym_passive_walker.devices.gpu.environment import PassiveWalkerGpuEnv  # needs torch
+    from gym_passive_walker.devices.gpu import environment  # needs torch
 
-    return PassiveWalkerGpuEnv
+    return environment.PassiveWalkerGpuEnv

@@ -1,6 +1,6 @@
-"""Door to `models.own`: systems that users state themselves."""
+"""Door to `engine.own`: systems that users state themselves."""
 
-from gym_passive_walker.models.own import (
+from gym_passive_walker.engine.own import (
     Free,
     Ground,
     Guard,

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from gym_passive_walker._tools.files import replacing
 from validation import (
     chaos,
     controllers,
@@ -238,6 +237,5 @@ def write(path: str | Path, progress: Callable[[str], None] = lambda title: None
     """
     computed = compute(progress)
     for file, text in render(computed, path).items():
-        with replacing(file) as aside:
-            aside.write_text(text, encoding="utf-8")
+        file.write_text(text, encoding="utf-8")
     return [row for rows in computed.values() for row in rows if not row.sound]

@@ -9,7 +9,6 @@ import numpy as np
 
 import gym_passive_walker as gpw
 from gym_passive_walker import WALKERS, Part, Walker
-from gym_passive_walker.models.walkers import combine
 from validation.rows import Row, claim, listed, number
 from validation.walks import gait
 
@@ -82,7 +81,7 @@ def _hip_in_thighs(walker: Walker) -> Walker:
     """A walker with half the hip's mass lumped into each thigh, as in Garcia (1999)."""
     inertia = walker.thigh_mass * walker.thigh_gyration**2
     thigh = Part(walker.thigh_mass, walker.thigh_com, walker.thigh_offset, inertia)
-    whole = combine([thigh, Part(mass=0.5 * walker.hip_mass, com=0.0)])
+    whole = gpw.combine([thigh, Part(mass=0.5 * walker.hip_mass, com=0.0)])
     gyration = (whole.inertia / whole.mass) ** 0.5
     return replace(
         walker, thigh_mass=whole.mass, thigh_com=whole.com, thigh_gyration=gyration, hip_mass=0.0

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from examples.stride_controllers import SpeedControl, midstance_speed, speed_of
 from gym_passive_walker import WALKERS, Outcome
-from gym_passive_walker.gaits.control.ticks import Walkers, ticked_strides
+from gym_passive_walker.control import Walkers, ticked_strides
 from validation.rows import Row, claim, listed, number
 from validation.walks import gait
 

@@ -10,6 +10,7 @@ import csv
 from collections.abc import Mapping
 from functools import singledispatch
 from html import escape
+from importlib import import_module
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,10 @@ from gym_passive_walker._tools.files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+
+DRAWERS: list[str] = []
+"""Modules that register pictures: the first picture of a kind not yet known loads them."""
 
 
 @singledispatch
@@ -35,7 +40,12 @@ def picture(shown: Any, ax: Axes | None = None, **options: Any) -> Axes | NDArra
     Raises:
         TypeError: if there is no picture of such an object.
     """
-    raise TypeError(f"there is no picture of a {type(shown).__name__}")
+    for drawer in DRAWERS:
+        import_module(drawer)
+    draw = picture.dispatch(type(shown))
+    if draw is picture.dispatch(object):
+        raise TypeError(f"there is no picture of a {type(shown).__name__}")
+    return draw(shown, ax, **options)
 
 
 class Shown:

@@ -29,6 +29,7 @@ from numba.np.arrayobj import populate_array
 
 from gym_passive_walker.engine import cache
 from gym_passive_walker.engine.compile_notice import announce
+from gym_passive_walker.models import math
 
 if config.DISABLE_JIT:  # type: ignore[attr-defined]
     raise ImportError(
@@ -84,6 +85,11 @@ def selecting(function: Callable[..., Any]) -> Any:
 
     LOWERED.add(function)
     return function
+
+
+selecting(math.where)
+for _function in (math.minimum, math.maximum):
+    shared(_function)
 
 
 def named(function: Callable[..., Any], variant: str) -> Callable[..., Any]:

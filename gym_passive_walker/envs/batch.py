@@ -18,10 +18,11 @@ from gym_passive_walker.engine.layout import layout_of, record_for
 from gym_passive_walker.engine.run import in_parts, options, states_in, thread_workspace, workspace
 from gym_passive_walker.envs import saved, task, ticks
 from gym_passive_walker.envs.constraints import ROOM
-from gym_passive_walker.envs.custom import RULES, Custom
+from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
 from gym_passive_walker.envs.interface import observation_space, refuse
 from gym_passive_walker.envs.one_thread import Token
+from gym_passive_walker.gaits.scenes.rewards import RULES
 from gym_passive_walker.gaits.scenes.rules import ENERGIES, proportion
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError
 from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts, as_recorded, checked_state

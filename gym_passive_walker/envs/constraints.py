@@ -17,12 +17,12 @@ from gym_passive_walker.engine import compiled
 from gym_passive_walker.engine.equations import places_of, state_of
 from gym_passive_walker.engine.layout import RECORD, layout_of, record_for
 from gym_passive_walker.engine.native import Memory, Module
+from gym_passive_walker.engine.own.mechanics import Derived
 from gym_passive_walker.gaits.look.forces import borne, landing, pushed_off, struck
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import Control, Outcome, Phase, State, System
 from gym_passive_walker.models.equations.systems import SYSTEMS
 from gym_passive_walker.models.expressions import choose, larger
-from gym_passive_walker.models.own.mechanics import Derived
 
 READINGS = {
     "contact": ("normal_force", "normal_impulse"),

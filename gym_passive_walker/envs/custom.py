@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker._tools.arguments import number, shown, unknown
 from gym_passive_walker.envs import transitions
 from gym_passive_walker.envs.rule import Rule
 from gym_passive_walker.envs.transitions import Transition, note_for
 from gym_passive_walker.envs.views import of_notes, shape_of
-from gym_passive_walker.gaits.scenes.checks import SceneError, checked
-from gym_passive_walker.gaits.scenes.rules import command_error
-from gym_passive_walker.models.math import where
+from gym_passive_walker.gaits.scenes.rewards import RULES, Weighted, rule_of
 
 
 def everything(step: Transition) -> tuple[Any, ...]:
@@ -26,77 +22,6 @@ def everything(step: Transition) -> tuple[Any, ...]:
 def everything_and_command(step: Transition) -> tuple[Any, ...]:
     """Return the default observation of a `System` and the commanded speed."""
     return *everything(step), step.command
-
-
-TERMS: dict[str, Callable[[Transition], Any]] = {
-    "distance": lambda step: step.distance,
-    "energy": lambda step: step.energy,
-    "alive": lambda step: where(step.fell, 0.0, 1.0),
-    "fell": lambda step: where(step.fell, 1.0, 0.0),
-    "command": lambda step: command_error(step.step_length, step.step_period, step.command),
-    "action": lambda step: sum(each**2 for each in step.action),
-    "action_change": lambda step: sum(
-        (now - last) ** 2 for now, last in zip(step.action, step.last_action, strict=True)
-    ),
-    "collision_loss": lambda step: step.collision_loss,
-    "push_off_work": lambda step: step.push_off_work,
-}
-"""Terms of a weighted reward; `ABOUT_TERMS` describes them."""
-
-ABOUT_TERMS = {
-    "distance": "distance of the hip along the slope / l",
-    "energy": "energy that the actuators are charged for / (m g l)",
-    "alive": "1 for each step without a fall",
-    "fell": "1 for a fall",
-    "command": "| step length - command * step period | / l of each stride",
-    "action": "sum of the squares of the actions",
-    "action_change": "sum of the squares of the changes of the actions",
-    "collision_loss": "energy lost at impacts / (m g l)",
-    "push_off_work": "work of the push-off / (m g l)",
-}
-"""Descriptions of the terms of a weighted reward, with units."""
-
-
-class Weighted:
-    """A reward that is a weighted sum of `TERMS`.
-
-    Args:
-        weights: Weight of each term, by the term's name.
-    """
-
-    def __init__(self, weights: Mapping[str, float]) -> None:
-        self.weights = dict(weights)
-
-    def __call__(self, step: Transition) -> Any:
-        """Return the weighted sum."""
-        return sum(part for part in self.terms(step).values())
-
-    def terms(self, step: Transition) -> dict[str, Any]:
-        """Return the weighted terms by name."""
-        return {name: weight * TERMS[name](step) for name, weight in self.weights.items()}
-
-
-def rule_of(given: Any) -> Callable[[Transition], Any]:
-    """Return the function, or the weighted sum of a mapping from terms to weights."""
-    return Weighted(given) if isinstance(given, Mapping) else given
-
-
-def checked_rule(name: str, given: Any) -> Any:
-    """Return a function, or weights of a reward, after a check.
-
-    Raises:
-        SceneError: if the value is neither a function nor weights of `TERMS`.
-    """
-    if name == "reward" and isinstance(given, Mapping):
-        if not given:
-            raise SceneError(f"reward must have weights of some of {', '.join(TERMS)}")
-        if said := unknown(given, tuple(TERMS), "a reward"):
-            raise SceneError(said)
-        return {each: checked(number, w, f"reward[{each!r}]") for each, w in given.items()}
-    if given is not None and not callable(given):
-        weights = ", or weights by name" * (name == "reward")
-        raise SceneError(f"{name} must be a function of a step{weights}, not {shown(given)}")
-    return given
 
 
 class Custom:
@@ -180,7 +105,3 @@ class Custom:
             return {"function": self.notes["paid"].copy()}
         terms = function.terms(of_notes(self.notes, self._shape))
         return {name: np.array(np.broadcast_to(x, len(self.notes))) for name, x in terms.items()}
-
-
-RULES = ("reward", "observation", "terminated")
-"""Arguments of a scene that are functions."""

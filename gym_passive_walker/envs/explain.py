@@ -12,8 +12,9 @@ from gym_passive_walker._tools.arguments import shown
 from gym_passive_walker._tools.console import cut
 from gym_passive_walker.envs import interface
 from gym_passive_walker.envs.batch import Batch
-from gym_passive_walker.envs.custom import ABOUT_TERMS, Custom
+from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
+from gym_passive_walker.gaits.scenes.rewards import ABOUT_TERMS
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.models.equations.systems import kind_of

@@ -36,10 +36,6 @@ EVERY_STEP = ("distance", "energy", "episode_distance", "episode_energy", "strid
 lengths; energy that the actuators are charged for, / (m g l); their sums over the episode; number
 of heelstrikes in the episode."""
 
-CHANNELS = ("hip", "ankle", "push_off")
-"""Channels of an action: controls that are held during a step, and the impulse before
-heelstrike."""
-
 EVERY_STRIDE = (
     "step_length",
     "step_period",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeAlias, Union
+from typing import Any, Protocol, TypeAlias
 
 from numpy.typing import ArrayLike
 
@@ -10,10 +10,28 @@ from gym_passive_walker.gaits.actuation import PASSIVE, Actuation
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.models.walkers import Walker, WalkerLike, as_any
 
-if TYPE_CHECKING:  # which imports this module
-    from gym_passive_walker.gaits.gait import Gait
 
-GaitLike: TypeAlias = Union["Gait", Section, WalkerLike]
+class Repeated(Protocol):
+    """A walk that repeats after some strides, as a `Gait` does."""
+
+    @property
+    def stride_map(self) -> Any:
+        """The stride map that it repeats under."""
+
+    @property
+    def slope(self) -> Any:
+        """Slope in rad."""
+
+    @property
+    def state(self) -> Any:
+        """State just after heelstrike."""
+
+    @property
+    def period(self) -> Any:
+        """Number of strides after which it repeats."""
+
+
+GaitLike: TypeAlias = Repeated | Section | WalkerLike
 """Type of the first argument of analyses of a walk: a gait, a stride map, or a walker."""
 
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, TypeAlias, Union
+from typing import Any, ClassVar, NamedTuple, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +25,7 @@ from gym_passive_walker.gaits.actuation import (
     to_own,
 )
 from gym_passive_walker.gaits.flow import Flow, Walkers, accelerations, flow, states_in
+from gym_passive_walker.gaits.given import Repeated
 from gym_passive_walker.gaits.map_result import Change, Passage, imbalance, product
 from gym_passive_walker.gaits.section import Points, Section
 from gym_passive_walker.gaits.stride import Stride, stride
@@ -32,9 +33,6 @@ from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.models.equations.hybrid import Ground, Outcome, System
 from gym_passive_walker.models.units import unit_of, units_of
 from gym_passive_walker.models.walkers import PARAMETERS, Walker, WalkerLike, as_any
-
-if TYPE_CHECKING:  # which imports this module
-    from gym_passive_walker.gaits.gait import Gait
 
 LONGEST = 20.0
 """Time limit in sqrt(l/g) of a stride without heelstrike; a usual stride takes 3."""
@@ -550,7 +548,7 @@ class StrideMap(Section):
         return np.concatenate([angles + (rates + 0.5 * change) * left, rates + change])
 
 
-MapLike: TypeAlias = Union[WalkerLike, Section, "Gait"]
+MapLike: TypeAlias = WalkerLike | Section | Repeated
 """Type of the first argument of analyses: a map of `gpw.stride_map`, a gait of one, or a walker in
 a form that `as_walker` takes. Such a walker is passive."""
 

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import selecting, shared
 from gym_passive_walker.models.equations.numbers import sine_cosine
 from gym_passive_walker.models.expressions import Expression, choose
 
@@ -45,19 +44,16 @@ def cos(x: Any) -> Any:
     return _applied("cos", x)
 
 
-@shared
 def minimum(a: Any, b: Any) -> Any:
     """The smaller of two numbers."""
     return where(a < b, a, b)
 
 
-@shared
 def maximum(a: Any, b: Any) -> Any:
     """The larger of two numbers."""
     return where(a > b, a, b)
 
 
-@selecting
 def where(condition: Any, yes: Any, no: Any) -> Any:
     """`yes` where the condition holds, `no` elsewhere; a number that is not zero holds."""
     if isinstance(condition, Expression):

@@ -8,10 +8,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from gym_passive_walker.envs.custom import RULES, rule_of
 from gym_passive_walker.envs.transitions import Transition
 from gym_passive_walker.envs.views import IN_PLACE
 from gym_passive_walker.gaits.scenes.checks import SceneError
+from gym_passive_walker.gaits.scenes.rewards import RULES, rule_of
 
 _ARITHMETIC = frozenset(
     name

@@ -17,11 +17,11 @@ from torch import Tensor
 
 from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker.envs.batch import Batch
-from gym_passive_walker.envs.custom import RULES, rule_of
 from gym_passive_walker.envs.transitions import STOPPED, Transition
 from gym_passive_walker.envs.vector_env import seed_randoms
 from gym_passive_walker.gaits.flow import states_in
 from gym_passive_walker.gaits.scenes import rules
+from gym_passive_walker.gaits.scenes.rewards import RULES, rule_of
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene, undisturbed
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.systems import UNEVEN, system_of

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.envs.custom import TERMS
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.rule import Rule
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
@@ -17,6 +16,7 @@ from gym_passive_walker.envs.transitions import BOOLEANS, NOTE, SEVERAL, Transit
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.envs.views import Shape, of_notes
 from gym_passive_walker.gaits.scenes.checks import SceneError
+from gym_passive_walker.gaits.scenes.rewards import TERMS
 from gym_passive_walker.gaits.scenes.scene import make_scene
 
 COUNT, STEPS = 5, 40

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.envs.custom import ABOUT_TERMS
 from gym_passive_walker.envs.explain import as_rows, as_text
 from gym_passive_walker.envs.interface import OUTCOMES, REASONS
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.scenes.checks import SceneError
+from gym_passive_walker.gaits.scenes.rewards import ABOUT_TERMS
 from gym_passive_walker.gaits.scenes.scene import SCENES, Scene, make_scene
 from tests.own.statements import DRIVEN
 

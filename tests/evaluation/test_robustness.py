@@ -141,7 +141,9 @@ def test_a_controller_that_does_nothing_withstands_what_the_passive_walker_does(
     """A policy that keeps the hip idle is tried in the environment alone."""
     scene = {"walker": "lab", "slope": SLOPE, "end_on_toe_stub": False, "control": "stride"}
     nobody = robustness("lab", scene, walkers=600, strides=40, starts=64)
-    idle = robustness(gpw.gaits.control.baselines.Passive(), scene, walkers=600, strides=40, starts=64)
+    idle = robustness(
+        gpw.gaits.control.baselines.Passive(), scene, walkers=600, strides=40, starts=64
+    )
     assert idle.step_down == pytest.approx(nobody.step_down, rel=1e-9)
     np.testing.assert_allclose(idle.period_response, nobody.period_response)
     one, other = idle.first_passage, nobody.first_passage

@@ -16,13 +16,13 @@ from agents.benchmark import rough_strides
 from examples.torso import TORSO
 from gym_passive_walker._tools.shown import picture as pictures
 from gym_passive_walker.apps.sweeps.tasks import ANALYSES
+from gym_passive_walker.engine.own.mechanics import Motion
 from gym_passive_walker.gaits.control import baselines
 from gym_passive_walker.gaits.control.feedback import gains
 from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.models.equations import hybrid
-from gym_passive_walker.models.own.mechanics import Motion
 from gym_passive_walker.models.walkers import name_of
 from gym_passive_walker.pictures.axes import OWN
 from gym_passive_walker.pictures.portrait import phase_portrait

@@ -10,9 +10,9 @@ from examples.driven_torso import DRIVEN_TORSO
 from examples.five_links import FIVE_LINKS
 from examples.rimless_wheel import RIMLESS_WHEEL, closed_form
 from examples.torso import TORSO
+from gym_passive_walker.engine.own.mechanics import Derived
 from gym_passive_walker.models.equations.hybrid import Ground
 from gym_passive_walker.models.math import cos, sin
-from gym_passive_walker.models.own.mechanics import Derived
 from gym_passive_walker.models.walkers import Walker
 from tests.own.oracle import Independent
 from tests.own.statements import COMPASS, DRIVEN, PROGRESSIVE, Hip

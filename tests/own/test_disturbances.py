@@ -7,7 +7,7 @@ import pytest
 import gym_passive_walker as gpw
 from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
-from gym_passive_walker.models.own.mechanics import Derived
+from gym_passive_walker.engine.own.mechanics import Derived
 from tests.own.oracle import Independent
 from tests.own.statements import DRIVEN
 from tests.own.test_derived import STRAIGHT

@@ -8,11 +8,7 @@ import pytest
 import gym_passive_walker as gpw
 from examples.five_links import FIVE_LINKS
 from examples.rimless_wheel import RIMLESS_WHEEL, closed_form
-from gym_passive_walker.models.equations import kneed, straight
-from gym_passive_walker.models.equations.hybrid import measured
-from gym_passive_walker.models.equations.systems import SYSTEMS, body_of
-from gym_passive_walker.models.math import cos, sin
-from gym_passive_walker.models.own import (
+from gym_passive_walker.engine.own import (
     Free,
     Ground,
     Guard,
@@ -28,7 +24,11 @@ from gym_passive_walker.models.own import (
     kinetic_energy_of,
     stop_of,
 )
-from gym_passive_walker.models.own.mechanics import Derived
+from gym_passive_walker.engine.own.mechanics import Derived
+from gym_passive_walker.models.equations import kneed, straight
+from gym_passive_walker.models.equations.hybrid import measured
+from gym_passive_walker.models.equations.systems import SYSTEMS, body_of
+from gym_passive_walker.models.math import cos, sin
 from tests.own.statements import COMPASS
 from tests.own.test_equations import dimensionless, hip, stated
 

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from gym_passive_walker.engine.own.mechanics import Derived
 from gym_passive_walker.models.math import cos, exp, maximum, minimum, sin, sqrt, tanh, where
-from gym_passive_walker.models.own.mechanics import Derived
 
 
 class Angles(NamedTuple):

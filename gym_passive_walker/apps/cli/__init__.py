@@ -12,8 +12,8 @@ import json
 from collections.abc import Sequence
 from textwrap import dedent, indent
 
-import gym_passive_walker
 from gym_passive_walker._tools import console
+from gym_passive_walker._version import __version__
 from gym_passive_walker.apps.cli.arguments import Parser
 from gym_passive_walker.apps.cli.disturbances import gauntlet, robustness
 from gym_passive_walker.apps.cli.gaits import basin, bifurcation, check, family, gait, walkers
@@ -36,7 +36,7 @@ _PROGRAM = "passive-walker"
 def parser() -> argparse.ArgumentParser:
     """The parser of the command line, with all commands."""
     top = Parser(prog=_PROGRAM, description="Passive walkers and their gaits.")
-    version = f"{_PROGRAM} {gym_passive_walker.__version__}"
+    version = f"{_PROGRAM} {__version__}"
     top.add_argument("--version", action="version", version=version)
     commands = top.add_subparsers(metavar="COMMAND", title="commands")
     for command in COMMANDS:

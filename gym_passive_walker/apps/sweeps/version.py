@@ -6,7 +6,7 @@ import hashlib
 import sys
 from pathlib import Path
 
-import gym_passive_walker
+from gym_passive_walker._version import __version__
 from gym_passive_walker.apps.sweeps.tasks import ANALYSES, function
 
 _SOURCES = ("_tools/arguments", "models/**/*", "engine/*", "gaits/**/*", "envs/*")
@@ -21,7 +21,7 @@ def version(analysis: str) -> str:
     Raises:
         ValueError: if there is no such analysis.
     """
-    root = Path(gym_passive_walker.__file__).parent
+    root = Path(__file__).parents[2]
     sources = [path for part in _SOURCES for path in sorted(root.glob(f"{part}.py"))]
     function(analysis)  # imports its module
     if analysis not in ANALYSES:
@@ -30,4 +30,4 @@ def version(analysis: str) -> str:
     digest = hashlib.sha256()
     for path in sources:
         digest.update(path.name.encode() + path.read_bytes())
-    return f"{gym_passive_walker.__version__}+{digest.hexdigest()[:16]}"
+    return f"{__version__}+{digest.hexdigest()[:16]}"

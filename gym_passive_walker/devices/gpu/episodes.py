@@ -16,6 +16,7 @@ from gym_passive_walker.devices.gpu.device import cuda, kind
 from gym_passive_walker.devices.gpu.lane import RUN, TILE
 from gym_passive_walker.engine.counter_rng import uniform, word
 from gym_passive_walker.envs import disturbance_kernels, task, transitions
+from gym_passive_walker.gaits.scenes.rules import CHANNELS
 from gym_passive_walker.gaits.scenes.starts import DRAWS, between
 
 _START, _WHICH = 200, 201  # streams of random numbers of a walker's key
@@ -123,7 +124,7 @@ SCRATCH = kind(np.dtype([
     ("slopes", "f8", (1,)),
     ("draws", "f8", (1, DRAWS)),
     ("gaits", "f8", (1, 6)),
-    ("actions", "f8", (len(task.CHANNELS),)),  # disturbed in place
+    ("actions", "f8", (len(CHANNELS),)),  # disturbed in place
 ]))  # fmt: skip
 """Working memory of a thread: arrays of a batch of one walker."""
 

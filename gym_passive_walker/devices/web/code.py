@@ -24,6 +24,7 @@ from gym_passive_walker.engine.compiled import OF_LANE, OF_LANES, phases_of, wri
 from gym_passive_walker.engine.device_linker import DeviceLinker
 from gym_passive_walker.engine.layout import Layout
 from gym_passive_walker.engine.native import Emitter, Function, Memory, Module
+from gym_passive_walker.engine.own import StatementError
 from gym_passive_walker.envs import disturbance_kernels
 from gym_passive_walker.envs import one_walker as one_episode
 from gym_passive_walker.envs.constraints import HOOK, equipped, push_code
@@ -31,7 +32,6 @@ from gym_passive_walker.models.equations import bodies, kneed, simplest, straigh
 from gym_passive_walker.models.equations.hybrid import System
 from gym_passive_walker.models.equations.systems import SYSTEMS
 from gym_passive_walker.models.expressions import Expression
-from gym_passive_walker.models.own import StatementError
 from gym_passive_walker.models.walkers import Mechanism
 from gym_passive_walker.models.walkers.walker import PARAMETERS
 from gym_passive_walker.pictures.pose import hip_over, joints

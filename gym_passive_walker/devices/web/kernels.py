@@ -23,7 +23,7 @@ from gym_passive_walker.models.walkers.walker import PARAMETERS
 START = 200
 """Stream of a key from which starts are drawn, as on a GPU."""
 
-MOST_ACTIONS = len(task.CHANNELS)
+MOST_ACTIONS = len(rules.CHANNELS)
 LATEST = 64
 """Largest delay of actions, in control steps."""
 

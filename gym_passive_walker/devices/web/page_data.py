@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gym_passive_walker import __version__
+from gym_passive_walker._version import __version__
 from gym_passive_walker.devices.web import kernels, system_kernels
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.engine.run import options
@@ -153,7 +153,7 @@ def of_all() -> dict[str, Any]:
             for name, walker in WALKERS.items()
         },
         "outcomes": [outcome.name for outcome in Outcome],
-        "channels": task.CHANNELS,
+        "channels": rules.CHANNELS,
         "energies": rules.ENERGIES,
         "every_step": task.EVERY_STEP,
         "every_stride": task.EVERY_STRIDE,

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.envs.custom import RULES
 from gym_passive_walker.gaits.flow import Walkers, go_on, report_of
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.checks import checked
+from gym_passive_walker.gaits.scenes.rewards import RULES
 from gym_passive_walker.gaits.scenes.scene import UNDISTURBED, Scene, SceneError, undisturbed
 from gym_passive_walker.models.equations.systems import system_of
 from gym_passive_walker.models.walkers import PARAMETERS, check_parametric

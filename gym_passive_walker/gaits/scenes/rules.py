@@ -18,6 +18,10 @@ from gym_passive_walker.models.math import minimum, where
 ENERGIES = ("absolute", "positive", "net")
 """Kinds of work that the energy term counts."""
 
+CHANNELS = ("hip", "ankle", "push_off")
+"""Channels of an action: controls that are held during a step, and the impulse before
+heelstrike."""
+
 SIZE = 8
 """Numbers in the default observation; scenes may add some."""
 

@@ -19,8 +19,6 @@ from gym_passive_walker._tools.arguments import (
     whole,
 )
 from gym_passive_walker._tools.loading import is_file
-from gym_passive_walker.envs.custom import RULES, checked_rule
-from gym_passive_walker.envs.task import CHANNELS
 from gym_passive_walker.gaits.scenes.checks import (
     SceneError,
     UnknownArgumentError,
@@ -32,7 +30,8 @@ from gym_passive_walker.gaits.scenes.checks import (
     several,
     spread,
 )
-from gym_passive_walker.gaits.scenes.rules import ENERGIES, SIZE
+from gym_passive_walker.gaits.scenes.rewards import RULES, checked_rule
+from gym_passive_walker.gaits.scenes.rules import CHANNELS, ENERGIES, SIZE
 from gym_passive_walker.gaits.terrain import Terrain, terrain_from
 from gym_passive_walker.models.units import PROPORTIONS
 from gym_passive_walker.models.walkers import (

@@ -3,6 +3,15 @@
 The named tuples here state the package's own kinds of walkers too.
 """
 
+from gym_passive_walker.engine.own.mechanics import Link
+from gym_passive_walker.engine.own.stated import StatementError
+from gym_passive_walker.engine.own.statement import (
+    accelerations_of,
+    heelstrike_of,
+    kinetic_energy_of,
+    stop_of,
+)
+from gym_passive_walker.engine.own.system import Free, System
 from gym_passive_walker.models.equations.hybrid import (
     Ground,
     Guard,
@@ -16,15 +25,6 @@ from gym_passive_walker.models.equations.hybrid import (
     Watch,
 )
 from gym_passive_walker.models.equations.hybrid import System as HybridSystem
-from gym_passive_walker.models.own.mechanics import Link
-from gym_passive_walker.models.own.stated import StatementError
-from gym_passive_walker.models.own.statement import (
-    accelerations_of,
-    heelstrike_of,
-    kinetic_energy_of,
-    stop_of,
-)
-from gym_passive_walker.models.own.system import Free, System
 
 __all__ = [
     "Free",

@@ -12,11 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine import compiled
-from gym_passive_walker.models.equations import hybrid
-from gym_passive_walker.models.equations.hybrid import SMOOTH, Ground, Guard, Outcome, Watch
-from gym_passive_walker.models.equations.systems import register
-from gym_passive_walker.models.own.checks import check, check_given
-from gym_passive_walker.models.own.mechanics import (
+from gym_passive_walker.engine.own.checks import check, check_given
+from gym_passive_walker.engine.own.mechanics import (
     Derived,
     Link,
     Motion,
@@ -25,8 +22,11 @@ from gym_passive_walker.models.own.mechanics import (
     relabelled,
     solve,
 )
-from gym_passive_walker.models.own.stated import Stated, StatementError, stated
-from gym_passive_walker.models.own.statement import push_of
+from gym_passive_walker.engine.own.stated import Stated, StatementError, stated
+from gym_passive_walker.engine.own.statement import push_of
+from gym_passive_walker.models.equations import hybrid
+from gym_passive_walker.models.equations.hybrid import SMOOTH, Ground, Guard, Outcome, Watch
+from gym_passive_walker.models.equations.systems import register
 from gym_passive_walker.models.walkers import Mechanism
 
 _FUNCTIONS = (

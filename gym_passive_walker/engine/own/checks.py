@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import shown
 from gym_passive_walker.engine.layout import MOST_CONSTANTS, MOST_GUARDS, WIDE
+from gym_passive_walker.engine.own.mechanics import Derived, Link, rates_by
+from gym_passive_walker.engine.own.stated import StatementError, plain, same
 from gym_passive_walker.models.equations import hybrid
 from gym_passive_walker.models.equations.hybrid import SMOOTH, Ground, Outcome, Phase, Watch
-from gym_passive_walker.models.own.mechanics import Derived, Link, rates_by
-from gym_passive_walker.models.own.stated import StatementError, plain, same
 from gym_passive_walker.models.walkers import WALKERS
-
-if TYPE_CHECKING:
-    from gym_passive_walker.models.own.system import System
 
 _TRIALS, _CLOSE = 3, 1e-9  # random states of a check, and the largest relative error
 _ITERATIONS = 50  # of Newton's method
@@ -53,9 +50,9 @@ def _real(x: Any) -> float:
 
 
 class Checks:
-    """Trials of a system's functions at random states, before anything is compiled."""
+    """Trials of a `System`'s functions at random states, before anything is compiled."""
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: Any) -> None:
         self.system, rng = system, np.random.default_rng(0)
         if not isinstance(system.name, str) or not system.name.strip():
             raise self.error("name", f"must be text, not {system.name!r}")
@@ -82,7 +79,7 @@ class Checks:
         self.body, count = system.body, len(fields) // 2
         self.numbers("body", self.body)
         start = [0.0] * (2 * count) if system.start is None else system.start
-        if np.iterable(start) and len(start) != 2 * count:
+        if np.iterable(start) and len(list(start)) != 2 * count:
             raise self.error("start", f"must have {2 * count} numbers, not {start!r}")
         centre = self.numbers("start", start)
         self.start = system.State(*centre.tolist())
@@ -146,7 +143,7 @@ _FUNCTIONS = ("potential", "dissipation", "forces", "travel", "pose", "centre")
 _DERIVED = ("links", "landing", "relabel", "counts", "potential", "dissipation", "forces")
 
 
-def check_given(system: System, equations: hybrid.System) -> None:
+def check_given(system: Any, equations: hybrid.System) -> None:
     """Refuse functions beside given equations from which these would be derived.
 
     Raises:
@@ -166,7 +163,7 @@ def check_given(system: System, equations: hybrid.System) -> None:
             )
 
 
-def check(system: System) -> None:
+def check(system: Any) -> None:
     """Refuse functions that do not fit each other.
 
     Raises:

@@ -11,8 +11,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from gym_passive_walker.engine.own.mechanics import Derived, rates_by, relabelled, solve
 from gym_passive_walker.models.equations.hybrid import Ground, Strike
-from gym_passive_walker.models.own.mechanics import Derived, rates_by, relabelled, solve
 
 _UPHILL, _UPWARDS = Ground(1.0, 0.0), Ground(0.0, 1.0)  # directions in which a weight resists
 
