@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import inspect
 import os
 import pkgutil
 import re
@@ -15,21 +16,23 @@ import gym_passive_walker as gpw
 ROOT = Path(__file__).parents[2]
 API = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
 
-PUBLIC = ("", ".modeling", ".render", ".torch", ".gpu", ".math", ".viewer", ".web")
+PUBLIC = (
+    "", ".modeling", ".pictures", ".torch", ".gpu", ".math", ".apps.viewer", ".devices.web",
+)  # fmt: skip
 """Modules with public names in `__all__`, after the package's name."""
 
 
 def need(name):
     """Skip a test of a name if its module needs a library that is not installed."""
     first, *rest = name.split(".")[1:] or [""]
-    if first in ("torch", "trainers"):
+    if first == "torch":
         pytest.importorskip("torch")
-    if first == "trainers":
-        pytest.importorskip(rest[0])
-    if first == "web" and rest == ["widget", "PlayerWidget"]:
+        if rest[:1] == ["trainers"] and len(rest) > 1:
+            pytest.importorskip(rest[1])
+    if (first, *rest) == ("apps", "widget", "PlayerWidget"):
         pytest.importorskip("anywidget")
     simulated = os.environ.get("NUMBA_ENABLE_CUDASIM") == "1"
-    if first == "gpu" and not simulated and find_spec("numba_cuda") is None:
+    if "gpu" in (first, *rest[:1]) and not simulated and find_spec("numba_cuda") is None:
         pytest.skip("there is neither the extra gpu nor numba's simulator")
 
 
@@ -97,11 +100,38 @@ def test_each_name_that_a_page_imports_is_on_the_page_of_names(page, name):
     assert name in known or any(find(each) is find(name) for each in known if name[-5:] in each)
 
 
-@pytest.mark.parametrize("page", ["docs/architecture.md", "docs/images/architecture.svg"])
-def test_the_architecture_has_every_package(page):
-    text = (ROOT / page).read_text(encoding="utf-8")
-    for module in pkgutil.iter_modules(gpw.__path__):
-        if module.ispkg:
-            assert f"{module.name}/" in text, module.name
-        elif page.endswith(".md") and not module.name.startswith("_"):
-            assert f"`{module.name}`" in text, module.name
+@pytest.fixture
+def rooms(monkeypatch):
+    """The program that draws the rooms."""
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    return importlib.import_module("rooms")
+
+
+def test_the_rooms_are_drawn_as_their_modules_and_imports_are(rooms):
+    assert rooms.page() == rooms.PAGE.read_text(encoding="utf-8")
+
+
+def test_each_room_has_a_line_that_says_what_goes_in(rooms):
+    described = re.findall(r"^\| `(\w+)/` \|.*\|.*\|$", rooms.PAGE.read_text("utf-8"), re.M)
+    assert [*described] == [name for floor in reversed(rooms.floors()) for name in floor
+                            if (Path(gpw.__path__[0]) / name / "__init__.py").exists()
+                            and name != "control"]  # fmt: skip
+
+
+def places():
+    """Concepts and their places, as the page on architecture lists them."""
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    part = text[text.index("## Where is what") : text.index("## Where to change what")]
+    return re.findall(r"^\| ([^|`]*(?:`[^`]*`[^|`]*)*) \| `([\w.]+)` \|$", part, re.M)
+
+
+def test_forty_concepts_have_a_place():
+    assert len(places()) >= 40
+
+
+@pytest.mark.parametrize(("concept", "place"), places())
+def test_each_concept_is_where_the_table_says(concept, place):
+    need(f"gym_passive_walker.{place}")
+    found = pkgutil.resolve_name(f"gym_passive_walker.{place}")
+    if inspect.isclass(found) or inspect.isfunction(found):
+        assert f"{found.__module__}.{found.__qualname__}" == f"gym_passive_walker.{place}"
