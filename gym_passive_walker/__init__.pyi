@@ -26,6 +26,7 @@ from gym_passive_walker.gaits.control.optimal import optimal_gait, optimal_gaits
 from gym_passive_walker.gaits.control.optimum import OptimalGait
 from gym_passive_walker.gaits.design.design import Design, optimize_walker, tune_to_walk
 from gym_passive_walker.gaits.find.fixed_point import find_gait, find_gaits
+from gym_passive_walker.gaits.find.nearest import nearest_gait
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.look.dense_stride import Impulse, TimedExtremum
 from gym_passive_walker.gaits.look.measures import (
@@ -122,6 +123,7 @@ __all__ = [
     "lyapunov_exponents",
     "math",
     "measures",
+    "nearest_gait",
     "optimal_gait",
     "optimal_gaits",
     "optimize_walker",

@@ -109,6 +109,7 @@ REFUSALS = [
     (gpw.collision_matrix, {"walker": "lab"}, "stance_angle", (*NO_ANGLES, 5.0)),
     (gpw.foot_velocity, {"walker": "lab"}, "state", (*NO_STATES, None)),
     (gpw.measures, {}, "gait", NO_OBJECTS),
+    (gpw.nearest_gait, {"walker": "E", "slope": 0.01}, "keep", ("both", "", 1, [], object())),
     (gpw.tune_to_walk, {"walker": "C", "slope": 0.03}, "radius", (*NO_NUMBERS, nan, inf, 0.0)),
     (gpw.interpolate, {"a": "C", "b": "lab"}, "fraction", (*NO_NUMBERS, nan, inf, -inf)),
     *((gpw.assemble, LEGS, name, (*NO_NUMBERS, nan, inf))

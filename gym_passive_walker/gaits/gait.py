@@ -27,18 +27,7 @@ _EXACT = 1e-13  # tolerance of the integration when gaits are measured
 
 
 class GaitNotFound(Exception):
-    """There is no such gait; the message names walker, slope, the search and suggestions.
-
-    Attributes:
-        slope: A nearby slope in rad at which there is a gait; None if none is known.
-        walker: A similar walker that has a gait; None if none is known.
-    """
-
-    def __init__(
-        self, message: str, *, slope: float | None = None, walker: Walker | None = None
-    ) -> None:
-        super().__init__(message)
-        self.slope, self.walker = slope, walker
+    """There is no such gait; the message names walker, slope and the search."""
 
 
 @dataclass(frozen=True, repr=False)

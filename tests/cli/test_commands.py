@@ -420,7 +420,8 @@ def test_agents_are_evaluated_on_the_given_ground(reported):
 def test_where_there_is_no_gait_the_status_tells(capsys):
     assert main(["gait", "lab", "0.001"]) == 1
     said = capsys.readouterr()
-    assert said.out == "" and "no long-step gait" in said.err
+    assert said.out == "" and said.err.count("\n") == 1
+    assert "no long-step gait" in said.err and "gpw.nearest_gait" in said.err
 
 
 def test_a_missing_library_is_named_before_anything_is_computed(monkeypatch, capsys):

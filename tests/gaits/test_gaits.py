@@ -1,6 +1,5 @@
 """Every gait is found without a guess, exact, and known from the literature where it is known."""
 
-import pickle
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -16,9 +15,12 @@ from gym_passive_walker import (
     gait_family,
     interpolate,
     lab_walker_from_parts,
+    nearest_gait,
     stride,
     tune,
 )
+from gym_passive_walker.gaits.find.search import seek
+from gym_passive_walker.gaits.flow import flow
 
 CASES = [
     (name, slope, kind)
@@ -266,35 +268,60 @@ def test_a_gait_that_is_not_there_says_what_was_tried():
     assert "starts ended so" in message and "HEELSTRIKE" in message
 
 
-def missed(walker, slope, kind="long", **arguments):
-    """What is said of a gait that is not there."""
-    with pytest.raises(GaitNotFound) as caught:
-        find_gait(walker, slope, kind, **arguments)
-    return caught.value
+@pytest.mark.parametrize("name, slope, kind", [("lab", 0.001, "long"), ("lab", 0.03, "short")])
+def test_a_search_that_fails_looks_nowhere_else(name, slope, kind, monkeypatch):
+    """Its strides are those of the search itself, and its message names what would look further."""
+    calls = []
+
+    def counted(*arguments, **options):
+        calls.append(arguments)
+        return flow(*arguments, **options)
+
+    monkeypatch.setattr("gym_passive_walker.gaits.stride_map.flow", counted)
+    assert seek(name, slope, kind).gait is None
+    needed = len(calls)
+    with pytest.raises(GaitNotFound, match=r"; gpw\.nearest_gait\(walker, slope\) looks for"):
+        find_gait(name, slope, kind)
+    assert len(calls) == 2 * needed > 0
 
 
-def test_where_there_is_no_gait_the_nearest_slope_with_one_is_a_fold_of_its_family():
+def test_the_nearest_slope_with_a_gait_is_a_fold_of_its_family():
     for slope in (0.001, 0.015):
-        near = missed("lab", slope)
+        near = nearest_gait("lab", slope)
+        assert near.walker == WALKERS["lab"]
         assert near.slope == pytest.approx(0.0191229, rel=1e-3)
-        assert "nearest slope found that has one is 0.01912" in str(near)
-        assert find_gait("lab", near.slope).slope == near.slope
+        again = find_gait("lab", near.slope)
+        np.testing.assert_allclose(again.state, near.state, rtol=1e-9)
     # From steeper ground the gaits beyond the gap are the nearer ones.
-    assert missed("lab", 0.1).slope == pytest.approx(0.16372248, rel=1e-3)
+    assert nearest_gait("lab", 0.1).slope == pytest.approx(0.16372248, rel=1e-3)
 
 
-def test_where_there_is_no_gait_the_nearest_walker_that_has_one_stands_on_the_way_from_a_preset():
-    missing = missed(tune("lab"), 0.036)
-    assert missing.walker != tune("lab")
-    assert find_gait(missing.walker, 0.036).kind == "long"
-    # Tuning undoes it: that is how this walker came to be.
-    assert "up to 22 % of the way have one, and `tune` would lose it there" in str(missing)
-    assert "tuned by `tune` it" not in str(missing)  # it is tuned
-    assert "tuned by `tune` it has none either" in str(missed("lab", 0.1))
-    assert pickle.loads(pickle.dumps(missing)).walker == missing.walker
+def test_the_nearest_walker_with_a_gait_lies_on_the_way_from_a_preset():
+    tuned = tune("lab")
+    near = nearest_gait(tuned, 0.036, keep="slope")
+    assert near.slope == 0.036 and near.walker != tuned
+    again = find_gait(near.walker, 0.036)
+    np.testing.assert_allclose(again.state, near.state, rtol=1e-9)
+    moved = near.walker.thigh_offset / tuned.thigh_offset
+    assert moved == pytest.approx(0.22, abs=5e-3)
+    between = interpolate("lab", tuned, moved)
+    assert asdict(near.walker) == pytest.approx(asdict(between), rel=1e-12)
 
 
-def test_a_walker_of_another_size_gets_the_same_advice():
+def test_where_there_is_a_gait_it_is_the_nearest():
+    for kind in ("long", "short"):
+        near, there = nearest_gait("E", 0.01, kind), find_gait("E", 0.01, kind)
+        assert near.state.tolist() == there.state.tolist()
+
+
+def test_a_gait_of_gentler_slopes_is_followed_to_where_no_search_finds_it():
+    with pytest.raises(GaitNotFound):
+        find_gait("D", 0.5)
+    near = nearest_gait("D", 0.5)
+    assert near.slope == 0.5 and near.kind == "long" and near.violation < 1e-11
+
+
+def test_a_walker_of_another_size_has_its_nearest_gaits_at_the_same_slope_and_shape():
     giant = replace(
         tune("lab"),
         **{
@@ -304,25 +331,35 @@ def test_a_walker_of_another_size_gets_the_same_advice():
         },
         gravity=1.6,
     )
-    small, large = missed(tune("lab"), 0.036), missed(giant, 0.036)
+    small, large = nearest_gait(tune("lab"), 0.036), nearest_gait(giant, 0.036)
     assert large.slope == pytest.approx(small.slope, rel=1e-9)
+    small, large = (nearest_gait(x, 0.036, keep="slope") for x in (tune("lab"), giant))
     for name, value in asdict(small.walker).items():
         sizes = {"foot_angle": value, "knees": value, "gravity": 1.6}
         assert getattr(large.walker, name) == pytest.approx(sizes.get(name, 10.0 * value)), name
 
 
-def test_the_error_for_a_bad_guess_suggests_none():
-    far = missed("lab", 0.036, guess=[0.6, -0.6, -0.6, -3.0, -3.0, -3.0])
-    assert "Without `guess=` the search begins at starts of its own" in str(far)
+def test_where_no_walker_and_no_slope_has_a_gait_one_sentence_says_so(monkeypatch):
+    with pytest.raises(GaitNotFound, match=r"slope 0 rad, and none of another walker either$"):
+        nearest_gait("lab", 0.0, keep="slope")
+    monkeypatch.setattr("gym_passive_walker.gaits.find.nearest._STEEPEST", 0.01)
+    with pytest.raises(GaitNotFound, match=r"and none at another slope either$"):
+        nearest_gait("lab", 0.001, keep="walker")
+    with pytest.raises(GaitNotFound, match=r"none at another slope or of another walker either$"):
+        nearest_gait("lab", 0.0)
+
+
+def test_if_no_slope_has_a_gait_another_walker_is_tried(monkeypatch):
+    monkeypatch.setattr("gym_passive_walker.gaits.find.nearest._STEEPEST", 0.01)
+    near = nearest_gait("lab", 0.009)
+    assert near.slope == 0.009 and near.walker != WALKERS["lab"]
 
 
 def test_a_long_search_says_on_stderr_what_it_does(capsys, monkeypatch):
     monkeypatch.setattr("gym_passive_walker._tools.progress._UNSAID", 0.0)
-    missed("lab", 0.001)
-    assert (
-        "no long-step gait at slope 0.001 rad: looking for what would help"
-        in capsys.readouterr().err
-    )
+    nearest_gait("lab", 0.001)
+    said = "looking for the long-step gait nearest to slope 0.001 rad"
+    assert said in capsys.readouterr().err
 
 
 def test_a_missing_kind_says_which_gait_there_is():
@@ -334,7 +371,7 @@ def test_a_missing_kind_says_which_gait_there_is():
 def test_no_passive_gait_walks_on_the_level_or_uphill(slope):
     assert find_gaits("E", slope) == []
     # The nearest ground on which it walks is gentle and goes down.
-    assert 0.0 < missed("E", slope).slope < 0.001
+    assert 0.0 < nearest_gait("E", slope).slope < 0.001
 
 
 @pytest.mark.parametrize(

@@ -271,6 +271,16 @@ OPTIONS = {
     "measures": Call(
         gpw.measures, dict(gait=Later(gait)), dict(gait=Later(lambda: gait("C", 0.03)))
     ),
+    "nearest_gait": Call(
+        gpw.nearest_gait,
+        dict(walker="lab", slope=0.04),
+        dict(
+            walker="E",
+            slope=To(0.001, expect=lambda a, b: 0.018 < b.slope < 0.02),
+            kind=To("short", expect=lambda a, b: b.kind == "short"),
+            keep=To("slope", dict(slope=0.1), expect=lambda a, b: b.slope == 0.1 != a.slope),
+        ),
+    ),
     "optimal_gait": Call(
         gpw.optimal_gait,
         dict(scene=Later(lambda: make_scene("level", tick=2.0)), speed=0.15),
