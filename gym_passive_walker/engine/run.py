@@ -12,7 +12,6 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from itertools import pairwise
-from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -83,24 +82,6 @@ def integrate(records, bodies, phases, options, tiles, histories):
             integrate_phase(chunk, own, phases[number], number, tiles, histories, chosen)
 
 
-class Seeds(NamedTuple):
-    """Directions of derivatives, k for each of n walkers, dimensionless; None is zero.
-
-    Attributes:
-        states: Directions of the states, (n, k, 6).
-        slopes: Directions of the slopes in rad, (n, k).
-        controls: Directions of the controls, (n, k, controls).
-        push_offs: Directions of the push-offs, (n, k).
-        ends: Directions of the time limits, (n, k).
-    """
-
-    states: NDArray | None = None
-    slopes: NDArray | None = None
-    controls: NDArray | None = None
-    push_offs: NDArray | None = None
-    ends: NDArray | None = None
-
-
 def new_records(
     states: NDArray,
     slopes: ArrayLike,
@@ -110,7 +91,6 @@ def new_records(
     height_change: ArrayLike = 0.0,
     slope_change: ArrayLike = 0.0,
     end: ArrayLike = LONGEST_STRIDE,
-    seeds: Seeds | None = None,
     tangents: int = 0,
     layout: Layout = NARROW,
 ) -> NDArray:
@@ -126,8 +106,7 @@ def new_records(
         height_change: Height of the next foothold, one for all or (n,).
         slope_change: By how much it slopes more steeply, one for all or (n,).
         end: When to stop, one for all or (n,).
-        seeds: Directions of derivatives.
-        tangents: Number of directions of derivatives.
+        tangents: Number of directions of derivatives, all zero.
         layout: The room of the walkers' system, from `layout_of`.
     """
     records = np.zeros((len(states), tangents + 1), record_for(layout))
@@ -141,20 +120,6 @@ def new_records(
     )
     values["push_off"] = push_off
     values["end"] = end
-    if seeds is not None:
-        changes = records[:, 1:]
-        if seeds.states is not None:
-            put_states(changes, seeds.states)
-        for name, seed in (
-            ("control", seeds.controls),
-            ("push_off", seeds.push_offs),
-            ("end", seeds.ends),
-        ):
-            if seed is not None:
-                changes[name] = seed
-        if seeds.slopes is not None:
-            slope_change = np.stack([values["ground"][:, 1], -values["ground"][:, 0]], axis=-1)
-            changes["ground"][..., :2] = seeds.slopes[..., None] * slope_change[:, None]
     return records
 
 

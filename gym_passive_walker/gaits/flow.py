@@ -27,6 +27,7 @@ from gym_passive_walker.engine.run import (
 from gym_passive_walker.gaits.actuation import USES
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.models.equations.hybrid import Ground, Outcome, Phase, State, System
+from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 from gym_passive_walker.models.equations.systems import (
     UNEVEN,
     bodies,
@@ -41,10 +42,14 @@ _STRUCK = int(Outcome.HEELSTRIKE)  # greater outcomes are falls: no strike but t
 MIRRORED = np.array([1.0, -1.0, -1.0])
 """Angles of a state on the section, by the stance angle's."""
 
-_INFINITESIMAL = 1e-100  # imaginary part that carries a derivative: its square is nothing
 _ALL = slice(None)
 _OF_ONE_STRIDE = ("time", "step", "knee_time", "knee_loss", "friction_loss", "moved", "turned")
-_VERGE = 1e-9  # of the way to a strike, before it
+
+STATE_BEFORE = 1e-8
+"""Share of the time until an impact at which a state before it is taken: large enough that the
+impact has not come by its error, and small enough that its square is below rounding."""
+RATE_BEFORE = 1e-9
+"""Share of the time until an impact at which rates before it are taken: they err by as much."""
 
 MEASURES = (
     "time", "knee_time", "knee_loss", "heel_loss", "friction_loss", "step_length", "gravity_work",
@@ -351,7 +356,7 @@ class Flow:
     ) -> NDArray[np.float64]:
         """Return the rate of a strike's guard just before it, for some walkers, (lanes,)."""
         way = times - self.before["time"][lanes, 0]
-        share = np.full(len(lanes), _VERGE)
+        share = np.full(len(lanes), RATE_BEFORE)
         verge = self.again(lanes, times - share * way)
         while (struck := verge.outcomes != Outcome.RUNNING).any():
             share[struck] *= 10.0  # a way so short that the strike's error is as long
@@ -362,10 +367,10 @@ class Flow:
         bodies, held = verge.bodies[:, 0], record["control"]
         turns = accelerations(self.system, phase, bodies, states, held, ground)
         moving = np.concatenate([np.split(states, 2, axis=1)[1], turns], axis=1)
-        ahead = self.system.State(*(states + 1j * _INFINITESIMAL * moving).T)
+        ahead = self.system.State(*complex_step(states, moving).T)
         body = self.system.Body(*bodies.T)
         guard = next(guard for guard in phase.guards if guard.outcome == outcome)
-        return np.imag(guard.falls(body, ahead, ground)) / _INFINITESIMAL
+        return step_derivative(guard.falls(body, ahead, ground))
 
     def next_stride(
         self, on: NDArray[np.bool_], ground: tuple[NDArray, float, float] | None = None
@@ -388,8 +393,7 @@ class Flow:
             slopes, *foothold = ground
             turned = np.stack([np.sin(slopes), np.cos(slopes)], axis=-1)
             records["ground"][:, 0, :2], records["ground"][:, 0, 2:] = turned, foothold
-            ways = turned[:, None, ::-1] * [1.0, -1.0]
-            records["ground"][:, 1:, :2] = self.tangents.slopes[:, None] * ways
+            records["ground"][:, 1:, :2] = ground_changes(turned, self.tangents.slopes)
         later = Flow(self.walkers, self.system, self.tangents, bodies, records, None, True)
         return later.integrate()
 
@@ -530,10 +534,14 @@ def _seed(records: NDArray, tangents: Tangents) -> None:
     if "state" in tangents.names or "point" in tangents.names:
         put_states(changes, tangents.states)
     if "slope" in tangents.names:
-        slope_change = records["ground"][:, :1, 1::-1] * [1.0, -1.0]
-        changes["ground"][..., :2] = tangents.slopes[:, None] * slope_change
+        changes["ground"][..., :2] = ground_changes(records["ground"][:, 0, :2], tangents.slopes)
     for name, index, values in tangents.inputs:
         changes[name][index] = values
+
+
+def ground_changes(ground: NDArray, slopes: NDArray) -> NDArray[np.float64]:
+    """Return changes of sine and cosine, (n, 2), along tangents of the slope, (k,): (n, k, 2)."""
+    return slopes[:, None] * (ground[:, None, ::-1] * [1.0, -1.0])
 
 
 def accelerations(
@@ -566,7 +574,7 @@ def _places(system: System, bodies: NDArray, states: NDArray) -> NDArray:
         body, state = (np.moveaxis(values, -1, 0) for values in (bodies, states))
         return system.place(system.Body(*body), system.State(*state))
 
-    changed = np.imag(at(_changed(bodies), _changed(states))) / _INFINITESIMAL
+    changed = step_derivative(at(_changed(bodies), _changed(states)))
     return np.concatenate([at(bodies[:, :1], states[:, :1]), changed], axis=1)
 
 
@@ -574,4 +582,4 @@ def _changed(values: NDArray) -> NDArray:
     """Values (n, 1 + k, ...) changed infinitesimally, (n, k, ...); or none of them."""
     if values.shape[1] == 1:
         return values + 0j
-    return values[:, :1] + 1j * _INFINITESIMAL * values[:, 1:]
+    return complex_step(values[:, :1], values[:, 1:])

@@ -24,7 +24,14 @@ from gym_passive_walker.gaits.actuation import (
     to_dimensionless,
     to_own,
 )
-from gym_passive_walker.gaits.flow import Flow, Walkers, accelerations, flow, states_in
+from gym_passive_walker.gaits.flow import (
+    STATE_BEFORE,
+    Flow,
+    Walkers,
+    accelerations,
+    flow,
+    states_in,
+)
 from gym_passive_walker.gaits.given import Repeated
 from gym_passive_walker.gaits.map_result import Change, Passage, imbalance, product
 from gym_passive_walker.gaits.section import Points, Section
@@ -37,7 +44,6 @@ from gym_passive_walker.models.walkers import PARAMETERS, Walker, WalkerLike, as
 LONGEST = 20.0
 """Time limit in sqrt(l/g) of a stride without heelstrike; a usual stride takes 3."""
 
-_VERGE = 1e-8  # fraction of the time until an impact; its square is below rounding
 _FEW = 16
 _ROUGHLY = 1e-6  # tolerance at which failed strides are found
 _NO_SLOPE = "this map has no slope of its own: give one"
@@ -537,7 +543,7 @@ class StrideMap(Section):
             slope: Slope in rad.
             strike: Time of the kneestrike or the heelstrike since the start.
         """
-        time, here = strike * (1.0 - _VERGE), slope + self.ground[0, 0]
+        time, here = strike * (1.0 - STATE_BEFORE), slope + self.ground[0, 0]
         seen, left = self.sample(point[None], slope, np.array([[time]])), strike - time
         states, stages, controls = (part[:, 0] for part in seen)
         phase = next(phase for phase in self.system.phases if phase.stage == stages[0])

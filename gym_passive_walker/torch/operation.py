@@ -23,6 +23,7 @@ from gym_passive_walker.gaits.actuation import Actuation, check_actuation
 from gym_passive_walker.gaits.control.ticks import hold, inputs_of
 from gym_passive_walker.gaits.flow import MIRRORED, Report, Walkers, go_on, new_records, report_of
 from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 from gym_passive_walker.models.equations.systems import UNEVEN, system_of
 from gym_passive_walker.models.walkers import PARAMETERS, Mechanism, Walker, WalkerError, changed
 
@@ -60,7 +61,6 @@ def columns_of(walker: Walker) -> Columns:
     return Columns(report_of(system), controls, inputs)
 
 
-_INFINITESIMAL = 1e-100  # complex step: its square underflows to zero
 _RUNNING, _STRUCK, _STALLED, _DIVERGED = map(
     int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED, Outcome.DIVERGED)
 )
@@ -296,11 +296,11 @@ def _pushed(
     bodies, (count, size) = walkers.bodies(names), states.shape
     given = np.zeros((count, size + 1 + len(names), size + 1), complex)
     given[:] = np.concatenate([states, pushes[:, None]], axis=1)[:, None]
-    given[:, : size + 1] += 1j * _INFINITESIMAL * np.eye(size + 1)
+    given[:, : size + 1] = complex_step(given[:, : size + 1], np.eye(size + 1))
     constants = np.zeros((*given.shape[:2], bodies.shape[2]), complex)
     constants[:] = bodies[:, :1]
     if bodies.shape[1] > 1:
-        constants[:, size + 1 :] += 1j * _INFINITESIMAL * bodies[:, 1:]
+        constants[:, size + 1 :] = complex_step(bodies[:, :1], bodies[:, 1:])
     system, after, half = walkers.system(), given[..., :size].copy(), size // 2
     for number, phase in enumerate(system.phases):
         here = phases == number
@@ -311,7 +311,7 @@ def _pushed(
         jumps = list(phase.push(body, system.State(*state), -push, 0.0))
         jumps += jumps[-1:] * (half - len(jumps))  # a straight leg's thigh and shank are one body
         after[here, :, half:] += np.stack(jumps, axis=-1)
-    return np.real(after[:, 0]).copy(), np.imag(after).swapaxes(1, 2) / _INFINITESIMAL
+    return np.real(after[:, 0]).copy(), step_derivative(after).swapaxes(1, 2)
 
 
 def _check(walker: Walker, names: tuple[str, ...], values: NDArray) -> None:

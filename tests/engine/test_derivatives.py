@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome, stride_jacobian
-from gym_passive_walker.engine.run import Seeds, advance, new_records
+from gym_passive_walker.engine.run import LONGEST_STRIDE, advance
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.control.ticks import ticked_stride
+from gym_passive_walker.gaits.flow import Walkers, flow
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.models.equations.bodies import body_from
-from gym_passive_walker.models.equations.systems import body_of, system_of
 from tests.equations import statements
 from tests.equations.examples import KNEED, LONG_GAITS
 
@@ -40,39 +38,39 @@ def results(records) -> np.ndarray:
     return np.concatenate([part.reshape(*lead, -1) for part in parts], axis=-1)
 
 
-def end(name: str, values, directions=(), body=None, body_changes=None) -> np.ndarray:
+def states(inputs, knees: bool) -> np.ndarray:
+    """States on the section from stance angle and the three angular velocities, (..., 6)."""
+    stance, stance_rate, thigh_rate, shank_rate = np.asarray(inputs, dtype=float)[..., :4].T
+    shank_rate = shank_rate if knees else thigh_rate
+    return np.stack([stance, -stance, -stance, stance_rate, thigh_rate, shank_rate], axis=-1)
+
+
+def end(name: str, values, directions=None, by=(), **parameters) -> np.ndarray:
     """A stride's results from the six inputs, and behind them their derivatives, (1 + k, results).
 
     Args:
         name: Name of the walker.
         values: The inputs.
-        directions: Directions in them, (k, 6).
-        body: The walker's constants; its own when None.
-        body_changes: Directions in these, (k, constants).
+        directions: Directions in the first four of them, (d, 4).
+        by: Names of the variables of derivatives behind those along directions.
+        parameters: Parameters in which the walker differs.
     """
-    walker, system = WALKERS[name], system_of(WALKERS[name])
+    walker, along = WALKERS[name], None
+    if directions is not None:
+        along = np.zeros((1, 6, len(directions) + len(by)))
+        along[0, :, : len(directions)] = states(directions, walker.knees).T
+        by = ("point", *by)
+    walked = flow(
+        Walkers(walker=walker, parameters=parameters, tolerance=1e-14),
+        states(values, walker.knees)[None], values[4], controls=values[5], by=by, along=along,
+    )  # fmt: skip
+    assert walked.outcomes[0] == Outcome.HEELSTRIKE
+    return results(walked.records[0])
 
-    def states(inputs):
-        stance, stance_rate, thigh_rate, shank_rate = np.asarray(inputs, dtype=float)[..., :4].T
-        shank_rate = shank_rate if walker.knees else thigh_rate
-        return np.stack([stance, -stance, -stance, stance_rate, thigh_rate, shank_rate], axis=-1)
 
-    directions = np.asarray(directions, dtype=float).reshape(-1, 6)
-    seeds = Seeds(
-        states=states(directions)[None],
-        slopes=directions[None, :, 4],
-        controls=directions[None, :, 5:],
-    )
-    records = new_records(
-        states(values)[None], values[4], values[5], seeds=seeds, tangents=len(directions)
-    )
-    rows = [body_of(walker) if body is None else body]
-    if body_changes is not None:
-        rows += list(body_changes)
-    bodies = np.array(rows, dtype=float)[None]
-    advance(system, bodies, records, tolerance=1e-14)
-    assert records["outcome"][0, 0] == Outcome.HEELSTRIKE
-    return results(records[0])
+def derivatives(name: str, values) -> np.ndarray:
+    """A stride's results and their derivatives by each of the six inputs, (7, results)."""
+    return end(name, values, np.eye(4), ("slope", "hip_torque"))
 
 
 def start(name: str) -> np.ndarray:
@@ -96,7 +94,7 @@ def differences(function, value: float, step: float) -> np.ndarray:
 @pytest.mark.parametrize("name", WALKERS)
 def test_the_derivative_is_that_of_the_map(name):
     values = start(name)
-    found = end(name, values, np.eye(6))[1:]
+    found = derivatives(name, values)[1:]
     for varied, (derivative, of) in enumerate(zip(found, INPUTS, strict=True)):
 
         def at(value, varied=varied):
@@ -115,13 +113,13 @@ def test_the_derivative_is_that_of_the_map(name):
 @pytest.mark.parametrize("name", WALKERS)
 def test_the_values_are_the_stride_itself(name):
     values = start(name)
-    carried = end(name, values, np.diag(np.arange(1.0, 7.0)))[0]
+    carried = derivatives(name, values)[0]
     np.testing.assert_allclose(carried, end(name, values)[0], rtol=0.0, atol=2e-14)
 
 
 @pytest.mark.parametrize("name", WALKERS)
 def test_derivatives_are_in_proportion_to_the_change(name):
-    values, direction = start(name), np.array([[0.3, -1.0, 0.5, 0.7, 0.2, 0.1]])
+    values, direction = start(name), np.array([[0.3, -1.0, 0.5, 0.7]])
     _, whole = end(name, values, direction)
     for share in (2.0**-400, 2.0**300):
         _, part = end(name, values, share * direction)
@@ -130,8 +128,8 @@ def test_derivatives_are_in_proportion_to_the_change(name):
 
 @pytest.mark.parametrize("name", WALKERS)
 def test_derivatives_along_two_directions_add(name):
-    values, weights = start(name), np.array([0.3, -1.0, 0.5, 0.7, 0.2, 0.1])
-    each = end(name, values, np.eye(6))[1:]
+    values, weights = start(name), np.array([0.3, -1.0, 0.5, 0.7])
+    each = end(name, values, np.eye(4))[1:]
     _, both = end(name, values, weights[None])
     np.testing.assert_allclose(both, weights @ each, rtol=0.0, atol=1e-12 * np.abs(each).max())
 
@@ -139,7 +137,7 @@ def test_derivatives_along_two_directions_add(name):
 @pytest.mark.parametrize("name", ["lab", "A", "D"])
 def test_a_derivative_does_not_depend_on_how_many_ride_along(name):
     rng, values = np.random.default_rng(1), start(name)
-    directions = rng.normal(size=(23, 6))
+    directions = rng.normal(size=(23, 4))
     all_of_them = end(name, values, directions)
     for count in (1, 5, 7):
         some = end(name, values, directions[:count])
@@ -150,25 +148,17 @@ def test_a_derivative_does_not_depend_on_how_many_ride_along(name):
 @pytest.mark.parametrize("parameter", ["shank_com", "thigh_offset", "foot_radius", "foot_angle"])
 @pytest.mark.parametrize("name", ["lab", "A", "E"])
 def test_the_derivative_by_a_parameter_is_that_of_the_map(name, parameter):
-    walker, values = WALKERS[name], start(name)
-    if name == "E" and parameter == "foot_radius":
-        walker = WALKERS["B"]
-
-    def body(value):
-        changed = SimpleNamespace(**{**asdict(walker), parameter: value})
-        return body_from(changed, system_of(walker).Body)
-
-    value = getattr(walker, parameter)
-    change = np.imag(np.array(body(value + 1e-100j), complex)) / 1e-100
-    found = end(name, values, np.zeros((1, 6)), body(value), [change])[1]
-    expected = differences(lambda x: end(name, values, body=body(x))[0], value, 1e-4)
+    name = "B" if (name, parameter) == ("E", "foot_radius") else name  # E has none
+    values, value = start(name), getattr(WALKERS[name], parameter)
+    (found,) = end(name, values, by=(parameter,))[1:]
+    expected = differences(lambda x: end(name, values, **{parameter: x})[0], value, 1e-4)
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
 
 
 def test_absolute_hip_work_has_its_derivative_where_the_hip_turns_back():
     """The lab walker first closes its legs a little: the total rotation exceeds the opening."""
     values = start("lab")
-    found = end("lab", values, np.eye(6))
+    found = derivatives("lab", values)
     assert found[0, TURNED] > 1.02 * abs(found[0, MOVED])
     for varied in range(6):
 
@@ -187,40 +177,40 @@ def test_a_walk_that_is_stopped_follows_the_moment_when_it_is():
     """A later time limit is further along the motion; other ends do not move."""
     walker, gait = WALKERS["lab"], LONG_GAITS["lab"]
     state = statements.dimensionless(walker, gait.state)[None]
-    own = np.array(body_of(walker))[None, None]
 
     def stopped(when):
-        seeds = Seeds(ends=np.array([[1.0, 0.0]]))
-        records = new_records(state, gait.slope, 0.01, end=when, seeds=seeds, tangents=2)
-        advance(system_of(walker), own, records, tolerance=1e-14)
-        assert records["outcome"][0, 0] == Outcome.RUNNING
-        return results(records[0])[:, :11]
+        found = flow(
+            Walkers(walker=walker, tolerance=1e-14), state, gait.slope, controls=0.01, until=when,
+            by=("point", "end"), along=np.zeros((1, 6, 2)),
+        )  # fmt: skip
+        assert found.outcomes[0] == Outcome.RUNNING
+        return results(found.records[0])[:, :11]
 
     for when in (0.7, 2.4):
         expected = differences(lambda t: stopped(t)[0], when, 1e-3)
-        np.testing.assert_allclose(stopped(when)[1], expected, rtol=0.0, atol=1e-9)
-        np.testing.assert_array_equal(stopped(when)[2], 0.0)
+        np.testing.assert_array_equal(stopped(when)[1], 0.0)
+        np.testing.assert_allclose(stopped(when)[2], expected, rtol=0.0, atol=1e-9)
 
 
 def test_a_walk_in_ticks_has_the_derivatives_of_a_walk_at_once():
     walker, gait = WALKERS["lab"], LONG_GAITS["lab"]
     state = statements.dimensionless(walker, gait.state)[None]
-    own, system = np.array(body_of(walker))[None, None], system_of(walker)
-    seeds = Seeds(
-        states=np.array([[[1, -1, -1, 0, 0, 0], [0, 0, 0, 1, 2, 3]]], float),
-        slopes=np.array([[0.5, 1.0]]),
-        controls=np.array([[[0.1], [0.2]]]),
-    )
-    whole = new_records(state, gait.slope, 0.01, seeds=seeds, tangents=2)
-    ticks = whole.copy()
-    advance(system, own, whole, tolerance=1e-14)
-    count = 0
-    while count == 0 or ticks["outcome"][0, 0] == Outcome.RUNNING:
-        ticks["end"][:, 0] = 0.3 * (count + 1)
-        advance(system, own, ticks, tolerance=1e-14, from_section=count == 0)
+    along = np.zeros((1, 6, 4))
+    along[0, :, :2] = np.array([[1, -1, -1, 0, 0, 0], [0, 0, 0, 1, 2, 3]]).T
+
+    def walked(until):
+        return flow(
+            Walkers(walker=walker, tolerance=1e-14), state, gait.slope, controls=0.01, until=until,
+            by=("point", "slope", "hip_torque"), along=along,
+        )  # fmt: skip
+
+    whole, ticks, count = walked(LONGEST_STRIDE).records, walked(0.3), 1
+    while ticks.outcomes[0] == Outcome.RUNNING:
         count += 1
+        ticks.records["end"][:, 0] = 0.3 * count
+        advance(ticks.system, ticks.bodies, ticks.records, tolerance=1e-14, from_section=False)
     assert count == np.ceil(whole["time"][0, 0] / 0.3)
-    np.testing.assert_allclose(results(ticks), results(whole), rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(results(ticks.records), results(whole), rtol=0.0, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", ["lab", "A", "D"])
@@ -232,7 +222,7 @@ def test_values_are_the_same_with_derivatives_and_without(name):
     m, coordinates = strides.dimension, strides.coordinates
     driven = replace(strides, actuation=Actuation(hip_torque=0.003))
     _, change = driven.linearize(point, gait.slope, by=("state", "slope", "hip_torque"))
-    found = end(name, start(name), np.eye(6))[1:]
+    found = derivatives(name, start(name))[1:]
     rows = [0, 1, 2, 3, 4, 5] if name in KNEED else [0, 1, 2, 4, 5]
     expected = found[rows][:, coordinates].T
     np.testing.assert_allclose(change.ends[0], expected, rtol=0.0, atol=1e-9)

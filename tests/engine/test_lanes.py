@@ -16,7 +16,6 @@ from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.layout import HISTORY, TILE, WIDTH, aligned
 from gym_passive_walker.engine.native import GROUP
 from gym_passive_walker.engine.run import (
-    Seeds,
     advance,
     in_parts,
     integrate,
@@ -24,6 +23,7 @@ from gym_passive_walker.engine.run import (
     options,
     workspace,
 )
+from gym_passive_walker.gaits.flow import Walkers, flow
 from gym_passive_walker.models.equations.systems import bodies, system_of
 from gym_passive_walker.models.units import units_of
 from tests.engine.machine import CPUS
@@ -100,17 +100,15 @@ def test_strides_that_many_threads_ask_for_are_those_that_one_asks_for():
 
 
 def with_derivatives(name: str, count: int):
-    """Records of a batch with tangents."""
+    """Records of a batch with tangents, before its strides."""
     walker, rng = WALKERS[name], np.random.default_rng(3)
     slopes, states, torques = many(name, count)
-    scaled, tangents = statements.dimensionless(walker, states), 4
-    seeds = Seeds(
-        states=rng.normal(size=(count, tangents, 6)),
-        slopes=rng.normal(size=(count, tangents)),
-        controls=rng.normal(size=(count, tangents, 1)),
-    )
-    controls = torques / units_of(walker).torque
-    return new_records(scaled, slopes, controls, seeds=seeds, tangents=tangents)
+    scaled, along = statements.dimensionless(walker, states), np.zeros((count, 6, 4))
+    along[:, :, :2] = rng.normal(size=(count, 6, 2))
+    return flow(
+        Walkers(walker=walker), scaled, slopes, controls=torques / units_of(walker).torque,
+        by=("point", "slope", "hip_torque"), along=along, backend=lambda *_, **__: None,
+    ).records  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ["lab", "A", "D"])

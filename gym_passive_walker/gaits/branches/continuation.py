@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker.gaits.branches.varied_map import MapOfValue, VariedMap
 from gym_passive_walker.gaits.find.newton import newton, solved
+from gym_passive_walker.gaits.flow import RATE_BEFORE
 from gym_passive_walker.gaits.gait import gait_equations
 from gym_passive_walker.gaits.stride_map import StrideMap
 
@@ -37,7 +38,6 @@ VANISHED = "the step length goes to zero"
 STEP_ENDS = "a strike comes as a control step ends"
 LOST = "the family could not be followed further"
 
-_VERGE = 1e-9  # of a stride, before its heelstrike
 _LOOKS, _ROUGHLY = 96, 1e-9  # at the stance leg during a stride, and their tolerance
 _NEAR = 0.3  # a margin below this is about to be lost
 _TINY = 1e-3  # stance angle of steps that are about to vanish
@@ -424,11 +424,11 @@ def margins(curve: Curve, points: list[Point]) -> Margins:
     for _ in range(curve.period):
         passage = stride_map.apply(here, slopes)
         duration = passage.durations
-        verge = (duration * (1.0 - _VERGE))[:, None]
+        verge = (duration * (1.0 - RATE_BEFORE))[:, None]
         rates = stride_map.sample(here, slopes, verge).states[:, 0, 3:5]
         landing = np.minimum(landing, -rates.sum(axis=1) / np.abs(rates).max(axis=1))
         knee = np.fmin(knee, 1.0 - passage.knee_times / duration)  # without knees it stays infinite
-        times = duration[:, None] * np.linspace(0.0, 1.0 - _VERGE, _LOOKS)
+        times = duration[:, None] * np.linspace(0.0, 1.0 - RATE_BEFORE, _LOOKS)
         stance_rates = roughly.sample(here, slopes, times).states[:, :, 3]
         pace = np.minimum(pace, np.min(stance_rates / here[:, 1:2], axis=1))
         time = np.maximum(time, duration)

@@ -26,6 +26,7 @@ from gym_passive_walker.gaits.control.ticks import Choice, Steps, follow, hold, 
 from gym_passive_walker.gaits.flow import (
     Walkers,
     go_on,
+    ground_changes,
     new_records,
     numbers_of,
     report_of,
@@ -259,11 +260,11 @@ class ControlledMap(StrideMap):
                 np.add.at(supplied, of, works[channel] * work)
             else:
                 results[there, m + 5] = steps.held[struck, j]
-        sine, cosine = np.zeros((2, n, 1 + width))
-        sine[:, 0], cosine[:, 0] = np.sin(slopes), np.cos(slopes)
+        ground = np.zeros((n, 1 + width, 2))
+        ground[:, 0, 0], ground[:, 0, 1] = np.sin(slopes), np.cos(slopes)
         if "slope" in moving:
-            tangent = 1 + moving["slope"]
-            sine[:, tangent], cosine[:, tangent] = cosine[:, 0], -sine[:, 0]
+            ground[:, 1 + moving["slope"]] = ground_changes(ground[:, 0], np.ones(1))[:, 0]
+        sine, cosine = np.moveaxis(ground, 2, 0)
         fallen = product(sine[there], ended[:, at["step_length"]])
         supplied[there] += fallen + ended[:, at["push_work"]]
         if self.terrain is not None:

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.flow import (
+    STATE_BEFORE,
     Report,
     Walkers,
     controls_of,
@@ -35,7 +36,6 @@ from gym_passive_walker.models.walkers import Mechanism, Walker
 _TOGETHER = 2048, 128  # walkers that are followed at once, without tangents and with them
 _STATE = len(State._fields)
 _RUNNING, _STRUCK = int(Outcome.RUNNING), int(Outcome.HEELSTRIKE)
-_VERGE = 1e-8  # of the time until a kneestrike: it has not yet come
 
 
 def inputs_of(walker: Walker) -> tuple[str, ...]:
@@ -447,11 +447,11 @@ def before_kneestrike(
     steps, motors = walked.steps, walked.swing.ndim
     (now,) = np.flatnonzero(steps.locked)
     records = steps.before[[now]]
-    records["end"] = (1.0 - _VERGE) * walked.kneestrike
+    records["end"] = (1.0 - STATE_BEFORE) * walked.kneestrike
     by = ("state", *Actuation._fields[:motors], "end")
     verge = go_on(walkers, records, by, on_section=steps.numbers[now] == 0)
     value, by_state, by_held, by_end = np.split(
         verge.rows[0, :_STATE], np.cumsum([1, _STATE, motors]), axis=1
     )
     change = by_state @ steps.change[now] + by_held @ steps.held[now, :motors, 1:]
-    return value[:, 0], change + (1.0 - _VERGE) * by_end @ walked.by[-1:]
+    return value[:, 0], change + (1.0 - STATE_BEFORE) * by_end @ walked.by[-1:]

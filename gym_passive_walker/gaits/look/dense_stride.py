@@ -25,12 +25,12 @@ from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.gaits.stride import Stride
 from gym_passive_walker.gaits.stride_map import MapLike, Samples, StrideMap
 from gym_passive_walker.models.equations.hybrid import Ground, State
+from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 from gym_passive_walker.models.equations.systems import body_of, system_of
 from gym_passive_walker.models.units import units_of
 from gym_passive_walker.models.walkers import Walker
 
 _SHORTEST = 1e-12  # share of a stride below which a phase is none
-_INFINITESIMAL = 1e-100  # imaginary part that carries a derivative: its square is nothing
 _PIECES = 10_000  # in which torques may be held
 _FEWEST, _MOST = 32, 256  # samples of a phase
 _ROUNDING = 1e-14
@@ -79,10 +79,10 @@ def foot_clearance(walker: Walker, states: NDArray) -> tuple[NDArray, NDArray]:
     The foot is a whole circle here.
     """
     # Angles that move by infinitesimal rates move the height by as much of its own rate.
-    angles, rates = states[:, :3] + 1j * _INFINITESIMAL * states[:, 3:], states[:, 3:]
-    moving = State(*angles.T, *rates.T)
+    angles, rates = np.split(states, 2, axis=1)
+    moving = State(*complex_step(angles, rates).T, *rates.T)
     clearance = system_of(walker).foot_clearance(body_of(walker), moving) * walker.leg_length
-    return np.real(clearance), np.imag(clearance) / _INFINITESIMAL
+    return np.real(clearance), step_derivative(clearance)
 
 
 class TimedExtremum(NamedTuple):

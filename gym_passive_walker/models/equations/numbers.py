@@ -1,4 +1,4 @@
-"""Functions of numbers that the equations use besides + − × ÷: sine and cosine, and a maximum.
+"""Functions of numbers that the equations use besides + − × ÷, and derivatives by a complex step.
 
 The models in `physics` are plain functions. They run with floats and arrays, with symbols of SymPy
 or heyoka, and with the expressions that the engine compiles. Each kind of number registers its
@@ -13,6 +13,9 @@ from functools import singledispatch
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+_INFINITESIMAL = 1e-100  # imaginary part that carries a derivative: its square is nothing
 
 
 @singledispatch
@@ -26,3 +29,13 @@ def larger(a: Any, b: Any) -> Any:
     """The larger of two numbers, by their real parts; the second where they do not compare."""
     first = np.real(a) > np.real(b)
     return np.where(first, a, b) if np.ndim(first) else (a if first else b)
+
+
+def complex_step(value: ArrayLike, change: ArrayLike = 1.0) -> NDArray[np.complex128]:
+    """Return a value changed by an imaginary and infinitesimal part of `change`."""
+    return np.asarray(value) + 1j * _INFINITESIMAL * np.asarray(change)
+
+
+def step_derivative(result: ArrayLike) -> NDArray[np.float64]:
+    """Return the derivative along the changes of `complex_step` of what was computed from them."""
+    return np.imag(result) / _INFINITESIMAL

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.models.equations import kneed, legs, simplest, straight
 from gym_passive_walker.models.equations.bodies import body_from
 from gym_passive_walker.models.equations.hybrid import State, System
+from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 from gym_passive_walker.models.walkers import Mechanism, Walker, varied
 
 FITTINGS = ("hip_stiffness", "hip_friction", "knee_stiffness")
@@ -111,9 +112,6 @@ def bodies(*walkers: Walker) -> NDArray[np.float64]:
     return np.concatenate([_row(walker) for walker in walkers])
 
 
-_INFINITESIMAL = 1e-100  # imaginary part that carries a derivative: its square is nothing
-
-
 def varied_bodies(walker: Walker, parameters: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
     """Constants of walkers that differ from one walker in some parameters.
 
@@ -138,5 +136,4 @@ def bodies_by(
     """Derivatives of the constants of `varied_bodies` by a parameter, of the same shape."""
     own = walker.body if isinstance(walker, Mechanism) else walker
     value = parameters.get(name, getattr(own, name))
-    moved = {**parameters, name: np.asarray(value) + 1j * _INFINITESIMAL}
-    return np.imag(varied_bodies(walker, moved)) / _INFINITESIMAL
+    return step_derivative(varied_bodies(walker, {**parameters, name: complex_step(value)}))
