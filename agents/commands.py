@@ -90,7 +90,7 @@ def find_optimal(arguments: Sequence[str]) -> int:
         # The passive gait of the scene is found too, and its speed is not one of the grid.
         gaits = [gait for gait in found if gait.speed in kept or gait.speed not in speeds]
         with replacing(optimal.STORE / f"{args.scene}.json") as path:
-            optimal.save(path, gaits)
+            optimal.save_gaits(path, gaits)
     print(optimal_table(optimal.load(args.scene)))
     return 0
 

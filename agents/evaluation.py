@@ -15,7 +15,7 @@ from agents.config import Config
 from agents.learner import learned
 from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker._tools.files import replacing
-from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks, evaluate, table
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks, evaluate, score_table
 from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import Passive
 from gym_passive_walker.gaits.scenes.scene import undisturbed
@@ -54,7 +54,7 @@ def evaluate_policy(
     arena = envs.arena(config, episodes)
     walks, passive = (evaluate(agent, arena, seed=seed) for agent in (policy, Passive()))
     columns = {config.algo.upper(): walks, Passive.name: passive}
-    text = table(f"{envs.describe(config)}; {episodes} episodes", columns)
+    text = score_table(f"{envs.describe(config)}; {episodes} episodes", columns)
     text = "\n".join([text, *in_words(config, walks, passive)])
     return text, [row for name, each in columns.items() for row in each.rows(name)]
 

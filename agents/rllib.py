@@ -26,7 +26,7 @@ from agents.config import DEFAULT_SCENE, Config, configure
 from gym_passive_walker._tools import console
 from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker._tools.extras import extra
-from gym_passive_walker.envs.evaluation.walks import Walks, evaluate, table
+from gym_passive_walker.envs.evaluation.walks import Walks, evaluate, score_table
 from gym_passive_walker.envs.registration import ID, MAX_EPISODE_STEPS
 from gym_passive_walker.envs.seeds import training_seeds
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
@@ -221,7 +221,9 @@ def _compare(args: argparse.Namespace) -> None:
     walks = train(config, runners=args.runners, out=args.out)
     passive = evaluate(Passive(), arena(config), seed=SEED)
     print(
-        table(f"{config.scene}; {EPISODES} episodes", {"RLlib PPO": walks, Passive.name: passive})
+        score_table(
+            f"{config.scene}; {EPISODES} episodes", {"RLlib PPO": walks, Passive.name: passive}
+        )
     )
 
 

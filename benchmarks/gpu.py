@@ -117,8 +117,11 @@ def carried() -> None:
 
 def _strides(p: Any, tolerance: float, count: int, exact: Any) -> tuple[float, float]:
     """Error of the problem's strides on the GPU, and strides per second."""
-    fresh = device.put(engine.new_batch(p, count))
-    body, records = device.put(np.array(p.body)[None, None]), device.put(engine.new_batch(p, count))
+    fresh = device.upload(engine.new_batch(p, count))
+    body, records = (
+        device.upload(np.array(p.body)[None, None]),
+        device.upload(engine.new_batch(p, count)),
+    )
     begin = _finished(lambda: _copied(records, fresh))
 
     def job() -> None:
@@ -143,7 +146,7 @@ def ticks() -> None:
 def _tick(there: DeviceBatch) -> float:
     """Seconds for a control step of a batch on the GPU."""
     random = np.random.default_rng(0)
-    few = [device.put(random.uniform(-1.0, 1.0, len(there.buffers.actions))) for _ in range(4)]
+    few = [device.upload(random.uniform(-1.0, 1.0, len(there.buffers.actions))) for _ in range(4)]
     there.reset()
 
     def job() -> None:

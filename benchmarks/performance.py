@@ -24,7 +24,7 @@ from gym_passive_walker.engine.compiled import constants_used, loaded, object_co
 from gym_passive_walker.engine.jit import call
 from gym_passive_walker.engine.layout import TILE, WIDTH, aligned
 from gym_passive_walker.engine.native import GROUP, Function, Memory, Module
-from gym_passive_walker.engine.step import Step
+from gym_passive_walker.engine.step import StepCode
 
 PAGE = DOCS / "performance.md"
 COUNTED = ("fma", "fmul", "fadd", "fsub", "fdiv", "sqrt")
@@ -79,7 +79,7 @@ def _clocked(module: Module, fresh: np.ndarray) -> float:
     return seconds(partial(repeated, tile.ctypes.data, numbers, begun)) / _TURNS / WIDTH * 1e9
 
 
-def equations_of(p: Problem, phase: int = 0) -> tuple[Step, np.ndarray]:
+def equations_of(p: Problem, phase: int = 0) -> tuple[StepCode, np.ndarray]:
     """A phase's functions, and a tile with walkers in that phase."""
     there = p.system.phases[phase]
     used = constants_used(p.system, there)
@@ -90,10 +90,10 @@ def equations_of(p: Problem, phase: int = 0) -> tuple[Step, np.ndarray]:
     for i, name in enumerate(used):
         tile["body"][:, i] = getattr(p.body, name)
     tile["h"], tile["next"], tile["end"] = 0.2, 0.2, 1e3
-    return Step(p.system, there, used), tile
+    return StepCode(p.system, there, used), tile
 
 
-def acceleration(equations: Step) -> Code:
+def acceleration(equations: StepCode) -> Code:
     """One evaluation of the equations of motion."""
 
     def evaluate(tile: Memory) -> None:
@@ -103,7 +103,7 @@ def acceleration(equations: Step) -> Code:
     return evaluate
 
 
-def step(equations: Step) -> list[Code]:
+def step(equations: StepCode) -> list[Code]:
     """One step: its stages, its error estimate and its result."""
     return equations.sweep()
 
@@ -176,7 +176,7 @@ def strides() -> None:
     keep("strides", f"{table(heads, rows)}\n\nOne core. {machine()}.", page=PAGE)
 
 
-def _phases(p: Problem) -> list[tuple[Step, np.ndarray]]:
+def _phases(p: Problem) -> list[tuple[StepCode, np.ndarray]]:
     return [equations_of(p, index) for index in range(len(p.system.phases))]
 
 

@@ -32,7 +32,7 @@ def drawing() -> str:
     rooms = [
         room for floor in floors() for room in floor if graph.find_children(f"{PACKAGE}.{room}")
     ]
-    rooms = [room for room in rooms if room != "control"]  # a door
+    rooms = [room for room in rooms if room != "control"]  # a public module
     lines = []
     for room in rooms:
         within = sorted(graph.find_children(f"{PACKAGE}.{room}"))

@@ -43,7 +43,7 @@ def __getattr__(name: str) -> _Any:
         value = getattr(_import_module(_MODULES[known]), known)
     elif name.startswith("_"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    else:  # a room or a door
+    else:  # a room or a public module
         try:
             value = _import_module(f"{__name__}.{name}")
         except ModuleNotFoundError as error:

@@ -1,4 +1,4 @@
-"""Door to `devices.gpu`: strides and environments on a CUDA GPU."""
+"""Public names of `devices.gpu`: strides and environments on a CUDA GPU."""
 
 from typing import TYPE_CHECKING, Any
 

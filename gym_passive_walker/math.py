@@ -1,4 +1,4 @@
-"""Door to `models.math`: functions for rewards, observations and terminations of one's own."""
+"""Public names of `models.math`: functions for rewards and observations of one's own."""
 
 from gym_passive_walker.models.math import cos, exp, maximum, minimum, sin, sqrt, tanh, where
 

@@ -1,4 +1,4 @@
-"""Door to `engine.own`: systems that users state themselves."""
+"""Public names of `engine.own`: systems that users state themselves."""
 
 from gym_passive_walker.engine.own import (
     Free,

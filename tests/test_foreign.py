@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.engine.device_linker import plain
+from gym_passive_walker.engine.device_linker import python_function
 from gym_passive_walker.models import math
 
 ELEMENTARY = ("exp", "tanh", "sqrt", "sin", "cos")
@@ -55,7 +55,7 @@ def test_a_function_of_a_module_named_like_the_package_is_not_the_package_s():
         ("gym_passive_walker_mine", False),
     ):
         mine.__module__ = module
-        assert (plain(mine) is mine) == ours
+        assert (python_function(mine) is mine) == ours
 
 
 def test_a_controller_s_attributes_are_not_taken_for_methods_of_the_package():

@@ -1,4 +1,4 @@
-"""Door to `gaits.control`: controllers, in steps or strides of actuated walkers."""
+"""Public names of `gaits.control`: controllers, in steps or strides of actuated walkers."""
 
 from gym_passive_walker.gaits.control.controllers import SceneLike
 from gym_passive_walker.gaits.control.feedback import Method, gains

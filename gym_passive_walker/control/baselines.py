@@ -1,4 +1,4 @@
-"""Door to `gaits.control.baselines`: controllers to compare with."""
+"""Public names of `gaits.control.baselines`: controllers to compare with."""
 
 from gym_passive_walker.gaits.control.baselines import (
     CONSTANT_TORQUE,

@@ -27,7 +27,7 @@ from gym_passive_walker.engine.layout import (
 from gym_passive_walker.engine.native import Code, Function, Memory, Module, uses
 from gym_passive_walker.engine.one_lane import OneLane, first_where
 from gym_passive_walker.engine.runge_kutta import Pair
-from gym_passive_walker.engine.step import Step
+from gym_passive_walker.engine.step import StepCode
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import Ground, Outcome, Phase, State, System
 from gym_passive_walker.models.equations.numbers import sine_cosine
@@ -124,7 +124,7 @@ def compiled(system: str, *, derived: bool = False, still: bool = False) -> NDAr
     of, known = SYSTEMS[system], None if derived else WRITTEN.pop(system, None)
     module = Module(still=("body",) if still else ())
     name = system + "-derived" * derived + "-still" * still
-    code = kept(name, lambda: known or written(of, derived=derived, module=module))
+    code = kept_code(name, lambda: known or written(of, derived=derived, module=module))
     return phases_of(of, code)
 
 
@@ -181,7 +181,7 @@ def written(
 
     for i, phase in enumerate(system.phases):
         about = system, phase, constants_used(system, phase), pair
-        one_lane, step = OneLane(*about), Step(*about)
+        one_lane, step = OneLane(*about), StepCode(*about)
         others = (body, record, tile, record, history, history, history)
         for name, other in zip(OF_LANE, others, strict=True):
             # The predicted time of an impact only decides where steps end: no derivative needed.
@@ -216,7 +216,7 @@ def constants_of(system: System, body: Memory) -> Any:
     return without_absent(system, system.Body(*body.entries("body")))
 
 
-def ground_of(system: System, record: Memory) -> Ground:
+def recorded_ground(system: System, record: Memory) -> Ground:
     """Return a walker's ground data as expressions."""
     return without_absent(system, Ground(*record.entries("ground")))
 
@@ -224,7 +224,7 @@ def ground_of(system: System, record: Memory) -> Ground:
 def _open(system: System, phase: Phase, record: Memory, body: Memory) -> None:
     """Begin a stride or a tick within the bounds of its phase, or not at all."""
     state, constants = state_of(system, record), constants_of(system, body)
-    ground = ground_of(system, record)
+    ground = recorded_ground(system, record)
     outcome: Expression | float = float(Outcome.RUNNING)
     for guard in reversed(phase.guards):
         if guard.watch == guard.watch.BOUND:
@@ -236,7 +236,7 @@ def _open(system: System, phase: Phase, record: Memory, body: Memory) -> None:
 def reset(system: System, phase: Phase, outcome: Outcome, record: Memory, body: Memory) -> None:
     """Apply an impact: write the state after it, the energy lost, and the next phase or outcome."""
     constants, reset = constants_of(system, body), phase.resets[outcome]
-    ground = ground_of(system, record)
+    ground = recorded_ground(system, record)
     push_off = 0.0 if "push_off" in system.absent else record["push_off"]
     before = state_of(system, record)
     after, loss, work = reset.strike(constants, before, push_off, ground)
@@ -314,7 +314,7 @@ def _machine() -> Any:
     return machine, f"{llvm.llvm_version_info}{target.triple}{cpu}{features}"
 
 
-def kept(name: str, write: Callable[[], Module]) -> Any:
+def kept_code(name: str, write: Callable[[], Module]) -> Any:
     """Load native code from the cache, or generate and cache it."""
     file = f"{name}-{sha256(_machine()[1].encode()).hexdigest()[:16]}.o"
     data = cache.found(file)

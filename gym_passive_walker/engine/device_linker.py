@@ -19,7 +19,7 @@ from gym_passive_walker.engine.jit import LOWERED, Kernel
 _OURS = "gym_passive_walker"
 
 
-def plain(value: Any) -> FunctionType | None:
+def python_function(value: Any) -> FunctionType | None:
     """Return the Python function of a kernel or of a compiled function; None for other values."""
     if isinstance(value, Kernel):
         return value.function  # type: ignore[return-value]
@@ -55,7 +55,7 @@ class DeviceLinker:
         bound = DeviceLinker(kept, self._compiles)
         bound._calls = {key: calls for key, calls in self._calls.items() if key not in stale}
         for function, other in of.items():
-            bound._made[function] = bound(other) if plain(other) else other
+            bound._made[function] = bound(other) if python_function(other) else other
         return bound
 
     def __call__(self, function: Any) -> Any:
@@ -66,7 +66,7 @@ class DeviceLinker:
 
     def rebound(self, function: Any) -> FunctionType:
         """Return a plain function; its names refer to what is bound to the machine."""
-        found = plain(function)
+        found = python_function(function)
         assert found is not None
         calls = self._calls.setdefault(function, set())
         names = dict(found.__globals__)
@@ -85,7 +85,7 @@ class DeviceLinker:
     def _other(self, value: Any, calls: set[Any]) -> Any:
         """Return the replacement of a value that a function names; record it if it is called."""
         given = isinstance(value, Hashable) and value in self._made
-        if not given and plain(value) is None:
+        if not given and python_function(value) is None:
             return value
         calls.add(value)
         return self(value)

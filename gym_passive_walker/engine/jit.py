@@ -262,4 +262,4 @@ def entry(array, i):  # type: ignore[no-untyped-def]
     return address(array) + i * array.itemsize
 
 
-uniform: Any = _uniform
+draw_uniform: Any = _uniform

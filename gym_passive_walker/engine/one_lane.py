@@ -131,7 +131,7 @@ class OneLane(Equations):
             i = len(self.phase.guards) + k
             before, after = self._moved(k, start), self._moved(k, end)
             fraction = history["turning", k]
-            middle = choose(fraction < 0.0, before, quintic(history, i, tile["h"], fraction))
+            middle = choose(fraction < 0.0, before, quintic_at(history, i, tile["h"], fraction))
             tile["moved", k] = tile["moved", k] + (after - before)
             tile["turned", k] = tile["turned", k] + (abs(middle - before) + abs(after - middle))
         if self.dissipates:
@@ -226,7 +226,7 @@ def first_where(system: System, phase: Phase, number: int) -> int:
     return len(phase.guards) + len(system.Control._fields) + sooner  # type: ignore[attr-defined]
 
 
-def quintic(history: Memory, i: int, h: Expression, x: Expression) -> Expression:
+def quintic_at(history: Memory, i: int, h: Expression, x: Expression) -> Expression:
     """Evaluate the quintic of row i of a history at the fraction x of a step of length h."""
     g0, v0, a0 = (
         history["before", i],

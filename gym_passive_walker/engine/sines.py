@@ -22,7 +22,7 @@ def _flipped(x: Expression, rounded: Expression) -> Expression:
     return Expression(x.known, "flip", x, rounded)
 
 
-def near(
+def near_turn(
     angle: Expression, sine: Expression, cosine: Expression, turn: Expression, most: float
 ) -> Expression:
     """Return an angle that is near another angle of known sine and cosine.

@@ -15,7 +15,7 @@ from operator import and_
 
 from gym_passive_walker.engine.equations import Equations, sum_of, weighted
 from gym_passive_walker.engine.native import Memory
-from gym_passive_walker.engine.sines import near
+from gym_passive_walker.engine.sines import near_turn
 from gym_passive_walker.models.equations.hybrid import Guard, State, Watch
 from gym_passive_walker.models.equations.numbers import sine_cosine
 from gym_passive_walker.models.expressions import (
@@ -64,7 +64,7 @@ OFF_CIRCLE = 30.0
 rounding."""
 
 
-class Step(Equations):
+class StepCode(Equations):
     """Native functions of a phase over all lanes."""
 
     def first(self, tile: Memory) -> None:
@@ -127,7 +127,9 @@ class Step(Equations):
                 tile["sine", first, link], tile["cosine", first, link] = known
             else:
                 known = tile["sine", its, link], tile["cosine", its, link]
-            moved = near(moved, *known, turn - tile["turn", its, link] if other else turn, most)
+            moved = near_turn(
+                moved, *known, turn - tile["turn", its, link] if other else turn, most
+            )
             tile["turn", mine, link] = turn  # stored, so that all uses are rounded alike
             if index in beside:
                 tile["sine", mine, link], tile["cosine", mine, link] = sine_cosine(moved)
@@ -177,7 +179,7 @@ class Step(Equations):
     def classify(self, tile: Memory) -> None:
         """Accept or reject ordinary steps; mark possible events and reached time limits."""
         h, error, event = tile["h"], tile["error"], tile["event"]
-        factor = growth(error, self.pair.error_order + 1)
+        factor = step_growth(error, self.pair.error_order + 1)
         rest = tile["end"] - tile["time"]
         alert = (
             self._fallen(tile)
@@ -317,7 +319,7 @@ class Step(Equations):
         return alert
 
 
-def growth(error: Expression, order: int) -> Expression:
+def step_growth(error: Expression, order: int) -> Expression:
     """Return the factor to the next step length, from a step's error over the tolerance."""
     factor = SAFETY * inverse_root(error, order)
     factor = choose(factor < FASTEST, factor, FASTEST)

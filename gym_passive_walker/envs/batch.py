@@ -22,7 +22,7 @@ from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
 from gym_passive_walker.envs.interface import observation_space, refuse
 from gym_passive_walker.envs.one_thread import Token
-from gym_passive_walker.gaits.scenes.rewards import RULES
+from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS
 from gym_passive_walker.gaits.scenes.rules import ENERGIES, proportion
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError
 from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts, as_recorded, checked_state
@@ -31,7 +31,7 @@ from gym_passive_walker.models.equations.systems import UNEVEN, bodies, kind_of,
 from gym_passive_walker.models.units import proportions
 from gym_passive_walker.models.walkers import Walker, state_size
 
-OPTIONS = ("state", "slope")
+RESET_OPTIONS = ("state", "slope")
 """Options of `reset`."""
 
 _SHARED_FROM = 2048  # smallest batch for several threads
@@ -129,7 +129,7 @@ class Batch:
         self.scene, self.count, self.token = scene, count, Token()
         self._given = {"walkers": walkers, "slopes": slopes, "step_limit": step_limit}
         self.observation_size = observation_space(scene).shape[0]
-        has_rules = scene.own_system is not None or any(getattr(scene, name) for name in RULES)
+        has_rules = scene.own_system is not None or any(getattr(scene, name) for name in FUNCTIONS)
         self.custom = Custom(scene, count) if has_rules else None
         # The default observation, if the user's function returns another one.
         self._plain: NDArray[np.float32] | None = None
@@ -299,7 +299,7 @@ class Batch:
         """Return the random numbers of some walkers' starts, (lanes, DRAWS)."""
         draws = np.empty((len(where), DRAWS))
         self.entry_point.draw_from(self.randoms)
-        ticks.draw(self.entry_point.address, where, draws)
+        ticks.draw_numbers(self.entry_point.address, where, draws)
         return draws
 
     def _slopes(self, where: NDArray, shares: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -566,7 +566,7 @@ class Batch:
     @property
     def over(self) -> NDArray[np.bool_]:
         """Whether the episode of each walker has ended, (count,)."""
-        return saved.over(self.ledger)
+        return saved.over_in(self.ledger)
 
     @property
     def states(self) -> NDArray[np.float64]:

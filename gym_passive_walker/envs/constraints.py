@@ -66,9 +66,9 @@ def hooks(name: str, *, pushed: bool, watched: bool) -> tuple[NDArray, NDArray]:
     """
     system, pushes, looks = SYSTEMS[name], None, None
     if pushed:
-        pushes = compiled.kept(f"{name}-pushed", lambda: push_code(system, Module()))
+        pushes = compiled.kept_code(f"{name}-pushed", lambda: push_code(system, Module()))
     if watched:
-        looks = compiled.kept(f"{name}-watched", lambda: look_code(system, Module()))
+        looks = compiled.kept_code(f"{name}-watched", lambda: look_code(system, Module()))
     return equipped(system, compiled.compiled(name), pushes, looks)
 
 
@@ -161,7 +161,7 @@ def _ratio(back: Any, up: Any) -> Any:
 def _look(system: System, phase: Phase, record: Memory, body: Memory) -> None:
     """Write the readings for the present state of a walker."""
     constants, state = compiled.constants_of(system, body), State(*record.entries("state"))
-    control, ground = Control(*record.entries("control")), compiled.ground_of(system, record)
+    control, ground = Control(*record.entries("control")), compiled.recorded_ground(system, record)
     found = phase.accelerations(constants, state, control, ground)
     turns = [found[min(link, phase.links - 1)] for link in range(3)]
     back, up, stance_knee, _ = borne(constants, state, turns, control, ground)
@@ -176,7 +176,10 @@ def _before(system: System, outcome: Outcome, record: Memory, body: Memory) -> N
     state = State(*record.entries("state"))
     velocity: tuple[Any, Any] = (0.0, 0.0)
     if outcome == Outcome.HEELSTRIKE:
-        constants, ground = compiled.constants_of(system, body), compiled.ground_of(system, record)
+        constants, ground = (
+            compiled.constants_of(system, body),
+            compiled.recorded_ground(system, record),
+        )
         push_off: Any = 0.0
         if "push_off" not in system.absent:
             push_off = record["push_off"]

@@ -11,7 +11,7 @@ from gym_passive_walker.envs import transitions
 from gym_passive_walker.envs.rule import Rule
 from gym_passive_walker.envs.transitions import Transition, note_for
 from gym_passive_walker.envs.views import of_notes, shape_of
-from gym_passive_walker.gaits.scenes.rewards import RULES, Weighted, rule_of
+from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, Weighted, rule_of
 
 
 def everything(step: Transition) -> tuple[Any, ...]:
@@ -43,7 +43,7 @@ class Custom:
         self._shape = shape_of(scene)
         self.notes = np.zeros(count, note_for(self._shape.layout))
         self.rules: dict[str, Rule] = {}
-        given = {name: getattr(scene, name) for name in RULES}
+        given = {name: getattr(scene, name) for name in FUNCTIONS}
         if scene.own_system is not None and given["observation"] is None:
             commanded = scene.command is not None
             given["observation"] = everything_and_command if commanded else everything

@@ -92,7 +92,7 @@ def like(given: Any, name: str, own: NDArray) -> NDArray:
     return array
 
 
-def over(ledger: NDArray) -> NDArray[np.bool_]:
+def over_in(ledger: NDArray) -> NDArray[np.bool_]:
     """Return whether the episode of each walker has ended, (count,)."""
     return (ledger["ending"] != 0) | (ledger["truncated"] != 0)
 
@@ -350,7 +350,7 @@ def check_arrays(
         StateError: if a number is outside its limits, or contradicts another one.
     """
     here, ledger = found["records"][:, 0], found["ledger"]
-    going = ~over(ledger) & begun
+    going = ~over_in(ledger) & begun
     for name, limit in limits.items():
         limit.check(here if name == "records" else found[name], going)
     moves = (here["outcome"] == 0) | (here["outcome"] == int(Outcome.HEELSTRIKE))

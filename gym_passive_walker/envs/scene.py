@@ -1,4 +1,4 @@
-"""Door to `gaits.scenes.scene`: named tasks, and tasks of one's own."""
+"""Public names of `gaits.scenes.scene`: named tasks, and tasks of one's own."""
 
 from gym_passive_walker.gaits.scenes.scene import (
     CONTROLS,

@@ -248,7 +248,7 @@ def end_stride(record, row, rules):
 
 
 @jitted
-def progress(record, row):
+def count_progress(record, row):
     """Add the distance of the hip in this step to the accounts of stride and episode."""
     came = record.passed if record.outcome == _HEELSTRIKE else record.place
     row.distance = distance_of(row.ending != 0, came - row.place, row.progress)
@@ -282,7 +282,7 @@ def finish_step(
             row.outcome = row.violated
         struck = row.outcome == _HEELSTRIKE
         row.ending = row.outcome if ends_episode(row.outcome) else 0
-        progress(record, row)
+        count_progress(record, row)
         row.energy = 0.0
         charge(record, row, rules)
         row.episode_energy += row.energy

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from gym_passive_walker.engine.compiled import PHASE
 from gym_passive_walker.engine.jit import (
     Kernel,
+    draw_uniform,
     entry,
     inlined,
     jitted,
     merged,
     named,
     stack,
-    uniform,
     view,
 )
 from gym_passive_walker.engine.lanes import RESTING
@@ -41,9 +41,9 @@ from gym_passive_walker.envs import disturbance_kernels, task, transitions
 from gym_passive_walker.envs.constraints import HOOK
 from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.disturbance_kernels import DISTURBANCE, SETTINGS
-from gym_passive_walker.envs.transitions import TIME_LIMIT, note_for
+from gym_passive_walker.envs.transitions import TIMED_OUT, note_for
 from gym_passive_walker.gaits.scenes.scene import Scene
-from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts, interpolate
+from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts, interpolate_states
 
 STAYS = (
     "records", "bodies", "radii", "ledger", "rules", "phases", "options", "tiles", "histories",
@@ -52,7 +52,7 @@ STAYS = (
 )  # fmt: skip
 """Arrays of a batch that are allocated once; those that its scene does not need are empty."""
 
-PLACES = np.dtype(
+ADDRESSES = np.dtype(
     [(name, "i8") for name in STAYS]
     + [(f"of_{name}", "i8") for name in STAYS]  # number of entries of each
     + [("constants", "i8"), ("low", "f8"), ("high", "f8"), ("reset_noise_scale", "f8")]
@@ -74,11 +74,11 @@ _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)
 @jitted
 def fill(where, lanes, draws):
     """Implement `draw` for compiled callers."""
-    here = view(where, (1,), PLACES)[0]
+    here = view(where, (1,), ADDRESSES)[0]
     generators = view(here.generators, (here.of_generators,), _WORD)
     for j in range(len(lanes)):
         for k in range(DRAWS):
-            draws[j, k] = uniform(generators[lanes[j]])
+            draws[j, k] = draw_uniform(generators[lanes[j]])
 
 
 @jitted
@@ -90,7 +90,7 @@ def clear(place, count):
 
 
 @Kernel
-def draw(where, lanes, draws):
+def draw_numbers(where, lanes, draws):
     """Draw the random numbers of some walkers' starts, (lanes, DRAWS)."""
     fill(where, lanes, draws)
 
@@ -128,7 +128,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     @within(inlined)
     def found(where, first, last):
         """Return the addresses at `where`, and arrays of walkers from `first` to before `last`."""
-        places = view(where, (1,), PLACES)
+        places = view(where, (1,), ADDRESSES)
         here = places[0]
         records = view(here.records, (here.of_records, 1), record)[first:last]
         bodies = view(here.bodies, (here.of_bodies, 1, here.constants), _NUMBER)
@@ -159,7 +159,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     @within(merged)
     def begin_few(where, lanes, observations):
         """Begin episodes of at most FEW walkers, at slopes and gaits of the `EntryPoint`."""
-        here, count = view(where, (1,), PLACES)[0], len(lanes)
+        here, count = view(where, (1,), ADDRESSES)[0], len(lanes)
         slopes = view(stack(FEW), (count,), _NUMBER)
         draws = view(stack(drawn), (count, DRAWS), _NUMBER)
         fill(where, lanes, draws)
@@ -171,7 +171,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         gaits = view(here.states, (here.of_states, size), _NUMBER)
         if len(nodes) > 1:
             states, gaits = gaits, view(stack(numbers), (count, size), _NUMBER)
-            interpolate(nodes, states, slopes, gaits)
+            interpolate_states(nodes, states, slopes, gaits)
         begin_near(where, lanes, slopes, gaits, draws, observations)
         if custom:
             _, records, _, ledger, phases = found(where, 0, _ALL)
@@ -258,7 +258,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     @within(Kernel)
     def step_here(where):
         """Step a single walker; results go to the arrays of the batch."""
-        here = view(where, (1,), PLACES)[0]
+        here = view(where, (1,), ADDRESSES)[0]
         return tick(
             where, 0, 1, here.tiles, here.histories,
             view(here.observations, (here.of_observations,), _SINGLE),
@@ -280,7 +280,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
             measures: Zeros, (entries, count); filled with EVERY_STRIDE of each walker that ends a
                 stride.
         """
-        here, first = view(where, (1,), PLACES)[0], len(steps)
+        here, first = view(where, (1,), ADDRESSES)[0], len(steps)
         ledger = view(here.ledger, (here.of_ledger,), ledger_of)
         words = view(here.ledger, (here.of_ledger, row_words), _NUMBER)  # EVERY_STEP, EVERY_STRIDE
         for i in range(len(ledger)):
@@ -292,7 +292,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
                 for k in range(len(measures)):
                     measures[k, i] = words[i, first + k]
             if ledger[i].truncated != 0 and ledger[i].ending == 0:
-                outcome = TIME_LIMIT
+                outcome = TIMED_OUT
             counts[1, i] = outcome if asked[i] else 0
 
     return Kernels(begin, begin_alike, step, step_here, write_info)
@@ -334,7 +334,7 @@ class EntryPoint:
         self.results = np.zeros(count), np.zeros(count, bool), np.zeros(count, bool)
         self._randoms: list[np.random.Generator] | None = None
         self._kept: dict[str, NDArray] = {}
-        self._places = np.zeros(1, PLACES)
+        self._places = np.zeros(1, ADDRESSES)
         self._places["reset_noise_scale"] = scene.reset_noise_scale
         self._places["constants"] = arrays["bodies"].shape[-1]
         self._places["delay"] = scene.action_delay

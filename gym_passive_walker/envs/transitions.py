@@ -20,7 +20,7 @@ from gym_passive_walker.models.equations.hybrid import Outcome
 STOPPED = len(Outcome) + len(CHECKS)
 """Outcome of an episode that the scene's own `terminated` ends."""
 
-TIME_LIMIT = STOPPED + 1
+TIMED_OUT = STOPPED + 1
 """Outcome, in `info` alone, of an episode that the time limit ends."""
 
 _HEELSTRIKE = int(Outcome.HEELSTRIKE)
@@ -185,7 +185,7 @@ def note_ledger(note, row, struck):
 
 
 @inlined
-def evaluate(ledger, notes, paid, ends, first, last):
+def evaluate_rules(ledger, notes, paid, ends, first, last):
     """Evaluate compiled functions for the walkers from `first` to before `last`."""
     if first < last:
         if paid != 0:
@@ -210,7 +210,7 @@ def after(
     for i in range(len(records)):
         record, row = records[i, 0], ledger[i]
         if record.outcome == RESTING:
-            evaluate(ledger, notes, paid, ends, first, i)
+            evaluate_rules(ledger, notes, paid, ends, first, i)
             first = i + 1
             continue
         if noted == 0:
@@ -242,7 +242,7 @@ def after(
             note.time = row.clock + record.time
             lost = row.collision_cost * row.step_length if struck else record.knee_loss
             note.collision_loss = lost - note.lost
-    evaluate(ledger, notes, paid, ends, first, len(records))
+    evaluate_rules(ledger, notes, paid, ends, first, len(records))
     if not at_once:
         return 0
     return enter(records, ledger, notes, paid != 0, ends != 0, rewards, terminated)

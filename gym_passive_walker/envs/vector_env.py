@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker._tools.arguments import KEPT, seed_number, shown, whole
 from gym_passive_walker._tools.extras import need
 from gym_passive_walker.envs import interface, saved, task
-from gym_passive_walker.envs.batch import OPTIONS, UNFINISHED, Batch
+from gym_passive_walker.envs.batch import RESET_OPTIONS, UNFINISHED, Batch
 from gym_passive_walker.envs.frames import frame
 from gym_passive_walker.envs.infos import Infos
 from gym_passive_walker.envs.one_thread import one_thread, refuse_second
@@ -129,7 +129,7 @@ class PassiveWalkerVectorEnv(
             ResetNeeded: if only some environments are selected, and all must be reset.
             RuntimeError: if another thread is using this environment.
         """
-        options = interface.reset_options(options, (*OPTIONS, "reset_mask"))
+        options = interface.reset_options(options, (*RESET_OPTIONS, "reset_mask"))
         lanes = np.arange(self.num_envs)
         if "reset_mask" in options:
             mask = self._checked_mask(options.pop("reset_mask"), "options['reset_mask']")
@@ -417,7 +417,7 @@ class PassiveWalkerVectorEnv(
         """
         found = self.batch.checked(state, begun=(), ended=(self.num_envs,))
         begun, ended = bool(found["begun"]), found["ended"]
-        if begun and not np.array_equal(ended, saved.over(found["ledger"])):
+        if begun and not np.array_equal(ended, saved.over_in(found["ledger"])):
             raise saved.StateError("the state's 'ended' and its ledger differ in which ended")
         if not self.batch.randoms:
             seed_randoms(self.batch, None, range(self.num_envs))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gym_passive_walker._tools.arguments import seed_number
 from gym_passive_walker._tools.extras import need
 from gym_passive_walker.envs import interface, saved, task
-from gym_passive_walker.envs.batch import OPTIONS, Batch
+from gym_passive_walker.envs.batch import RESET_OPTIONS, Batch
 from gym_passive_walker.envs.frames import frame
 from gym_passive_walker.envs.interface import NO_STRIDE
 from gym_passive_walker.envs.one_thread import one_thread, refuse_second
@@ -309,7 +309,7 @@ class PassiveWalkerEnv(
         if self.np_random not in self.batch.randoms:
             self.batch.randoms = [self.np_random]
         observation = np.empty(self.batch.observation_size, np.float32)
-        self.batch.start((0,), observation, interface.reset_options(options, OPTIONS))
+        self.batch.start((0,), observation, interface.reset_options(options, RESET_OPTIONS))
         self._ready, self.batch.unfinished = True, False
         self._between = NO_STRIDE.copy()
         if self.render_mode == "human":
@@ -495,7 +495,7 @@ class PassiveWalkerEnv(
         """
         found = self.batch.checked(state, ready=())
         ready = bool(found["ready"])
-        if ready and saved.over(found["ledger"]).any():
+        if ready and saved.over_in(found["ledger"]).any():
             raise saved.StateError("the state is 'ready', and its episode has ended")
         if not self.batch.randoms:
             self.batch.randoms = [self.np_random]

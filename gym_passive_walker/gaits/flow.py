@@ -66,7 +66,7 @@ Entry = str | tuple[str, int]
 """A number of a record: a field, or a field and an index in it."""
 
 
-class Report(NamedTuple):
+class Reported(NamedTuple):
     """The numbers that are reported of a walker, its state first.
 
     Attributes:
@@ -81,17 +81,17 @@ class Report(NamedTuple):
     at: dict[Entry, int]
 
 
-def report_of(system: System) -> Report:
+def report_of(system: System) -> Reported:
     """Return what is reported of the walkers of a system."""
     return _report(system.coordinates, len(system.works), layout_of(system).links)
 
 
 @lru_cache
-def _report(coordinates: int, controls: int, room: int) -> Report:
+def _report(coordinates: int, controls: int, room: int) -> Reported:
     states = [("state", i + part) for part in (0, room) for i in range(coordinates)]
     angles = [(name, j) for name in ("moved", "turned") for j in range(controls)]
     entries: tuple[Entry, ...] = (*states, *MEASURES, *angles)
-    return Report(entries, len(states), {entry: place for place, entry in enumerate(entries)})
+    return Reported(entries, len(states), {entry: place for place, entry in enumerate(entries)})
 
 
 @lru_cache
@@ -118,7 +118,7 @@ def rows_of(records: NDArray, entries: tuple[Entry, ...]) -> NDArray[np.float64]
     return rows
 
 
-class Tangents(NamedTuple):
+class FlowTangents(NamedTuple):
     """Variables of k tangents, and the changes of inputs along each.
 
     Attributes:
@@ -134,11 +134,11 @@ class Tangents(NamedTuple):
     inputs: tuple[tuple[str, Any, NDArray[np.float64]], ...] = ()
 
 
-_NONE = Tangents((), np.empty((0, _SIZE)), np.empty(0))
+_NONE = FlowTangents((), np.empty((0, _SIZE)), np.empty(0))
 
 
 @lru_cache
-def _tangents(walker: Walker, by: tuple[str, ...], directions: int | None = None) -> Tangents:
+def _tangents(walker: Walker, by: tuple[str, ...], directions: int | None = None) -> FlowTangents:
     """Tangents by name; of "point" as many as directions are given, else one a coordinate."""
     section = Section(walker=walker)
     size = section.size
@@ -164,7 +164,7 @@ def _tangents(walker: Walker, by: tuple[str, ...], directions: int | None = None
         ("start", (..., slice(size // 2)), began),
         ("end", ..., by_each("end").ravel()),
     )
-    return Tangents(
+    return FlowTangents(
         names, np.concatenate([np.zeros((0, size)), *states]), by_each("slope").ravel(),
         tuple(entry for entry in inputs if entry[2].any()),
     )  # fmt: skip
@@ -260,7 +260,7 @@ class Flow:
 
     walkers: Walkers
     system: System
-    tangents: Tangents
+    tangents: FlowTangents
     bodies: NDArray
     records: NDArray
     began: Callable[[], NDArray] | None
@@ -365,7 +365,7 @@ class Flow:
         states = states_in(record, self.system.coordinates)
         phase, ground = self.system.phases[record["phase"][0]], Ground(*record["ground"].T)
         bodies, held = verge.bodies[:, 0], record["control"]
-        turns = accelerations(self.system, phase, bodies, states, held, ground)
+        turns = accelerations_at(self.system, phase, bodies, states, held, ground)
         moving = np.concatenate([np.split(states, 2, axis=1)[1], turns], axis=1)
         ahead = self.system.State(*complex_step(states, moving).T)
         body = self.system.Body(*bodies.T)
@@ -519,7 +519,7 @@ def go_on(
     return Flow(walkers, system, tangents, bodies, walked, lambda: records, on_section).integrate()
 
 
-def _tangents_by(walkers: Walkers, by: Sequence[str], along: NDArray | None = None) -> Tangents:
+def _tangents_by(walkers: Walkers, by: Sequence[str], along: NDArray | None = None) -> FlowTangents:
     """Tangents by name, with changes of the states (n, 6, k) if they are given."""
     if along is None:
         return _tangents(walkers.walker, tuple(by))
@@ -528,7 +528,7 @@ def _tangents_by(walkers: Walkers, by: Sequence[str], along: NDArray | None = No
     return tangents._replace(states=along.swapaxes(1, 2))
 
 
-def _seed(records: NDArray, tangents: Tangents) -> None:
+def _seed(records: NDArray, tangents: FlowTangents) -> None:
     """Write the changes along tangents into the planes behind records, (n, 1 + k)."""
     changes = records[:, 1:]  # zero but for what is written here, which takes as long as walking
     if "state" in tangents.names or "point" in tangents.names:
@@ -544,7 +544,7 @@ def ground_changes(ground: NDArray, slopes: NDArray) -> NDArray[np.float64]:
     return slopes[:, None] * (ground[:, None, ::-1] * [1.0, -1.0])
 
 
-def accelerations(
+def accelerations_at(
     system: System,
     phase: Phase,
     bodies: NDArray,

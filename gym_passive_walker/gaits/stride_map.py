@@ -28,7 +28,7 @@ from gym_passive_walker.gaits.flow import (
     STATE_BEFORE,
     Flow,
     Walkers,
-    accelerations,
+    accelerations_at,
     flow,
     states_in,
 )
@@ -549,7 +549,7 @@ class StrideMap(Section):
         phase = next(phase for phase in self.system.phases if phase.stage == stages[0])
         ground = Ground(np.sin(here), np.cos(here))
         bodies = self.walkers.constants[:, 0]
-        change = left * accelerations(self.system, phase, bodies, states, controls, ground)[0]
+        change = left * accelerations_at(self.system, phase, bodies, states, controls, ground)[0]
         angles, rates = np.split(states[0], 2)
         return np.concatenate([angles + (rates + 0.5 * change) * left, rates + change])
 

@@ -270,7 +270,7 @@ def _row(values: Any, name: str, limit: float) -> tuple[float, ...]:
 
 
 @Kernel
-def foothold(table, spread, key, place):
+def _foothold(table, spread, key, place):
     """Return the rise from a foothold to the next (leg lengths), and the foothold's slope (rad).
 
     Args:
@@ -293,8 +293,8 @@ def foothold(table, spread, key, place):
 @Kernel
 def ground_at(table, spread, key, place):
     """Return a foothold's slope, and the rise (leg lengths) and the slope change to the next."""
-    rise, slope = foothold(table, spread, key, place)
-    return slope, rise, foothold(table, spread, key, place + 1)[1] - slope
+    rise, slope = _foothold(table, spread, key, place)
+    return slope, rise, _foothold(table, spread, key, place + 1)[1] - slope
 
 
 @Kernel

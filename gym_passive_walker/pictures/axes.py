@@ -81,11 +81,11 @@ def panels(
     figure = new(figsize=size, layout="constrained")  # this layout leaves room for legends
     axes = list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
     for each in axes:
-        plain(each)
+        _bare(each)
     return figure, axes
 
 
-def plain(ax: Axes) -> None:
+def _bare(ax: Axes) -> None:
     """Hide the top and right borders, and shrink the tick labels."""
     ax.spines[["top", "right"]].set_visible(False)
     ax.tick_params(labelsize="small")

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.models.walkers import Walker
 from gym_passive_walker.pictures.axes import BLACK, GREY, OWN, VERMILION, panels
 from gym_passive_walker.pictures.pose import level, pose
-from gym_passive_walker.pictures.strobe import LEGS, ground
+from gym_passive_walker.pictures.strobe import LEG_COLOURS, ground
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +34,7 @@ def walker_diagram() -> Figure:
     posture = pose(SHOWN, [_STANCE, _THIGH, _SHANK, 0.0, 0.0, 0.0])
     ground(ax, (-0.5, 1.15), _SLOPE, 1.0)
     hip = level(posture.hip, _SLOPE)
-    for leg, colour in ((posture.stance, LEGS[0]), (posture.swing, LEGS[1])):
+    for leg, colour in ((posture.stance, LEG_COLOURS[0]), (posture.swing, LEG_COLOURS[1])):
         knee, tip, sole = (level(part, _SLOPE) for part in (leg.knee, leg.tip, leg.sole))
         ax.plot(*np.array([hip, knee, tip]).T, color=colour, linewidth=2.5)
         ax.plot(*sole.T, color=colour, linewidth=2.0)

@@ -39,7 +39,7 @@ from gym_passive_walker.pictures.axes import (
     series,
 )
 from gym_passive_walker.pictures.diagram import walker_diagram
-from gym_passive_walker.pictures.plots import MEASURES, draw_family, family_key
+from gym_passive_walker.pictures.plots import PLOTTED, draw_family, family_key
 from gym_passive_walker.pictures.portrait import both
 from gym_passive_walker.pictures.strobe import strobe
 
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _ANGLE, _SPEED = "stance_angle", "froude_speed"
-_KINDS: tuple[tuple[GaitKind, float], ...] = (("long", 1.8), ("short", 0.9))
+_WIDTHS: tuple[tuple[GaitKind, float], ...] = (("long", 1.8), ("short", 0.9))
 
 
 def families(walker: Walker, low: float, high: float, looks: int = 8) -> list[GaitFamily]:
@@ -95,7 +95,7 @@ def transition(by: str = _ANGLE) -> Figure:
             ratio**1.5, color=colour, linewidth=0.4 * width, linestyle=":",
             label=f"{name}, (foot mass / hip mass)$^{{3/2}}$",
         )  # fmt: skip
-    ax.set(xscale="log", yscale="log", xlabel=SLOPE, ylabel=MEASURES[by])
+    ax.set(xscale="log", yscale="log", xlabel=SLOPE, ylabel=PLOTTED[by])
     legend(ax)
     return figure
 
@@ -145,7 +145,7 @@ def tuned_families(by: str = _ANGLE) -> Figure:
     """Figs. 4.9 and 4.13: five walkers with gaits at vanishing slope, on linear and log axes."""
     figure, axes = panels(1, 2, (9.6, 5.4))
     for index, name in enumerate("ABCDE"):
-        for kind, width in _KINDS:
+        for kind, width in _WIDTHS:
             family = gait_family(tune(WALKERS[name]), 1e-5, 0.1, kind)
             value = family.columns()[by]
             style = {**series(index), "linewidth": width, "markersize": 4.5}
@@ -158,7 +158,7 @@ def tuned_families(by: str = _ANGLE) -> Figure:
                 label = f"{name}, {kind} step"
                 ax.plot(family.slope, value, label=label, markevery=marked, **style)
     for ax in axes:
-        ax.set(xlabel=SLOPE, ylabel=MEASURES[by])
+        ax.set(xlabel=SLOPE, ylabel=PLOTTED[by])
     axes[1].set(xscale="log", yscale="log")
     handles, labels = axes[1].get_legend_handles_labels()
     style = {"frameon": False, "fontsize": "small"}
@@ -266,7 +266,7 @@ FIGURES: dict[str, Plate] = {
 Figs. 4.4 and 4.7 are sketches of definitions and Fig. 4.2 is a photograph; they are not computed.
 """
 
-KINDS = ("png", "svg", "pdf")
+_KINDS = ("png", "svg", "pdf")
 """File formats of figures."""
 
 
@@ -289,8 +289,8 @@ def draw(name: str, folder: str | Path, kind: str = "png") -> Path:
             f"no figure {name!r}{near(name, FIGURES)}: choose from {', '.join(FIGURES)}"
         )
     need("matplotlib", "figures")
-    if kind not in KINDS:
-        raise ValueError(f"no kind of file {kind!r}: choose from {', '.join(KINDS)}")
+    if kind not in _KINDS:
+        raise ValueError(f"no kind of file {kind!r}: choose from {', '.join(_KINDS)}")
     path = Path(folder) / f"figure-{name}.{kind}"
     path.parent.mkdir(parents=True, exist_ok=True)
     save(FIGURES[name].draw(), path, FIGURES[name].caption)

@@ -100,7 +100,7 @@ def height(surface: NDArray[np.float64], x: NDArray[np.float64] | float) -> NDAr
     return np.asarray(np.interp(x, surface[:, 0], surface[:, 1]))
 
 
-def between(surface: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
+def part_between(surface: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
     """The part of a surface between two x, shape (k, 2); the surface is level beyond its ends."""
     inner = surface[(surface[:, 0] > low) & (surface[:, 0] < high)]
     first, last = ([[x, float(height(surface, x))]] for x in (low, high))

@@ -44,7 +44,7 @@ from gym_passive_walker.pictures.strobe import strobe
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MEASURES = {
+PLOTTED = {
     "stance_angle": ANGLE,
     "froude_speed": SPEED,
     "largest_multiplier": "modulus of the largest multiplier",
@@ -89,8 +89,8 @@ def draw_family(
     Raises:
         ValueError: if `by` is not one of `MEASURES`.
     """
-    if by not in MEASURES:
-        raise ValueError(f"a family is drawn by {', '.join(MEASURES)}, not by {by!r}")
+    if by not in PLOTTED:
+        raise ValueError(f"a family is drawn by {', '.join(PLOTTED)}, not by {by!r}")
     value = family.stance_angle if by == "stance_angle" else family.columns()[by]
     style = {"color": BLUE, "solid_capstyle": "butt", **style}
     ax.plot(family.value, value, label=label or None, **{"linewidth": LIGHT, **style})
@@ -112,7 +112,7 @@ def draw_family(
     for marker, places in marks:
         where = np.interp(places, along, family.value), np.interp(places, along, value)
         ax.plot(*where, marker, fillstyle="none", **point)
-    ax.set(xlabel=varied_label(family.parameter), ylabel=MEASURES[by])
+    ax.set(xlabel=varied_label(family.parameter), ylabel=PLOTTED[by])
 
 
 def varied_label(parameter: str) -> str:

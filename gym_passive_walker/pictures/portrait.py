@@ -27,14 +27,14 @@ from gym_passive_walker.pictures.axes import (
     picture_path,
     save,
 )
-from gym_passive_walker.pictures.strobe import LEGS
+from gym_passive_walker.pictures.strobe import LEG_COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TIME, ANGLES, RATES = "time t / √(l/g)", "angle θ (rad)", "rate dθ/dt / √(g/l)"
 
-PARTS = (("stance leg", BLUE, "-"), ("swing thigh", VERMILION, (0, (5, 1.5))),
+ANGLE_STYLES = (("stance leg", BLUE, "-"), ("swing thigh", VERMILION, (0, (5, 1.5))),
          ("swing shank", GREEN, (0, (1, 1))))  # fmt: skip
 """Name, colour and dash of each angle of a state."""
 
@@ -50,7 +50,11 @@ def parts_of(walker: Walker, names: Sequence[str] = ()) -> list[tuple[str, str, 
             (name, colours[i % 3], _DASHES[(i + i // 3) % 3])
             for i, name in enumerate(name.replace("_", " ") for name in names)
         ]
-    return list(PARTS) if walker.knees else [PARTS[0], ("swing leg", *PARTS[1][1:])]
+    return (
+        list(ANGLE_STYLES)
+        if walker.knees
+        else [ANGLE_STYLES[0], ("swing leg", *ANGLE_STYLES[1][1:])]
+    )
 
 
 def _by_leg(walk: Trajectory) -> NDArray[np.float64]:
@@ -79,7 +83,7 @@ def angles_over_time(ax: Axes, walk: Trajectory) -> None:
         for leg, name in enumerate(("first stance leg", "other leg")):
             for segment, part in enumerate(segments):
                 ax.plot(
-                    times, angles[:, leg, segment], label=name + part, color=LEGS[leg],
+                    times, angles[:, leg, segment], label=name + part, color=LEG_COLOURS[leg],
                     linewidth=(1.8, 1.1)[leg], linestyle=("-", (0, (4.0, 1.2)))[segment],
                 )  # fmt: skip
     knees = np.setdiff1d(walk.struck, heels)

@@ -15,7 +15,7 @@ from gym_passive_walker._tools.extras import extra
 from gym_passive_walker.models.walkers import Mechanism, WalkerLike, as_any, state_size
 from gym_passive_walker.pictures import colours
 from gym_passive_walker.pictures.brush import Brush
-from gym_passive_walker.pictures.ground import between, height
+from gym_passive_walker.pictures.ground import height, part_between
 from gym_passive_walker.pictures.pose import Leg, Pose, legs_by_identity, pose
 
 if TYPE_CHECKING:
@@ -325,7 +325,7 @@ class Screen:
         brush, length, seen = self._brush, self.walker.leg_length, self.seen
         middle, floor = brush.camera
         ends = middle + seen * np.array([-1.0, 1.0])
-        surface = brush.at(between(profile, *ends))
+        surface = brush.at(part_between(profile, *ends))
         deep = brush.at(np.column_stack([ends[::-1], [floor - seen] * 2]))
         brush.polygon([*surface, *deep], colours.GROUND)
         pitch = length / _MARKS

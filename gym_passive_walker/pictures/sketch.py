@@ -11,7 +11,7 @@ from gym_passive_walker._tools.shown import picture
 from gym_passive_walker.models.walkers import Walker, name_of
 from gym_passive_walker.pictures.axes import BLACK, GREY, axes_for, legend
 from gym_passive_walker.pictures.pose import Leg, pose
-from gym_passive_walker.pictures.strobe import LEGS, ground
+from gym_passive_walker.pictures.strobe import LEG_COLOURS, ground
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,7 +29,7 @@ def _walker(walker: Walker, ax: Axes | None = None) -> Axes:
     ax = axes_for(ax, (4.6, 4.8))
     ground(ax, (-0.6 * length, 0.9 * length), 0.0, length)
     for leg, colour, name in (
-        (posture.swing, LEGS[1], "swing leg"), (posture.stance, LEGS[0], "stance leg")
+        (posture.swing, LEG_COLOURS[1], "swing leg"), (posture.stance, LEG_COLOURS[0], "stance leg")
     ):  # fmt: skip
         line = np.vstack([posture.hip, leg.knee, leg.tip])
         ax.plot(*line.T, color=colour, linewidth=2.5, solid_capstyle="round", label=name)

@@ -29,7 +29,7 @@ from gym_passive_walker.pictures.axes import (
     picture_path,
     save,
 )
-from gym_passive_walker.pictures.ground import between, ground_under, height
+from gym_passive_walker.pictures.ground import ground_under, height, part_between
 from gym_passive_walker.pictures.pose import Leg, Pose, legs_by_identity, level, pose
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     Path = str | PathLike[str]
 
-LEGS = tuple(colours.unit(colour) for colour in colours.LEGS)
+LEG_COLOURS = tuple(colours.unit(colour) for colour in colours.LEGS)
 """Colours of the stance leg of the first stride, and of the other leg."""
 
 GROUND, LINE, HIP = (
@@ -215,12 +215,14 @@ def strobe_of(
     for drawn, heavy in zip(lines, struck, strict=False):
         for line in drawn:
             ax.plot(
-                *level(line, slope).T, color=LEGS[0], solid_capstyle="round",
+                *level(line, slope).T, color=LEG_COLOURS[0], solid_capstyle="round",
                 linewidth=2.0 if heavy else 1.0, alpha=1.0 if heavy else _FAINT,
             )  # fmt: skip
     for index in range(len(states) if not lines else 0):
         own = pose(walker, states[index], x[index], y[index], tilts[index])
-        for leg, colour in zip(legs_by_identity(own, int(strides[index])), LEGS, strict=True):
+        for leg, colour in zip(
+            legs_by_identity(own, int(strides[index])), LEG_COLOURS, strict=True
+        ):
             stands = leg is own.stance and not struck[index]
             width, alpha = (2.0, 1.0) if struck[index] else (1.0, _FAINT if stands else 0.9)
             _leg(ax, own, leg, slope, not stands, color=colour, linewidth=width, alpha=alpha)
@@ -228,7 +230,7 @@ def strobe_of(
         hips = level(posture.hip, slope)
         ax.plot(*hips.T, "-", color=HIP, linewidth=0.6, zorder=2.5)
         ax.plot(*hips.T, "o", color=HIP, markersize=3.0, zorder=3, label="hip")
-        for colour, label in zip(LEGS, ("leg that stands first", "other leg"), strict=True):
+        for colour, label in zip(LEG_COLOURS, ("leg that stands first", "other leg"), strict=True):
             ax.plot([], [], color=colour, linewidth=1.6, label=label)
     if len(kneestrikes := np.reshape(kneestrikes, (-1, 3, 2))):
         # Kneestrikes fall between flashes: without the leg, the mark would stand alone.
@@ -263,7 +265,7 @@ def ground(
 ) -> None:
     """Draw the ground, with a numbered mark every half leg length."""
     flat = np.column_stack([span, np.zeros(2)])
-    line = flat if surface is None else between(np.asarray(surface), *span)
+    line = flat if surface is None else part_between(np.asarray(surface), *span)
     shown = level(line, slope)
     floor = shown[:, 1].min() - 0.2 * length
     ax.fill_between(shown[:, 0], shown[:, 1], floor, color=GROUND, linewidth=0.0)

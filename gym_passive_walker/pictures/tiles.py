@@ -16,11 +16,11 @@ _LARGEST, _SMALLEST = 800, 160  # widths in pixels of tiles, which have the aspe
 
 def tile_size(count: int) -> tuple[int, int]:
     """Width and height in pixels, both even, of each of `count` frames in one picture."""
-    width = min(_LARGEST, max(_SMALLEST, _WIDTH // columns_of(count)))
+    width = min(_LARGEST, max(_SMALLEST, _WIDTH // tile_columns(count)))
     return width // 2 * 2, width * 9 // 32 * 2
 
 
-def columns_of(count: int) -> int:
+def tile_columns(count: int) -> int:
     """Number of columns in a picture of `count` frames; about the number of rows."""
     return math.ceil(math.sqrt(count))
 
@@ -43,7 +43,7 @@ def tiled(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
     if len(shapes) != 1:
         raise ValueError(f"frames must be one or more of one shape, not of shapes {shapes}")
     height, width, _ = shapes.pop()
-    columns = columns_of(len(frames))
+    columns = tile_columns(len(frames))
     rows = math.ceil(len(frames) / columns)
     picture = np.full((rows * height, columns * width, 3), colours.SKY, np.uint8)
     for index, frame in enumerate(frames):

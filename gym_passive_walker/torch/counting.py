@@ -11,7 +11,7 @@ from torch import Tensor
 from gym_passive_walker.envs.transitions import Transition
 from gym_passive_walker.envs.views import IN_PLACE
 from gym_passive_walker.gaits.scenes.checks import SceneError
-from gym_passive_walker.gaits.scenes.rewards import RULES, rule_of
+from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, rule_of
 
 _ARITHMETIC = frozenset(
     name
@@ -62,7 +62,7 @@ def check_alone(scene: Any, step: Transition) -> None:
         SceneError: if three walkers of a step together give other numbers than each alone.
     """
     few = each_tensor(step, lambda x: x[:3].detach())
-    for name in RULES:
+    for name in FUNCTIONS:
         function = getattr(scene, name) and rule_of(getattr(scene, name))
         if function is None:
             continue

@@ -21,7 +21,7 @@ from gym_passive_walker._tools.arguments import unknown
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.actuation import Actuation, check_actuation
 from gym_passive_walker.gaits.control.ticks import hold, inputs_of
-from gym_passive_walker.gaits.flow import MIRRORED, Report, Walkers, go_on, new_records, report_of
+from gym_passive_walker.gaits.flow import MIRRORED, Reported, Walkers, go_on, new_records, report_of
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 from gym_passive_walker.models.equations.systems import UNEVEN, system_of
@@ -40,7 +40,7 @@ class Columns(NamedTuple):
             the differentiated parameters follow.
     """
 
-    report: Report
+    report: Reported
     controls: tuple[str, ...]
     inputs: dict[str, list[int]]
 

@@ -21,7 +21,7 @@ from gym_passive_walker.envs.transitions import STOPPED, Transition
 from gym_passive_walker.envs.vector_env import seed_randoms
 from gym_passive_walker.gaits.flow import states_in
 from gym_passive_walker.gaits.scenes import rules
-from gym_passive_walker.gaits.scenes.rewards import RULES, rule_of
+from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, rule_of
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene, undisturbed
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.systems import UNEVEN, system_of
@@ -281,7 +281,7 @@ def _ground(scene: Scene, here: RolloutState, ahead: int = 0) -> Tensor:
     return ground + torch.cat([slopes[places, lanes, None], changes[places, lanes]], 1)
 
 
-def observed(scene: Scene, here: RolloutState) -> Tensor:
+def _observed(scene: Scene, here: RolloutState) -> Tensor:
     """Return the observations of the environment in float64, (n, k)."""
     if scene.observation is not None:
         return _stacked(applied(scene.observation, here.last), here)
@@ -307,7 +307,7 @@ def _tick(
     Returns:
         Per-step fields of `Rollout` from `rewards` to `margins`, in order; and the final state.
     """
-    seen, going = observed(scene, here), here.going
+    seen, going = _observed(scene, here), here.going
     actions = as_tensor(policy(seen), "the policy's action")
     wanted = len(seen), len(scene.actions)
     if actions.shape != wanted and (actions.shape != wanted[:1] or wanted[1] > 1):
@@ -438,7 +438,7 @@ def _step(
 
 def _ruled(scene: Scene) -> bool:
     """Return whether a scene has functions of the user's own."""
-    return any(getattr(scene, name) is not None for name in RULES)
+    return any(getattr(scene, name) is not None for name in FUNCTIONS)
 
 
 def _works(scene: Scene) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ import train
 from agents import commands, envs, evaluation, files
 from agents.config import Config, ConfigError, configure, presets
 from agents.evaluation import evaluate_policy, write_evaluation, write_rows
-from gym_passive_walker.envs.evaluation.walks import table
+from gym_passive_walker.envs.evaluation.walks import score_table
 from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import Passive
 from gym_passive_walker.gaits.scenes.scene import make_scene
@@ -142,7 +142,7 @@ def test_an_evaluation_compares_the_policy_with_the_passive_walker_on_the_same_e
     assert [row["seeds"] for row in rows] == [7, 8, 9] * 2
     title = f"{envs.describe(config)}; 3 episodes"
     said = evaluation.in_words(config, walks, passive)
-    assert text == "\n".join([table(title, {"PPO": walks, "passive": passive}), *said])
+    assert text == "\n".join([score_table(title, {"PPO": walks, "passive": passive}), *said])
     assert said[0].startswith("With the policy, ")
     assert said[2].startswith("Without an actuator, ")
     write_evaluation(tmp_path, text, rows)

@@ -11,7 +11,7 @@ from agents.config import configure
 from agents.envs import training_envs
 from agents.evaluation import evaluate_policy, in_words, write_rows
 from agents.learner import LearnedPolicy, build, moments
-from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks, evaluate, table
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks, evaluate, score_table
 from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import Passive
 
@@ -57,7 +57,7 @@ def test_agents_that_never_step_can_be_summed_up():
 
 
 def test_the_table_puts_agents_side_by_side():
-    text = table("a title", {"PPO": made_up(), "passive": made_up(endings=["stalled"] * 3)})
+    text = score_table("a title", {"PPO": made_up(), "passive": made_up(endings=["stalled"] * 3)})
     lines = text.splitlines()
     assert lines[0] == "a title" and "PPO" in lines[2] and "passive" in lines[2]
     assert any("fell forward" in line and "2 of 3" in line and "0 of 3" in line for line in lines)
@@ -65,7 +65,7 @@ def test_the_table_puts_agents_side_by_side():
 
 
 def test_a_cost_is_that_of_walks_to_the_time_limit():
-    text = table("a title", {"PPO": made_up(), "passive": made_up(endings=["stalled"] * 3)})
+    text = score_table("a title", {"PPO": made_up(), "passive": made_up(endings=["stalled"] * 3)})
     (line,) = (line for line in text.splitlines() if line.startswith("cost of transport"))
     assert line.split()[-2:] == ["0.0200", "–"]
 

@@ -329,7 +329,7 @@ def test_saved_gaits_are_loaded_with_every_field(tmp_path, monkeypatch):
              on_edge=True, stubs=True),
         some(0.2, 1.0 / 3.0),
     ]  # fmt: skip
-    optimal.save(tmp_path / "ours.json", given)
+    optimal.save_gaits(tmp_path / "ours.json", given)
     assert [asdict(OptimalGait(**x)) for x in json.loads((tmp_path / "ours.json").read_text())] == [
         asdict(gait) for gait in given
     ]

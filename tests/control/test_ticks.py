@@ -255,7 +255,7 @@ def test_the_hip_s_way_and_work_in_a_tick_have_their_derivatives(name):
         outcome = walked.outcomes[0]
     assert outcome == Outcome.HEELSTRIKE and ticks > 5
     body, angles = body_of(walker), (start[0, 0], records["state"][0, 0, 0])
-    assert way == pytest.approx(-sum(legs.progress(body, angle) for angle in angles), rel=1e-12)
+    assert way == pytest.approx(-sum(legs.hip_travel(body, angle) for angle in angles), rel=1e-12)
 
 
 def test_a_strike_that_grazes_says_so():

@@ -242,7 +242,7 @@ def _bookkeeping():
 
 def _equations():
     """Names of the native code of equations."""
-    code = machinery.kept("simplest", lambda: machinery.written(simplest.SYSTEM))
+    code = machinery.kept_code("simplest", lambda: machinery.written(simplest.SYSTEM))
     assert code.get_function_address("place")
 
 

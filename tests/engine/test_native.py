@@ -542,7 +542,7 @@ def test_a_strike_does_to_a_record_what_is_stated(system, index, outcome):
         landed = legs.standing(body, before, ground)
         length = legs.step_length(body, first[0], landed.thigh, landed.stance, ground.slope_change)
         assert found["step_length"] == pytest.approx(length, rel=1e-12)
-        assert found["passed"] == pytest.approx(legs.progress(body, landed.stance), rel=1e-13)
+        assert found["passed"] == pytest.approx(legs.hip_travel(body, landed.stance), rel=1e-13)
         end = State(*landed[:3], 0, 0, 0)
         gain = system.potential_gain(body, State(*first, 0, 0, 0), end, ground)
         assert found["gravity_work"] == pytest.approx(-gain, rel=1e-11, abs=1e-15)
@@ -630,6 +630,6 @@ def test_a_hips_place_is_written_down(system):
     body, record = body_of(some_walker(rng, system)), np.zeros(1, RECORD)
     record["state"] = 0.3
     call(code["place"], record, np.array(body, dtype=float))
-    assert record["place"] == pytest.approx(legs.progress(body, 0.3), rel=1e-14)
+    assert record["place"] == pytest.approx(legs.hip_travel(body, 0.3), rel=1e-14)
     # A hip that turns forward about a foot on the ground is further on.
-    assert legs.progress(body, -0.3) > 0.0 > legs.progress(body, 0.3)
+    assert legs.hip_travel(body, -0.3) > 0.0 > legs.hip_travel(body, 0.3)

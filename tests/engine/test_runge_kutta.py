@@ -190,7 +190,7 @@ def test_errors_shrink_with_the_steps_as_the_orders_say(pair, coarse):
 
 def test_steps_grow_and_shrink_by_no_more_than_they_may():
     x = read({}, "error")
-    factor = step.growth(x, 8)
+    factor = step.step_growth(x, 8)
     assert float(evaluate(factor, {x: 1.0})) == step.SAFETY
     for error, bound in ((0.0, step.FASTEST), (1e30, step.SLOWEST)):
         assert float(evaluate(factor, {x: error})) == bound

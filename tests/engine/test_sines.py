@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gym_passive_walker.engine.sines import near
+from gym_passive_walker.engine.sines import near_turn
 from gym_passive_walker.models.equations.numbers import sine_cosine
 from gym_passive_walker.models.expressions import Tangents
 from tests.engine.machine import entries, evaluate, in_lanes
@@ -67,7 +67,7 @@ def test_sine_and_cosine_near_a_known_angle_are_as_right_as_far_as_they_are_to_b
 
         def added(turn, start=start):
             known = sine_cosine(turn.number(start))
-            return sine_cosine(near(start + turn, *known, turn, most))
+            return sine_cosine(near_turn(start + turn, *known, turn, most))
 
         turns = np.linspace(-most, most, 4001)
         found, exact = in_lanes(added, turns)[:2], both(start + turns)
@@ -78,7 +78,7 @@ def test_sine_and_cosine_near_a_known_angle_are_as_right_as_far_as_they_are_to_b
 
 def test_the_sine_of_an_angle_near_another_changes_as_any_sine_does():
     x, y, sine, cosine = entries("x", "y", "sine", "cosine")
-    by_sum = sine_cosine(near(x + y, sine, cosine, y, 0.1))
+    by_sum = sine_cosine(near_turn(x + y, sine, cosine, y, 0.1))
     seeds = {x: x.number(1.0), y: x.number(2.0)}
     found = [Tangents(seeds)(value) for value in by_sum]
     at = {x: 0.3, y: 0.05, sine: math.sin(0.3), cosine: math.cos(0.3)}

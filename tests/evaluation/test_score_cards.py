@@ -14,7 +14,7 @@ from gym_passive_walker.envs.evaluation import robustness as measures
 from gym_passive_walker.envs.evaluation.gauntlet import TESTS, Gauntlet
 from gym_passive_walker.envs.evaluation.linearization import at_first_steps, stands
 from gym_passive_walker.envs.evaluation.robustness import Robustness, _Tries, robustness
-from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks, evaluate, table
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks, evaluate, score_table
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.control.baselines import Passive
 from gym_passive_walker.gaits.scenes.scene import make_scene
@@ -165,7 +165,7 @@ def test_rows_are_rounded_as_asked_and_in_one_order():
 
 def test_the_table_has_medians_and_ranges_and_endings_by_how_frequent_they_are():
     some, other = walks(3, 5, lost=1), walks(1, 4, seed=5)
-    lines = table("title", {"one": some, "another": other}).splitlines()
+    lines = score_table("title", {"one": some, "another": other}).splitlines()
     assert lines[0] == "title" and len({*map(len, lines[1:])}) == 1
     body = [line.strip() for line in lines[4:-1]]
     labels = [
@@ -186,7 +186,7 @@ def test_the_table_has_medians_and_ranges_and_endings_by_how_frequent_they_are()
             assert (middle if low == high else f"{middle} ({low} to {high})") in line
     counts = [" ".join(line.split()) for line in body[6:]]
     assert counts == ["fell forward 2 of 5 3 of 4", f"{TIME_LIMIT} 3 of 5 1 of 4"]
-    frequent = table("", {"one": walks(4, 5)}).splitlines()
+    frequent = score_table("", {"one": walks(4, 5)}).splitlines()
     assert frequent[-2].startswith("fell forward") and frequent[-3].startswith(TIME_LIMIT)
 
 

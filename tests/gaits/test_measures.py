@@ -15,8 +15,8 @@ from gym_passive_walker import (
     stride,
     tune,
 )
-from gym_passive_walker.gaits.find.search import heelstrike
-from gym_passive_walker.gaits.look.dense_stride import foot_clearance, states_at
+from gym_passive_walker.gaits.find.search import at_heelstrike
+from gym_passive_walker.gaits.look.dense_stride import clearance_of, states_at
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.models.units import units_of
 
@@ -45,7 +45,7 @@ def loss_at_heelstrike(walker, before):
     """Energy that a heelstrike loses."""
     units = units_of(walker)
     angle, rates = before[1:2], before[3:5, None] * units.time
-    _, lost, _ = heelstrike(Section(walker=walker), angle, *rates)
+    _, lost, _ = at_heelstrike(Section(walker=walker), angle, *rates)
     return lost[0] * units.energy
 
 
@@ -112,7 +112,7 @@ def test_the_simplest_walker_is_the_limit_of_a_vanishing_foot_mass():
 def test_foot_velocity_is_how_the_landing_foot_moves(name):
     walker = WALKERS[name]
     before = np.array([-0.2, 0.2, 0.2, -1.1, 0.4, 0.4])
-    clearance, rate = foot_clearance(walker, before[None])
+    clearance, rate = clearance_of(walker, before[None])
     velocity = foot_velocity(walker, before)
     assert clearance[0] == pytest.approx(0.0, abs=1e-15)
     assert velocity.normal == pytest.approx(rate[0], rel=1e-12)
@@ -133,7 +133,7 @@ def test_foot_velocity_takes_many_states():
 def test_clearance_has_the_rate_of_its_own_change():
     gait = np.array([0.24395, -0.24395, -0.24395, -1.0491, -0.3015, -1.4831])
     times = 0.2 + np.array([-1e-4, 0.0, 1e-4])
-    height, rate = foot_clearance(
+    height, rate = clearance_of(
         WALKERS["lab"], states_at("lab", 0.036, gait, times, tolerance=1e-13)[0]
     )
     assert (height[2] - height[0]) / 2e-4 == pytest.approx(rate[1], rel=1e-6)

@@ -20,7 +20,7 @@ from gym_passive_walker import (
 from gym_passive_walker.gaits.look.dense_stride import (
     Impulse,
     TimedExtremum,
-    foot_clearance,
+    clearance_of,
     states_at,
 )
 from gym_passive_walker.gaits.look.forces import forces
@@ -65,7 +65,7 @@ def looked_at(name, slope, state, count=4001, hip_torque=0.0):
     states, phases = states_at(name, slope, state, times, hip_torque=hip_torque)
     walker = WALKERS[name]
     carried = forces(walker, slope, states, phases, hip_torque=hip_torque)
-    return times, states, phases, foot_clearance(walker, states)[0], carried
+    return times, states, phases, clearance_of(walker, states)[0], carried
 
 
 @pytest.mark.parametrize(

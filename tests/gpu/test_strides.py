@@ -22,8 +22,8 @@ from tests.gpu.thrown import thrown
 
 def carried(name, records, own, *, tolerance=1e-8, **given):
     """Records that a device has carried on."""
-    there = device.put(records)
-    advance_there(SYSTEMS[name], device.put(own), there, tolerance=tolerance, **given)
+    there = device.upload(records)
+    advance_there(SYSTEMS[name], device.upload(own), there, tolerance=tolerance, **given)
     return device.to_host(there)
 
 

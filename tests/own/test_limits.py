@@ -215,7 +215,7 @@ def test_symmetric_systems_are_solved(size):
     matrix, right = random_matrix(size, 2), np.arange(1.0, size + 1.0)
     entries = {(i, j): matrix[i, j] for i in range(size) for j in range(i, size)}
     np.testing.assert_allclose(
-        mechanics.solve(dict(entries), right), np.linalg.solve(matrix, right), rtol=1e-10
+        mechanics.solve_positive(dict(entries), right), np.linalg.solve(matrix, right), rtol=1e-10
     )
 
 

@@ -14,7 +14,7 @@ from tests.own.test_derived import STRAIGHT
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 pygame = pytest.importorskip("pygame")
 
-from gym_passive_walker.apps.viewer.player import SIZE, Player  # noqa: E402
+from gym_passive_walker.apps.viewer.player import WINDOW_SIZE, Player  # noqa: E402
 from gym_passive_walker.apps.viewer.view import View  # noqa: E402
 from gym_passive_walker.apps.viewer.walk import LiveWalk, Setup  # noqa: E402
 from gym_passive_walker.pictures.screen import open_window  # noqa: E402
@@ -25,7 +25,7 @@ SLOPE = 0.03
 @pytest.fixture
 def player():
     """A torso that walks in the viewer."""
-    open_window(pygame, SIZE)
+    open_window(pygame, WINDOW_SIZE)
     shown = Player(LiveWalk(Setup(TORSO, SLOPE)))
     yield shown
     shown.close()

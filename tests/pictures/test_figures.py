@@ -11,7 +11,7 @@ from gym_passive_walker.models.walkers import WALKERS, Walker, interpolate, tune
 from gym_passive_walker.pictures import figures
 from gym_passive_walker.pictures.diagram import walker_diagram
 from gym_passive_walker.pictures.figures import FIGURES, draw, families
-from gym_passive_walker.pictures.strobe import LEGS
+from gym_passive_walker.pictures.strobe import LEG_COLOURS
 
 
 def test_a_figure_is_drawn_to_a_file(tmp_path):
@@ -72,7 +72,9 @@ def test_the_legs_of_the_diagram_have_the_colours_of_legs():
     """The stance leg is drawn first; each leg is a line from the hip over the knee to its tip."""
     (ax,) = walker_diagram().axes
     legs = [line for line in ax.lines if line.get_linewidth() == 2.5]
-    assert [line.get_color() for line in legs] == list(LEGS) and LEGS[0] != LEGS[1]
+    assert [line.get_color() for line in legs] == list(LEG_COLOURS) and LEG_COLOURS[
+        0
+    ] != LEG_COLOURS[1]
     stance, swing = (line.get_xydata() for line in legs)
     np.testing.assert_array_equal(stance[0], swing[0])
     assert stance[2, 1] < swing[2, 1]  # the swing foot is in the air

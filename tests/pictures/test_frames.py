@@ -15,10 +15,10 @@ from gym_passive_walker import find_gait, footholds, simulate, stairs  # noqa: E
 from gym_passive_walker.models.walkers import WALKERS  # noqa: E402
 from gym_passive_walker.pictures import colours, pose  # noqa: E402
 from gym_passive_walker.pictures.brush import Brush  # noqa: E402
-from gym_passive_walker.pictures.ground import between, height, profile  # noqa: E402
+from gym_passive_walker.pictures.ground import height, part_between, profile  # noqa: E402
 from gym_passive_walker.pictures.panels import draw_portrait  # noqa: E402
 from gym_passive_walker.pictures.screen import Screen  # noqa: E402
-from gym_passive_walker.pictures.tiles import columns_of, tile_size, tiled  # noqa: E402
+from gym_passive_walker.pictures.tiles import tile_columns, tile_size, tiled  # noqa: E402
 from gym_passive_walker.pictures.video import Video, video, video_path  # noqa: E402
 
 GAIT = np.array([0.24395, -0.24395, -0.24395, -1.0491, -0.3015, -1.4831])
@@ -113,8 +113,10 @@ def test_ghosts_are_at_most_five_and_no_nearer_than_a_fifth_of_a_leg():
 def test_a_surface_is_level_beyond_its_ends_and_its_parts_are_it():
     surface = np.array([[0.0, 1.0], [1.0, 2.0], [2.0, 0.0]])
     np.testing.assert_allclose(height(surface, np.array([-5.0, 0.5, 1.5, 9.0])), [1, 1.5, 1, 0])
-    np.testing.assert_allclose(between(surface, 0.5, 1.5), [[0.5, 1.5], [1.0, 2.0], [1.5, 1.0]])
-    np.testing.assert_allclose(between(surface, 1.0, 3.0), [[1, 2], [2, 0], [3, 0]])
+    np.testing.assert_allclose(
+        part_between(surface, 0.5, 1.5), [[0.5, 1.5], [1.0, 2.0], [1.5, 1.0]]
+    )
+    np.testing.assert_allclose(part_between(surface, 1.0, 3.0), [[1, 2], [2, 0], [3, 0]])
 
 
 @pytest.mark.parametrize("name", ["lab", "D"])
@@ -185,7 +187,7 @@ def test_the_axes_of_a_portrait_end_at_round_numbers_with_their_units(legs, free
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 9, 10, 64, 100, 101, 400])
 def test_tiles_are_as_large_as_fit_and_even_and_wide_as_a_video(count):
     columns = math.ceil(math.sqrt(count))
-    assert columns_of(count) == columns
+    assert tile_columns(count) == columns
     width, tall = tile_size(count)
     assert width % 2 == tall % 2 == 0
     exact = min(800.0, max(160.0, 1600 / columns))

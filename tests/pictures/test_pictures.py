@@ -141,7 +141,7 @@ def test_a_picture_of_pixels_has_200_to_an_inch_and_no_path_writes_nothing(tmp_p
 # Gaits and their branches
 
 
-@pytest.mark.parametrize("by", plots.MEASURES)
+@pytest.mark.parametrize("by", plots.PLOTTED)
 def test_a_branch_is_drawn_by_each_measure_over_its_parameter(by, family):
     ax = family.plot(OWN, by=by, color="#123456")
     value = {
@@ -151,7 +151,7 @@ def test_a_branch_is_drawn_by_each_measure_over_its_parameter(by, family):
     }[by]
     light, heavy = ax.lines[:2]
     np.testing.assert_allclose(light.get_xydata(), np.column_stack([family.slope, value]))
-    assert said(ax)[:2] == ("slope γ (rad)", plots.MEASURES[by])
+    assert said(ax)[:2] == ("slope γ (rad)", plots.PLOTTED[by])
     assert heavy.get_linewidth() == 2.6 and light.get_linewidth() == 0.9
     assert {line.get_color() for line in ax.lines[:4]} == {"#123456"}
     # Bifurcations lie on the curve.
@@ -162,7 +162,7 @@ def test_a_branch_is_drawn_by_each_measure_over_its_parameter(by, family):
 
 
 def test_measures_are_labelled_by_what_they_are():
-    assert plots.MEASURES == {
+    assert plots.PLOTTED == {
         "stance_angle": "stance angle θ (rad)",
         "froude_speed": "speed v / √(g l)",
         "largest_multiplier": "modulus of the largest multiplier",
@@ -254,8 +254,8 @@ def test_each_coordinate_of_a_system_has_a_line_of_its_own():
     parts = portrait.parts_of(FIVE_LINKS, "abcdefghi")
     assert [name for name, _, _ in parts] == list("abcdefghi")
     assert len({(colour, dash) for _, colour, dash in parts}) == 9
-    assert [part[1:] for part in parts[:3]] == [part[1:] for part in portrait.PARTS]
-    assert {colour for _, colour, _ in parts} == {colour for _, colour, _ in portrait.PARTS}
+    assert [part[1:] for part in parts[:3]] == [part[1:] for part in portrait.ANGLE_STYLES]
+    assert {colour for _, colour, _ in parts} == {colour for _, colour, _ in portrait.ANGLE_STYLES}
 
 
 @pytest.mark.parametrize(("strides", "drawn"), [(12, True), (13, False)])

@@ -15,7 +15,7 @@ from gym_passive_walker.apps.sweeps.node import locked
 from gym_passive_walker.apps.sweeps.quantities import label, sizes
 from gym_passive_walker.apps.sweeps.store import DONE, FAILED, TIMED_OUT, Store
 from gym_passive_walker.apps.sweeps.tasks import flat
-from gym_passive_walker.apps.sweeps.workers import Outcome, Pace, Workers
+from gym_passive_walker.apps.sweeps.workers import Pace, TaskOutcome, Workers
 
 parquet = pytest.importorskip("pyarrow.parquet")
 
@@ -432,12 +432,12 @@ def test_tasks_are_sent_by_the_second_and_by_fair_shares():
     pace, waiting = Pace(2), deque((n, {}) for n in range(100))
     assert [n for n, _ in pace.take(waiting)] == [0]  # nothing is known yet
     for seconds in (0.1, 0.3):
-        pace.note(Outcome(0, DONE, None, seconds, {}))
+        pace.note(TaskOutcome(0, DONE, None, seconds, {}))
     assert [n for n, _ in pace.take(waiting)] == [1, 2, 3, 4, 5]  # of 0.2 s each
-    pace.note(Outcome(0, DONE, None, 99.6, {}))
+    pace.note(TaskOutcome(0, DONE, None, 99.6, {}))
     assert [n for n, _ in pace.take(waiting)] == [6]
     fast, waiting = Pace(2), deque((n, {}) for n in range(10_000))
-    fast.note(Outcome(0, DONE, None, 0.0, {}))
+    fast.note(TaskOutcome(0, DONE, None, 0.0, {}))
     taken = [len(fast.take(waiting)) for _ in range(4)]
     assert taken == [2000, 2000, 1500, 1125]  # at most 2000, a quarter of what waits
     assert len(fast.take(deque([(0, {})]))) == 1
@@ -452,7 +452,9 @@ class Alone:
         """Yield the outcome of each task."""
         for number, given in tasks:
             status = FAILED if number == 1 else DONE
-            yield Outcome(number, status, None, 0.5, {"y": given["x"]} if status == DONE else {})
+            yield TaskOutcome(
+                number, status, None, 0.5, {"y": given["x"]} if status == DONE else {}
+            )
 
     def close(self):
         """Count the calls."""

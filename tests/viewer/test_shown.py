@@ -18,7 +18,14 @@ from gym_passive_walker.pictures.brush import Brush
 
 pygame = pytest.importorskip("pygame")
 
-from gym_passive_walker.apps.viewer.player import FPS, KEYS, PUSH, SCENE, SIZE, Player  # noqa: E402
+from gym_passive_walker.apps.viewer.player import (  # noqa: E402
+    FRAME_RATE,
+    KEYS,
+    PUSH_A_PIXEL,
+    SCENE,
+    WINDOW_SIZE,
+    Player,
+)
 from gym_passive_walker.apps.viewer.sliders import PANEL, sliders_of  # noqa: E402
 from gym_passive_walker.apps.viewer.view import GAIT, LEGEND, PORTRAIT, View  # noqa: E402
 
@@ -116,7 +123,7 @@ def test_the_gait_s_multipliers_and_the_last_stride_s_measures_are_written(playe
         assert float(imaginary.removesuffix(" i") or 0.0) == pytest.approx(value.imag, abs=6e-4)
     assert "none yet" in texts and "was disturbed" not in texts
     while player.walk.strides < 1:
-        player.frame(1 / FPS)
+        player.frame(1 / FRAME_RATE)
     texts, unit = shown(), units_of(LAB)
     speed = gait.step_length / gait.step_period / unit.speed
     for text in (
@@ -127,7 +134,7 @@ def test_the_gait_s_multipliers_and_the_last_stride_s_measures_are_written(playe
         assert text in texts
     player.walk.push(0.001, 0.0)
     while player.walk.strides < 2:
-        player.frame(1 / FPS)
+        player.frame(1 / FRAME_RATE)
     assert "was disturbed" in shown()
 
 
@@ -146,8 +153,8 @@ def test_a_torque_and_a_search_are_named(player, shown):
 
 def test_the_parts_of_the_window_fill_it_side_by_side():
     parts = [SCENE, PORTRAIT, GAIT, PANEL, LEGEND]
-    assert pygame.Rect(0, 0, 0, 0).unionall(parts).size == SIZE
-    assert sum(part.width * part.height for part in parts) == SIZE[0] * SIZE[1]
+    assert pygame.Rect(0, 0, 0, 0).unionall(parts).size == WINDOW_SIZE
+    assert sum(part.width * part.height for part in parts) == WINDOW_SIZE[0] * WINDOW_SIZE[1]
     assert not any(part.collidelistall(parts[:i]) for i, part in enumerate(parts))
     assert min(part.left for part in parts) == min(part.top for part in parts) == 0
 
@@ -162,7 +169,7 @@ def test_notes_say_whether_time_stands_still_how_fast_it_passes_and_what_is_draw
     player.video = SimpleNamespace(path=SimpleNamespace(name="walk-7.mp4"), close=lambda: None)
     texts = shown()
     cosine, sine = np.cos(SLOPE), np.sin(SLOPE)
-    along, off = PUSH * (30 * cosine - 40 * sine), PUSH * (40 * cosine + 30 * sine)
+    along, off = PUSH_A_PIXEL * (30 * cosine - 40 * sine), PUSH_A_PIXEL * (40 * cosine + 30 * sine)
     for text in (
         "paused", "pace 1/4", "recording walk-7.mp4",
         f"push {along:+.3f} downhill, {off:+.3f} up, in m √(g l)",
@@ -283,7 +290,7 @@ def test_the_trail_holds_evenly_spaced_samples_of_the_latest_strides():
 
 
 def test_the_window_has_its_size(player):
-    assert View().draw(player).get_size() == SIZE == (1280, 720)
+    assert View().draw(player).get_size() == WINDOW_SIZE == (1280, 720)
 
 
 @pytest.mark.parametrize("name", ["lab", "E"])

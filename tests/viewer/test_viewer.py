@@ -20,10 +20,10 @@ from gym_passive_walker.pictures import colours
 pygame = pytest.importorskip("pygame")
 
 from gym_passive_walker.apps.viewer.player import (  # noqa: E402
-    FPS,
-    PUSH,
+    FRAME_RATE,
+    PUSH_A_PIXEL,
     SCENE,
-    SIZE,
+    WINDOW_SIZE,
     Player,
     gentle_slope,
     offered_policies,
@@ -55,7 +55,7 @@ class Session:
     def frames(self, count: int) -> np.ndarray:
         """Let some frames pass; the last one, (height, width, 3)."""
         for _ in range(count):
-            self.player.frame(1 / FPS)
+            self.player.frame(1 / FRAME_RATE)
         surface = self.view.draw(self.player)
         return pygame.surfarray.array3d(surface).swapaxes(0, 1).astype(int)
 
@@ -102,7 +102,7 @@ def shows(frame: np.ndarray, box, colour) -> bool:
 
 
 def test_a_walker_walks_in_real_time(session):
-    session.frames(2 * FPS - 1)
+    session.frames(2 * FRAME_RATE - 1)
     gait = find_gait("lab", SLOPE)
     assert session.walk.strides == int(2.0 / gait.step_period)
 
@@ -114,7 +114,7 @@ def test_space_stops_time_and_n_lets_one_frame_pass(session):
     np.testing.assert_array_equal(session.walk.state, before)
     session.key(pygame.K_n)
     apart = session.walk.state[0] - before[0]
-    assert apart == pytest.approx(before[3] / FPS, rel=0.2)
+    assert apart == pytest.approx(before[3] / FRAME_RATE, rel=0.2)
     session.key(pygame.K_SPACE)
     session.frames(1)
     assert session.walk.state[0] != before[0] + apart
@@ -122,11 +122,11 @@ def test_space_stops_time_and_n_lets_one_frame_pass(session):
 
 def test_slow_motion_passes_the_same_postures_more_slowly(session):
     other = LiveWalk(Setup(WALKERS["lab"], SLOPE))
-    other.advance(1 / FPS)
+    other.advance(1 / FRAME_RATE)
     session.key(pygame.K_MINUS)
     session.key(pygame.K_MINUS)
     session.frames(40)
-    other.advance(10 / FPS)
+    other.advance(10 / FRAME_RATE)
     np.testing.assert_allclose(session.walk.state, other.state, rtol=0.0, atol=1e-9)
     session.key(pygame.K_PLUS)
     assert session.player.pace == 0.5
@@ -189,11 +189,11 @@ def test_dragging_the_scene_pushes_the_hip_where_it_is_dragged(session):
     before = session.walk.state
     session.press(SCENE.center)
     session.move((0, 0), (60, 0))
-    assert session.player.impulse[0] == pytest.approx(60 * PUSH * np.cos(SLOPE))
-    assert session.player.impulse[1] == pytest.approx(60 * PUSH * np.sin(SLOPE))
+    assert session.player.impulse[0] == pytest.approx(60 * PUSH_A_PIXEL * np.cos(SLOPE))
+    assert session.player.impulse[1] == pytest.approx(60 * PUSH_A_PIXEL * np.sin(SLOPE))
     session.move((0, 0), (-60, -40))  # up, on the screen
     assert session.player.impulse == pytest.approx(
-        40 * PUSH * np.array([-np.sin(SLOPE), np.cos(SLOPE)])
+        40 * PUSH_A_PIXEL * np.array([-np.sin(SLOPE), np.cos(SLOPE)])
     )
     session.move((0, 0), (60, 40))
     session.drag(SCENE.center, (SCENE.centerx + 60, SCENE.centery))
@@ -233,8 +233,8 @@ def test_multipliers_of_a_torque_and_of_a_policy_are_those_of_their_own_gaits():
 
 def test_the_picture_shows_both_legs_everywhere_they_belong(session):
     session.gait()
-    frame = session.frames(FPS)
-    assert frame.shape == (SIZE[1], SIZE[0], 3)
+    frame = session.frames(FRAME_RATE)
+    assert frame.shape == (WINDOW_SIZE[1], WINDOW_SIZE[0], 3)
     for colour in colours.LEGS:
         assert shows(frame, SCENE, colour) and shows(frame, PORTRAIT, colour)
     assert shows(frame, GAIT, colours.LEGS[0])
@@ -254,7 +254,7 @@ def test_a_push_is_drawn_from_the_hip(session):
 
 def test_a_fall_is_shown(session):
     session.walk.push(-0.5, 0.0)
-    session.frames(10 * FPS)
+    session.frames(10 * FRAME_RATE)
     assert len(session.walk.trail) < 200  # how it fell, not how it lies there
     assert session.walk.outcome == Outcome.FELL_BACKWARD
     assert session.player.ended == "fell backward (R begins again)"
@@ -274,10 +274,10 @@ def test_w_goes_through_all_walkers_and_back(session):
 @pytest.mark.parametrize("turns", [1, 2, 3, 4, 5, 6, 7, 8])
 def test_another_walker_after_a_fall_begins_again_where_it_walks(session, turns):
     session.player.set(0, -0.05)
-    session.frames(3 * FPS)
+    session.frames(3 * FRAME_RATE)
     assert session.walk.outcome != Outcome.RUNNING
     session.player.next_walker(turns)
-    session.frames(2 * FPS)
+    session.frames(2 * FRAME_RATE)
     assert session.walk.outcome == Outcome.RUNNING
     assert session.walk.strides >= 1
     assert session.player.sliders[0].home == session.walk.setup.slope > 0.0
@@ -327,8 +327,8 @@ def test_a_film_has_a_frame_for_each_instant(tmp_path, ending):
     with moviepy.VideoFileClip(str(path)) as clip:
         assert clip.duration == pytest.approx(0.5, abs=0.06)
         frame = clip.get_frame(0.4).astype(int)
-    shrunk = SIZE[0] // frame.shape[1]
-    assert frame.shape == (SIZE[1] // shrunk, SIZE[0] // shrunk, 3)
+    shrunk = WINDOW_SIZE[0] // frame.shape[1]
+    assert frame.shape == (WINDOW_SIZE[1] // shrunk, WINDOW_SIZE[0] // shrunk, 3)
     assert int((np.abs(frame - colours.LEGS[1]) < 40).all(axis=-1).sum()) > 100
 
 

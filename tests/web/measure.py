@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 
 import gym_passive_walker as gpw
-from gym_passive_walker.devices.web.build import KINDS, build
+from gym_passive_walker.devices.web.build import MODULES, build
 from gym_passive_walker.engine.run import new_records
 from tests.web.browser import Browser, served
 from tests.web.test_package import COMPRESSED
@@ -30,7 +30,7 @@ STRIDES = 300
 
 def sizes(folder: Path) -> list[tuple[str, str, str]]:
     """Compressed sizes of the modules."""
-    names = [f"{kind}.wasm" for kind in KINDS]
+    names = [f"{kind}.wasm" for kind in MODULES]
     command = ["node", "--input-type=module", "-e", COMPRESSED, *(str(folder / n) for n in names)]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     found = zip(names, json.loads(done.stdout), strict=True)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.devices.web.build import DATA, KINDS, PACKAGE
+from gym_passive_walker.devices.web.build import DATA, MODULES, PACKAGE
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from tests.numbers import alike
 
@@ -23,7 +23,7 @@ console.log(JSON.stringify(sizes));
 
 
 def test_a_compressed_module_has_at_most_60_kilobytes(node, package):
-    names = [str(package / f"{kind}.wasm") for kind in KINDS]
+    names = [str(package / f"{kind}.wasm") for kind in MODULES]
     command = [node, "--input-type=module", "-e", COMPRESSED, *names]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert max(json.loads(done.stdout)) <= 60_000

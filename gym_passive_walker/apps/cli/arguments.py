@@ -156,7 +156,7 @@ def add_controller(command: ArgumentParser) -> None:
     )
 
 
-def map_of(arguments: Namespace, slope: float | None = None) -> StrideMap:
+def chosen_map(arguments: Namespace, slope: float | None = None) -> StrideMap:
     """The stride map of the walker and the actuation or controller given by the arguments.
 
     Raises:
@@ -179,7 +179,7 @@ def gait_of(arguments: Namespace) -> Gait:
     Raises:
         GaitNotFound: if there is none.
     """
-    return find_gait(map_of(arguments, arguments.slope), kind=arguments.kind)
+    return find_gait(chosen_map(arguments, arguments.slope), kind=arguments.kind)
 
 
 def add_walk(command: ArgumentParser, *, strides: int) -> None:
@@ -212,7 +212,7 @@ def start_of(arguments: Namespace) -> NDArray[np.float64]:
     """Initial state of a walk, shape (6,): the state given by the arguments, or the gait's."""
     if arguments.state is not None:
         return np.array(arguments.state)
-    walks = map_of(arguments, arguments.slope)
+    walks = chosen_map(arguments, arguments.slope)
     # With constant actuation, a walk starts on the passive gait, so that it shows the transient.
     passive = walker_of(arguments) if not walks.controlled else walks
     return find_gait(passive, arguments.slope, kind=arguments.kind).state

@@ -16,8 +16,8 @@ from gym_passive_walker.apps.cli.arguments import (
     add_slope,
     add_slopes,
     add_walker,
+    chosen_map,
     gait_of,
-    map_of,
     walker_of,
 )
 from gym_passive_walker.apps.cli.report import Report, listing, record, table
@@ -69,7 +69,7 @@ def gait(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     def run(arguments: Namespace) -> Report:
         walker, slope, period = walker_of(arguments), arguments.slope, arguments.period
-        strides = map_of(arguments, slope)
+        strides = chosen_map(arguments, slope)
         # If there is none, `find_gait` raises an error with the reason; a policy has one gait.
         found = [] if strides.controlled else find_gaits(strides, period=period)
         gaits = found or [find_gait(strides, period=period)]
@@ -102,7 +102,7 @@ def family(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     def run(arguments: Namespace) -> Report:
         walker = walker_of(arguments)
-        found = gait_family(map_of(arguments), arguments.low, arguments.high, arguments.kind)
+        found = gait_family(chosen_map(arguments), arguments.low, arguments.high, arguments.kind)
         columns: dict[str, Any] = record(found, _FAMILY)
         shown = columns | {"multiplier": np.abs(found.multipliers[:, 0]), "stable": found.stable}
         columns |= record(found, ("multipliers", "stable"))
@@ -135,7 +135,7 @@ def bifurcation(command: ArgumentParser) -> Callable[[Namespace], Report]:
     def run(arguments: Namespace) -> Report:
         count = whole(arguments.slopes, "--slopes", 1, KEPT)
         low, high = one_slope(arguments.low, "LOW"), one_slope(arguments.high, "HIGH")
-        slopes, strides = np.linspace(low, high, count), map_of(arguments)
+        slopes, strides = np.linspace(low, high, count), chosen_map(arguments)
         if strides.passive and slopes.min() <= 0.0:
             raise ValueError("LOW and HIGH must be slopes above 0: only motors walk uphill")
         found = bifurcation_diagram(
@@ -182,7 +182,7 @@ def basin(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     def run(arguments: Namespace) -> Report:
         found = basin_of_attraction(
-            map_of(arguments, arguments.slope), resolution=arguments.resolution,
+            chosen_map(arguments, arguments.slope), resolution=arguments.resolution,
             strides=arguments.strides,
         )  # fmt: skip
         names = {FELL: "a fall", UNSETTLED: "no gait yet"}

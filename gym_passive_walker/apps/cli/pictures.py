@@ -9,7 +9,7 @@ from pathlib import Path
 from gym_passive_walker._tools.arguments import near
 from gym_passive_walker._tools.extras import need
 from gym_passive_walker._tools.progress import progress
-from gym_passive_walker.apps.cli.arguments import A_WALKER, a_walker, add_walk, map_of, start_of
+from gym_passive_walker.apps.cli.arguments import A_WALKER, a_walker, add_walk, chosen_map, start_of
 from gym_passive_walker.apps.cli.report import Report
 from gym_passive_walker.apps.viewer.play import play as shown
 from gym_passive_walker.envs.policies import shipped_policies
@@ -31,7 +31,7 @@ def strobe(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
         out = picture_path(arguments.out)
         drawn(
-            map_of(arguments, arguments.slope), arguments.slope, start_of(arguments),
+            chosen_map(arguments, arguments.slope), arguments.slope, start_of(arguments),
             strides=arguments.strides, terrain=arguments.terrain,
             terrain_seed=arguments.terrain_seed, path=out,
         )  # fmt: skip
@@ -64,7 +64,7 @@ def video(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
         video_path(arguments.out)
         video(
-            map_of(arguments, arguments.slope), arguments.slope, start_of(arguments),
+            chosen_map(arguments, arguments.slope), arguments.slope, start_of(arguments),
             arguments.out, strides=arguments.strides, terrain=arguments.terrain,
             terrain_seed=arguments.terrain_seed, slower=arguments.slower,
         )  # fmt: skip

@@ -18,13 +18,13 @@ from gym_passive_walker.apps.cli.arguments import (
     a_walker,
     add_terrain,
     add_walk,
-    map_of,
+    chosen_map,
     start_of,
 )
 from gym_passive_walker.apps.cli.report import Report, listing, record, table
 from gym_passive_walker.envs import explain
 from gym_passive_walker.envs.evaluation.walks import evaluate as evaluated
-from gym_passive_walker.envs.evaluation.walks import table as compared
+from gym_passive_walker.envs.evaluation.walks import score_table as compared
 from gym_passive_walker.envs.policies import TrainedPolicy, load_policy, shipped_policies
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.gaits.control.baselines import BASELINES, Passive
@@ -61,7 +61,7 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
         if out is not None:
             prepare(out)
         walks, slope, state = (
-            map_of(arguments, arguments.slope),
+            chosen_map(arguments, arguments.slope),
             arguments.slope,
             start_of(arguments),
         )

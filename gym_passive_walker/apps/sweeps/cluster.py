@@ -17,7 +17,14 @@ from gym_passive_walker._tools.extras import extra
 from gym_passive_walker._tools.progress import show
 from gym_passive_walker.apps.sweeps.store import FAILED
 from gym_passive_walker.apps.sweeps.version import version
-from gym_passive_walker.apps.sweeps.workers import STILLBORN, TRIES, Outcome, Pace, Task, Workers
+from gym_passive_walker.apps.sweeps.workers import (
+    STILLBORN,
+    TRIES,
+    Pace,
+    Task,
+    TaskOutcome,
+    Workers,
+)
 
 HERE = "here"
 """Address that starts a cluster of only this machine."""
@@ -51,7 +58,7 @@ class Watcher:
                 f"sweep is computed by {computing}: install that version there"
             )
 
-    def outcomes(self, tasks: Sequence[Task]) -> list[Outcome]:
+    def outcomes(self, tasks: Sequence[Task]) -> list[TaskOutcome]:
         """Do tasks, and return how each ended.
 
         Raises:
@@ -97,7 +104,7 @@ class Cluster:
         self._idle: list[Any] = []
         self._stillborn, self._looked = 0, 0.0
 
-    def outcomes(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
+    def outcomes(self, tasks: Sequence[Task]) -> Iterator[TaskOutcome]:
         """Do tasks, and yield the outcome of each soon after it has ended.
 
         Raises:
@@ -136,7 +143,7 @@ class Cluster:
                     lost += [pair for pair in taken if tried[pair[0]] < TRIES]
                     said = " ".join(str(error).split())
                     given_up = [number for number, _ in taken if tried[number] >= TRIES]
-                    outcomes = [Outcome(number, FAILED, said, 0.0, {}) for number in given_up]
+                    outcomes = [TaskOutcome(number, FAILED, said, 0.0, {}) for number in given_up]
                 else:
                     self._idle.append(watcher)
                 for outcome in outcomes:

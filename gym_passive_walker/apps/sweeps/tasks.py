@@ -19,7 +19,7 @@ from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.branches.bifurcation import bifurcation_diagram
 from gym_passive_walker.gaits.branches.family import gait_family
-from gym_passive_walker.gaits.control.controllers import acting, changed
+from gym_passive_walker.gaits.control.controllers import acting, with_changes
 from gym_passive_walker.gaits.control.maps import stride_map
 from gym_passive_walker.gaits.control.optimal import optimal_gait
 from gym_passive_walker.gaits.find.fixed_point import find_gait
@@ -185,7 +185,7 @@ def robustness(
 
 def optimal(changes: Mapping[str, Any], speed: float, scene: str = "level") -> Row:
     """Compute the gait of least cost of transport at a speed."""
-    found = optimal_gait(changed(scene, changes), speed)
+    found = optimal_gait(with_changes(scene, changes), speed)
     names = ("cost_of_transport", "hip_cost", "ankle_cost", "push_off_cost", "push_off")
     names += ("step_period", "step_length", "stable", "stubs")
     return {name: getattr(found, name) for name in names}

@@ -36,7 +36,7 @@ Task = tuple[int, dict[str, Any]]
 """A task's number, and its arguments by name."""
 
 
-class Outcome(NamedTuple):
+class TaskOutcome(NamedTuple):
     """Outcome of a task.
 
     Attributes:
@@ -64,7 +64,7 @@ class Pace:
     def __init__(self, workers: int) -> None:
         self._workers, self._count, self._seconds = workers, 0, 0.0
 
-    def note(self, outcome: Outcome) -> None:
+    def note(self, outcome: TaskOutcome) -> None:
         """Record the duration of a finished task."""
         self._count, self._seconds = self._count + 1, self._seconds + outcome.seconds
 
@@ -89,7 +89,7 @@ class Workers:
         self._pool = [_Worker(analysis) for _ in range(count)]
         self._stillborn = 0
 
-    def outcomes(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
+    def outcomes(self, tasks: Sequence[Task]) -> Iterator[TaskOutcome]:
         """Do tasks, and yield the outcome of each as soon as it has ended.
 
         Raises:
@@ -116,7 +116,7 @@ class Workers:
                 late, took = worker.tasks[0][0], time.monotonic() - worker.since
                 self._replace(worker, waiting)
                 said = f"given up after {self._time_out:g} s"
-                yield Outcome(late, TIMED_OUT, said, took, {})
+                yield TaskOutcome(late, TIMED_OUT, said, took, {})
 
     def close(self) -> None:
         """Kill all processes."""
@@ -135,7 +135,7 @@ class Workers:
             return False
         return time.monotonic() - worker.since >= self._time_out
 
-    def _lost(self, worker: _Worker, waiting: deque[Task], tried: Counter) -> Outcome | None:
+    def _lost(self, worker: _Worker, waiting: deque[Task], tried: Counter) -> TaskOutcome | None:
         """Replace a process that ended; its task is tried once more, then fails."""
         worker.process.join()
         code, at = worker.process.exitcode, worker.tasks[0] if worker.tasks else None
@@ -153,7 +153,7 @@ class Workers:
         if tried[at[0]] < TRIES:
             waiting.appendleft(at)
             return None
-        return Outcome(at[0], FAILED, f"its process ended with exit code {code}", took, {})
+        return TaskOutcome(at[0], FAILED, f"its process ended with exit code {code}", took, {})
 
     def _replace(self, worker: _Worker, waiting: deque[Task]) -> None:
         """Replace a worker; tasks that it had not begun go back to the queue."""
@@ -182,7 +182,7 @@ class _Worker:
         except OSError:  # the process has ended, which the next receive reports
             pass
 
-    def hear(self) -> Outcome | None:
+    def hear(self) -> TaskOutcome | None:
         """Receive an outcome; None for the first message, that the process is ready."""
         said = self.pipe.recv()
         self.since = time.monotonic()
@@ -216,13 +216,13 @@ def _serve(pipe: Connection, analysis: str) -> None:
         return
 
 
-def _done(analysis: str, number: int, given: dict[str, Any]) -> Outcome:
+def _done(analysis: str, number: int, given: dict[str, Any]) -> TaskOutcome:
     began = time.perf_counter()
     try:
         results, status, error = flat(task(analysis, given)()), DONE, None
     except (Exception, SystemExit) as raised:
         results, status, error = {}, FAILED, f"{type(raised).__name__}: {raised}"
-    return Outcome(number, status, error, time.perf_counter() - began, results)
+    return TaskOutcome(number, status, error, time.perf_counter() - began, results)
 
 
 def _leave_with_parent() -> None:

@@ -117,7 +117,7 @@ def play(
         return PlayerWidget(*setup, start=start)
     seconds = None if seconds is None else number(seconds, "seconds", above=0.0)
     pygame = load_pygame()
-    from gym_passive_walker.apps.viewer.player import FPS, SIZE, Player
+    from gym_passive_walker.apps.viewer.player import FRAME_RATE, WINDOW_SIZE, Player
     from gym_passive_walker.apps.viewer.view import View
 
     setup, start = _asked(walker, slope, policy, start)
@@ -126,14 +126,16 @@ def play(
         raise ValueError(f"a picture's name must end in one of {', '.join(_PICTURES)}: {picture}")
     picture = None if picture is None else prepare(picture)
     walk = LiveWalk(setup, start)
-    window, player, view = open_window(pygame, SIZE), Player(walk), View()
+    window, player, view = open_window(pygame, WINDOW_SIZE), Player(walk), View()
     player.record(video)
     try:
         clock, shown = pygame.time.Clock(), 0.0
         while player.running and (seconds is None or shown < seconds):
-            elapsed = min(clock.tick(FPS) / 1000.0, _LONGEST_FRAME)
+            elapsed = min(clock.tick(FRAME_RATE) / 1000.0, _LONGEST_FRAME)
             if player.video is not None:
-                elapsed = 1.0 / FPS  # frames of a video are evenly spaced, however slow drawing is
+                elapsed = (
+                    1.0 / FRAME_RATE
+                )  # frames of a video are evenly spaced, however slow drawing is
             for event in pygame.event.get():
                 player.handle(event)
             player.frame(elapsed)

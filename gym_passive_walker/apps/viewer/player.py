@@ -37,16 +37,16 @@ KEYS = (
 )
 """Keys, and their effects."""
 
-FPS = 60
+FRAME_RATE = 60
 """Frames per second."""
 
-SIZE = 1280, 720
+WINDOW_SIZE = 1280, 720
 """Width and height of the window in pixels."""
 
 SCENE = pygame.Rect(0, 0, 800, 450)
 """Area of the window that shows the walker; dragging there pushes it."""
 
-PUSH = 0.0005
+PUSH_A_PIXEL = 0.0005
 """Impulse of a drag by one pixel, in units of m sqrt(g l); a walker's own momentum is about 0.2."""
 
 _SLOWEST, _FASTEST = 2.0**-6, 4.0
@@ -115,7 +115,7 @@ class Player:
     def impulse(self) -> NDArray[np.float64]:
         """The push that is being drawn: downhill and off the ground, in m sqrt(g l), (2,)."""
         drag = np.zeros(2) if self.drag is None else self.drag
-        return PUSH * level(drag, -self.walk.setup.slope)
+        return PUSH_A_PIXEL * level(drag, -self.walk.setup.slope)
 
     def frame(self, elapsed: float) -> None:
         """Continue for some of the window's time, in seconds."""
@@ -158,7 +158,7 @@ class Player:
                 self.paused = not self.paused
             case pygame.K_n:
                 self.paused = True
-                self.walk.advance(self.pace / FPS)
+                self.walk.advance(self.pace / FRAME_RATE)
             case pygame.K_MINUS | pygame.K_KP_MINUS:
                 self.pace = max(0.5 * self.pace, _SLOWEST)
             case pygame.K_PLUS | pygame.K_EQUALS | pygame.K_KP_PLUS:
@@ -231,7 +231,7 @@ class Player:
             self.message = f"recorded {video.path}"
         if path is not None:
             try:
-                self.video = Video(path, SIZE, FPS, shrink=2)
+                self.video = Video(path, WINDOW_SIZE, FRAME_RATE, shrink=2)
             except (ImportError, OSError) as error:
                 self.message = str(error)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pygame
 from pygame import Rect, Surface
 
-from gym_passive_walker.apps.viewer.player import KEYS, SCENE, SIZE, Player
+from gym_passive_walker.apps.viewer.player import KEYS, SCENE, WINDOW_SIZE, Player
 from gym_passive_walker.apps.viewer.sliders import KNOB, PANEL
 from gym_passive_walker.apps.viewer.walk import LiveWalk
 from gym_passive_walker.gaits.gait import Gait
@@ -29,7 +29,7 @@ class View:
     """Draws what a player shows."""
 
     def __init__(self) -> None:
-        self._brush = Brush(pygame, Surface(SIZE), lettering=18)
+        self._brush = Brush(pygame, Surface(WINDOW_SIZE), lettering=18)
         self._brush.open_fonts()
         self._screen: Screen | None = None
 

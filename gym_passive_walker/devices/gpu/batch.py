@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker.devices.gpu import device, episodes
-from gym_passive_walker.devices.gpu.episodes import SceneConstants, StepBuffers, Walkers
+from gym_passive_walker.devices.gpu.episodes import DeviceWalkers, SceneConstants, StepBuffers
 from gym_passive_walker.devices.gpu.lane import DeviceCode, device_code
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import options
@@ -39,8 +39,8 @@ def _kernels(here: DeviceCode, has_disturbances: bool) -> tuple[Any, Any]:
     bound = here.bound
     if here.rules:
         bound = bound.instead({
-            episodes.before: episodes.own_before,
-            episodes.after: episodes.own_after,
+            episodes.before_step: episodes.own_before,
+            episodes.after_step: episodes.own_after,
             episodes.sight: episodes.own_sight,
         })  # fmt: skip
     if has_disturbances:
@@ -124,22 +124,22 @@ class DeviceBatch:
         count = DRAWN if self.scene.domain_randomization else 1
         return [starts.varied(random) for _ in range(count)]
 
-    def _walkers(self, drawn: NDArray, seed: int, *, own: bool) -> Walkers:
+    def _walkers(self, drawn: NDArray, seed: int, *, own: bool) -> DeviceWalkers:
         count = self.count
         disturbed_count = count if disturbed(self.scene) else 0
         width = drawn.shape[1] + (ROOM if disturbed_count else 0)
         late = self.scene.action_delay, len(self.scene.actions)
-        return Walkers(
+        return DeviceWalkers(
             records=device.empty((count, 1), RECORD),
-            bodies=device.empty((count, 1, width), float) if own else device.put(drawn[:, None]),
+            bodies=device.empty((count, 1, width), float) if own else device.upload(drawn[:, None]),
             ledger=device.empty(count, task.LEDGER),
-            reported=device.put(np.zeros(count, task.LEDGER)),
-            keys=device.put(self._keys(seed)),
-            episodes=device.put(np.zeros(count, np.int64)),
-            drawn=device.put(np.zeros(count, np.int64)),
+            reported=device.upload(np.zeros(count, task.LEDGER)),
+            keys=device.upload(self._keys(seed)),
+            episodes=device.upload(np.zeros(count, np.int64)),
+            drawn=device.upload(np.zeros(count, np.int64)),
             disturbances=device.empty(disturbed_count, disturbance_kernels.DISTURBANCE),
             pending=device.empty((disturbed_count, *late), float),
-            notes=device.put(np.zeros(count if self.custom.rules else 0, NOTE)),
+            notes=device.upload(np.zeros(count if self.custom.rules else 0, NOTE)),
         )
 
     def _keys(self, seed: int | Sequence[int]) -> NDArray[np.uint64]:
@@ -159,7 +159,7 @@ class DeviceBatch:
             ValueError: if there is not one key for each walker.
         """
         keys, none = self._keys(seed), np.zeros(self.count, np.int64)
-        self.walkers = self.walkers._replace(keys=device.put(keys), episodes=device.put(none))
+        self.walkers = self.walkers._replace(keys=device.upload(keys), episodes=device.upload(none))
 
     def set_energy_cost(self, energy: str | None) -> None:
         """Set the work that the energy term counts; see `PassiveWalkerEnv`.
@@ -168,7 +168,7 @@ class DeviceBatch:
             SceneError: if the kind of work is unknown.
         """
         scene = self.scene if energy is None else make_scene(self.scene, energy=energy)
-        rules = device.put(rules_of(scene, self._system, self.step_limit))
+        rules = device.upload(rules_of(scene, self._system, self.step_limit))
         self._constants = self._constants._replace(rules=rules)
 
     def _scene_constants(
@@ -191,17 +191,17 @@ class DeviceBatch:
                 *(here.rules.get(name, 0) for name in ("reward", "terminated", "observation")),
             ]),
         )  # fmt: skip
-        return SceneConstants(*map(device.put, arrays))
+        return SceneConstants(*map(device.upload, arrays))
 
     def _buffers(self) -> StepBuffers:
         count, own = self.count, self.custom.observation_size or 0
         return StepBuffers(
-            actions=device.put(np.zeros(count * len(self.scene.actions))),
+            actions=device.upload(np.zeros(count * len(self.scene.actions))),
             observations=device.empty(count * self.observation_size, np.float32),
             rewards=device.empty(count, float),
             terminated=device.empty(count, bool),
             truncated=device.empty(count, bool),
-            last=device.put(np.zeros(count * self.observation_size, np.float32)),
+            last=device.upload(np.zeros(count * self.observation_size, np.float32)),
             plain=device.empty(count * self._shown if own else 0, np.float32),
             numbers=device.empty((count, own), float),
         )

@@ -41,7 +41,7 @@ def need_device() -> None:
         raise NoDevice(_MISSING)
 
 
-class Row(np.void):
+class _Row(np.void):
     """A record with its fields as attributes, as in code for a GPU."""
 
     def __getattribute__(self, name: str) -> Any:
@@ -54,10 +54,10 @@ class Row(np.void):
 
 def kind(layout: np.dtype) -> np.dtype:
     """Return the type of records on a GPU: aligned, with fields as attributes."""
-    return np.dtype((Row, np.dtype(layout.descr, align=True)))
+    return np.dtype((_Row, np.dtype(layout.descr, align=True)))
 
 
-def put(array: NDArray) -> Any:
+def upload(array: NDArray) -> Any:
     """Return a copy of an array on the GPU."""
     array = np.array(array, order="C")
     if array.dtype.fields:

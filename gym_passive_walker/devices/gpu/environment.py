@@ -13,7 +13,7 @@ from gym_passive_walker.devices.gpu.device import SIMULATED, cuda
 from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.one_thread import Token, one_thread
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
-from gym_passive_walker.envs.transitions import TIME_LIMIT
+from gym_passive_walker.envs.transitions import TIMED_OUT
 from gym_passive_walker.gaits.scenes.scene import Scene
 
 with extra("train"):
@@ -103,7 +103,7 @@ class PassiveWalkerGpuEnv:
         self.batch.step(stream=_stream())
         terminated, late = buffers.terminated.clone(), buffers.truncated.clone()
         infos = self._infos()
-        infos["outcome"] = torch.where(late & ~terminated, TIME_LIMIT, infos["outcome"])
+        infos["outcome"] = torch.where(late & ~terminated, TIMED_OUT, infos["outcome"])
         observations = self._rows(buffers.observations)
         return observations, buffers.rewards.clone(), terminated, late, infos
 

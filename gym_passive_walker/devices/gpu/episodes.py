@@ -22,7 +22,7 @@ from gym_passive_walker.gaits.scenes.starts import DRAWS, between
 _START, _WHICH = 200, 201  # streams of random numbers of a walker's key
 
 
-class Walkers(NamedTuple):
+class DeviceWalkers(NamedTuple):
     """State of n walkers, on the GPU.
 
     Attributes:
@@ -157,7 +157,7 @@ def own_body(walkers, i):
     return slice_of(i if len(walkers.bodies) == len(walkers.records) else 0)
 
 
-def begin(walkers, constants, i, scratch, observations):
+def begin_episode(walkers, constants, i, scratch, observations):
     """Begin a walker's next episode."""
     key = word(walkers.keys[i], np.uint64(walkers.episodes[i]))
     walkers.episodes[i] += 1
@@ -193,11 +193,11 @@ def observe_body(walkers, constants, i, observations):
 # Functions beginning with `own_` replace the next three in scenes with users' functions.
 
 
-def before(walkers, constants, i):
+def before_step(walkers, constants, i):
     """Record nothing before a step."""
 
 
-def after(walkers, constants, buffers, i, rewards, terminated):
+def after_step(walkers, constants, buffers, i, rewards, terminated):
     """Evaluate nothing after a step."""
 
 
@@ -287,18 +287,18 @@ def step_and_restart(walkers, constants, buffers, i, tiles, histories, scratch):
     if not finite:
         rewards[0], terminated[0], truncated[0] = math.nan, False, False
         return
-    before(walkers, constants, i)
+    before_step(walkers, constants, i)
     one_step(
         walkers, constants, i, tiles, histories, actions, plain, rewards, terminated, truncated
     )
     observe_body(walkers, constants, i, plain)
-    after(walkers, constants, buffers, i, rewards, terminated)
+    after_step(walkers, constants, buffers, i, rewards, terminated)
     sight(walkers, constants, buffers, i, observations, False)
     walkers.reported[i] = walkers.ledger[i]
     for k in range(len(observations)):
         buffers.last[i * len(observations) + k] = observations[k]
     if terminated[0] or truncated[0]:
-        begin(walkers, constants, i, scratch, plain)
+        begin_episode(walkers, constants, i, scratch, plain)
         sight(walkers, constants, buffers, i, observations, True)
 
 
@@ -308,7 +308,7 @@ def reset_kernel(walkers, constants, buffers):
     if i < len(walkers.records):
         scratch = cuda.local.array(1, SCRATCH)
         observations, plain = own_rows(walkers, buffers, i)
-        begin(walkers, constants, i, scratch[0], plain)
+        begin_episode(walkers, constants, i, scratch[0], plain)
         sight(walkers, constants, buffers, i, observations, True)
 
 

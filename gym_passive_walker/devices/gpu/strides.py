@@ -28,13 +28,13 @@ def _made(system: str) -> tuple[Any, Any]:
     here = device_code(system)
     kernel = here.bound.rebound(_stride_kernel)
     kernel.__globals__.update(scratch_types(SYSTEMS[system]))
-    return device.put(here.phases), cuda.jit(kernel)
+    return device.upload(here.phases), cuda.jit(kernel)
 
 
 @lru_cache
 def _options(*, from_section: bool = True, **chosen: Any) -> Any:
     """Return the options of the engine on the GPU; see `run.options`."""
-    return device.put(run.options(from_section=from_section, **chosen))
+    return device.upload(run.options(from_section=from_section, **chosen))
 
 
 def advance_there(system: System, bodies: Any, records: Any, **options: Any) -> None:
@@ -72,7 +72,7 @@ def advance(
         NoDevice: if there is no GPU.
     """
     device.need_device()
-    there, bodies = device.put(records), device.put(bodies)
+    there, bodies = device.upload(records), device.upload(bodies)
     options = {"tolerance": tolerance, "scuff": scuff, "from_section": from_section}
     advance_there(system, bodies, there, **options)
     records[:] = device.to_host(there)

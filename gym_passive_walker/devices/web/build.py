@@ -25,7 +25,7 @@ _ROOT = Path(__file__).parent
 PACKAGE = _ROOT / "package"
 """The folder of the JavaScript package, without what is built."""
 
-KINDS = ("kneed", "straight", "simplest")
+MODULES = ("kneed", "straight", "simplest")
 DATA = "data.json"
 
 # Numba then writes code for a CPU without vector units, which becomes the smallest module.
@@ -61,7 +61,7 @@ def modules() -> dict[str, bytes]:
     Raises:
         WebError: if they cannot be compiled here.
     """
-    names = [f"{kind}.wasm" for kind in KINDS]
+    names = [f"{kind}.wasm" for kind in MODULES]
     made = {name: cache.found(f"web-{_name()}-{name}") for name in names}
     if any(content is None for content in made.values()):
         with compiling("the walkers for web pages"), tempfile.TemporaryDirectory() as folder:
@@ -98,7 +98,7 @@ def system_module(system: Mechanism, gait: Gait | None = None) -> bytes:
     )
 
     name = "narrow" if layout_of(system.hybrid) == NARROW else "wide"
-    texts = code.of_system(system)
+    texts = code.code_of_system(system)
     digest = hashlib.sha256("".join(texts).encode()).hexdigest()[:16]
     made = cache.found(f"web-{_name()}-{digest}.o")
     if made is None:

@@ -36,7 +36,7 @@ from gym_passive_walker.models.walkers import Mechanism
 from gym_passive_walker.models.walkers.walker import PARAMETERS
 from gym_passive_walker.pictures.pose import hip_over, joints
 
-KINDS = {kind.name: kind for kind in (kneed.SYSTEM, straight.SYSTEM, simplest.SYSTEM)}
+SYSTEMS_OF = {kind.name: kind for kind in (kneed.SYSTEM, straight.SYSTEM, simplest.SYSTEM)}
 VARIANTS = ("", "-fitted", "-uneven")
 """Endings of the names of a kind's systems: bare, with springs and all actuators, on any ground."""
 
@@ -275,7 +275,7 @@ def _called(module: Module, *names: str) -> str:
     return text
 
 
-def of_system(system: Mechanism) -> list[str]:
+def code_of_system(system: Mechanism) -> list[str]:
     """Return the texts of a user's system: its equations, and the lines that show it."""
     lines = [len(line) for line in system.drawn(np.zeros(2 * system.coordinates))]
     module = Module(fuses=False, group=1)
@@ -351,10 +351,13 @@ def machine() -> Any:
 
 def of_kind(kind: str) -> list[str]:
     """Return the texts of a kind of walker: its equations, its constants and its joints."""
-    return [*equations([SYSTEMS[kind + variant] for variant in VARIANTS]), geometry(KINDS[kind])]
+    return [
+        *equations([SYSTEMS[kind + variant] for variant in VARIANTS]),
+        geometry(SYSTEMS_OF[kind]),
+    ]
 
 
-def object_code(
+def wasm_object(
     texts: Sequence[str], exported: Sequence[str], layout: Layout | None = None
 ) -> bytes:
     """Return the object file of a walker's texts, with all other code that it needs.

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gym_passive_walker.devices.web import code, container, page_data
-from gym_passive_walker.devices.web.build import KINDS
+from gym_passive_walker.devices.web.build import MODULES
 from gym_passive_walker.engine.layout import NARROW, WIDE, Layout
 
 _GIVEN = ("__linear_memory", "__stack_pointer", "__indirect_function_table")
@@ -19,7 +19,7 @@ _LAYOUTS = {"narrow": NARROW, "wide": WIDE}
 def _object(
     name: str, texts: Sequence[str], exported: Sequence[str], layout: Layout | None = None
 ) -> bytes:
-    made = code.object_code(texts, exported, layout)
+    made = code.wasm_object(texts, exported, layout)
     if strange := set(container.imports(made)) - set(_GIVEN):
         raise SystemExit(f"the module {name} needs {', '.join(sorted(strange))}")
     return made
@@ -38,9 +38,11 @@ def main(folder: Path, *names: str) -> None:
         (folder / f"{name}.o").write_bytes(made)
     if names:
         return
-    for kind in KINDS:
+    for kind in MODULES:
         made = _object(kind, code.of_kind(kind), code.EXPORTED)
-        content = page_data.of_module(code.KINDS[kind], code.VARIANTS, container.data_end(made))
+        content = page_data.of_module(
+            code.SYSTEMS_OF[kind], code.VARIANTS, container.data_end(made)
+        )
         module = container.module(made, code.EXPORTED, {page_data.SECTION: content})
         (folder / f"{kind}.wasm").write_bytes(module)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gym_passive_walker._tools.arguments import shown
 from gym_passive_walker.engine.layout import MOST_CONSTANTS, MOST_GUARDS, WIDE
 from gym_passive_walker.engine.own.mechanics import Derived, Link, rates_by
-from gym_passive_walker.engine.own.stated import StatementError, plain, same
+from gym_passive_walker.engine.own.stated import StatementError, as_written, same
 from gym_passive_walker.models.equations import hybrid
 from gym_passive_walker.models.equations.hybrid import SMOOTH, Ground, Outcome, Phase, Watch
 from gym_passive_walker.models.walkers import WALKERS
@@ -156,7 +156,7 @@ def check_given(system: Any, equations: hybrid.System) -> None:
                 "change `equations`"
             )
     for name in ("State", "Control", "travel"):
-        if plain(getattr(system, name)) is not plain(getattr(equations, name)):
+        if as_written(getattr(system, name)) is not as_written(getattr(equations, name)):
             raise StatementError(
                 f"{name} of system {system.name!r} must be that of its equations: give changed "
                 "equations to gpw.System.of"

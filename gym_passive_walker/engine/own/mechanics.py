@@ -156,7 +156,7 @@ def along(value: Any, state: Any) -> tuple[Any, Any]:
     return rate, 0.0 if bend is None else bend
 
 
-def solve(matrix: dict[tuple[int, int], Any], right: Sequence[Any]) -> list[Any]:
+def solve_positive(matrix: dict[tuple[int, int], Any], right: Sequence[Any]) -> list[Any]:
     """Solve a symmetric positive system, given the upper triangle of its matrix."""
     size, a, b = len(right), dict(matrix), list(right)
     for k in range(size - 1, -1, -1):  # from the last link, which touches the fewest others
@@ -271,7 +271,7 @@ class Motion:
             [a - b for a, b in zip(part.by, less[part.axis], strict=True)] for part in self.parts
         ]
         momenta = [part.weight * part.rate for part in self.parts]
-        after = solve(self.matrix(ways), self._through(ways, momenta))
+        after = solve_positive(self.matrix(ways), self._through(ways, momenta))
         jumps = [
             part.rate - self._sum(a * b for a, b in zip(way, after, strict=True) if not is_zero(a))
             for part, way in zip(self.parts, ways, strict=True)

@@ -30,7 +30,7 @@ class Stated:
 
     def __init__(self, name: str, function: Callable[..., Any], system: str) -> None:
         self.name, self.system, self._traced = name, system, False
-        self.function = plain(function)
+        self.function = as_written(function)
 
     def __repr__(self) -> str:
         return repr(self.function)
@@ -66,7 +66,7 @@ class Stated:
         return f" in line {lines[-1]} of {Path(file).name}" if lines and file else ""
 
 
-def plain(function: Any) -> Any:
+def as_written(function: Any) -> Any:
     """Return a function as the user wrote it; other values as they are."""
     return function.function if isinstance(function, Stated) else function
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from gym_passive_walker.engine.own.mechanics import Derived, rates_by, relabelled, solve
+from gym_passive_walker.engine.own.mechanics import Derived, rates_by, relabelled, solve_positive
 from gym_passive_walker.models.equations.hybrid import Ground, Strike
 
 _UPHILL, _UPWARDS = Ground(1.0, 0.0), Ground(0.0, 1.0)  # directions in which a weight resists
@@ -35,14 +35,14 @@ def gathered(values: Sequence[Any], links: int) -> list[Any]:
     return totals
 
 
-def size_of(values: Sequence[Any]) -> int:
+def _size_of(values: Sequence[Any]) -> int:
     """The rows of the matrix that has these numbers in its upper triangle."""
     return math.isqrt(2 * len(values))
 
 
 def triangle(values: Sequence[Any], links: int | None = None) -> dict[tuple[int, int], Any]:
     """The upper triangle of a mass matrix by row and column, with the last coordinates tied."""
-    size, entries, found = size_of(values), iter(values), {}
+    size, entries, found = _size_of(values), iter(values), {}
     links = size if links is None else links
     for i in range(size):
         for j in range(i, size):
@@ -69,7 +69,7 @@ def accelerations_of(mass_matrix: Matrix, forces: Forces, links: int | None = No
     def accelerations(body: Any, state: Any, control: Any, ground: Ground) -> tuple:
         matrix, given = mass_matrix(body, state), forces(body, state, control, ground)
         moving = len(given) if links is None else links
-        return tuple(solve(triangle(matrix, moving), gathered(given, moving)))
+        return tuple(solve_positive(triangle(matrix, moving), gathered(given, moving)))
 
     return Derived(accelerations)
 
@@ -103,9 +103,9 @@ def stop_of(mass_matrix: Matrix, gap: Callable[[Any, Any], Any]) -> Derived:
     def strike(body: Any, before: Any, push_off: Any, ground: Ground) -> Strike:
         half = len(before) // 2
         given = mass_matrix(body, before)
-        matrix, links = triangle(given), size_of(given)
+        matrix, links = triangle(given), _size_of(given)
         ways = rates_by(gap(body, before), before[:links])
-        jumps = solve(matrix, ways)
+        jumps = solve_positive(matrix, ways)
         closing: Any = 0.0
         yields: Any = 0.0
         for way, rate, jump in zip(ways, before[half : half + links], jumps, strict=True):
@@ -160,7 +160,7 @@ def heelstrike_of(
 
     def strike(body: Any, before: Any, push_off: Any, ground: Ground) -> Strike:
         half, given = len(before) // 2, mass_matrix(body, before)
-        moving = size_of(given) if links is None else links
+        moving = _size_of(given) if links is None else links
         total: Any = mass(body) if callable(mass) else mass
         state, matrix = tied(before, moving), triangle(given, moving)
         rates = state[half : half + moving]
@@ -187,7 +187,7 @@ def heelstrike_of(
             row(i, rates) - sum(foot[i] * along for foot, along in zip(feet, momenta, strict=True))
             for i in range(moving)
         ]
-        after = solve(free, right)
+        after = solve_positive(free, right)
         jumps = [old - new for old, new in zip(rates, after, strict=True)]
         lost = 0.5 * by([row(i, jumps) for i in range(moving)], jumps)
         for foot, moment in zip(feet, moments, strict=True):
@@ -206,6 +206,6 @@ def push_of(mass_matrix: Matrix, potential_gain: Any, links: int) -> Derived:
         moments = _moved_by(potential_gain, body, state, links)
         for amount, ways in zip((back, up), moments, strict=True):
             impulses = [a + amount * b for a, b in zip(impulses, ways, strict=True)]
-        return tuple(solve(triangle(mass_matrix(body, state), links), impulses))
+        return tuple(solve_positive(triangle(mass_matrix(body, state), links), impulses))
 
     return Derived(push)

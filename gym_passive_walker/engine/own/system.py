@@ -20,13 +20,13 @@ from gym_passive_walker.engine.own.mechanics import (
     is_zero,
     rates_by,
     relabelled,
-    solve,
+    solve_positive,
 )
 from gym_passive_walker.engine.own.stated import Stated, StatementError, stated
 from gym_passive_walker.engine.own.statement import push_of
 from gym_passive_walker.models.equations import hybrid
 from gym_passive_walker.models.equations.hybrid import SMOOTH, Ground, Guard, Outcome, Watch
-from gym_passive_walker.models.equations.systems import register
+from gym_passive_walker.models.equations.systems import register_system
 from gym_passive_walker.models.walkers import Mechanism
 
 _FUNCTIONS = (
@@ -382,14 +382,14 @@ class System(Mechanism):
             if not is_zero(torque):
                 ways = rates_by(moved, coordinates)
                 forces = [a + b * torque for a, b in zip(forces, ways, strict=True)]
-        return tuple(solve(motion.matrix(), forces))
+        return tuple(solve_positive(motion.matrix(), forces))
 
     def _push(self, body: Any, state: Any, back: Any, up: Any) -> tuple:
         """Jumps of the rates by an impulse at the centre of mass, per unit of mass."""
         _, x, y = self._centre(body, state)
         ways = (rates_by(part, state[: self.coordinates]) for part in (x, y))
         impulses = [up * b - back * a for a, b in zip(*ways, strict=True)]
-        return tuple(solve(self._motion(body, state).matrix(), impulses))
+        return tuple(solve_positive(self._motion(body, state).matrix(), impulses))
 
     def _strike(self, body: Any, before: Any, push_off: Any, ground: Ground) -> hybrid.Strike:
         rates, lost = self._motion(body, before).landing(self.landing(body, before))
@@ -465,7 +465,7 @@ def _registered(stated: hybrid.System) -> hybrid.System:
     module = compiled.written(stated)
     name = f"own-{hashlib.sha256(str(module).encode()).hexdigest()[:16]}"
     compiled.WRITTEN[name] = module
-    return register(stated._replace(name=name))
+    return register_system(stated._replace(name=name))
 
 
 def _on_ground(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any, Ground], Any]:

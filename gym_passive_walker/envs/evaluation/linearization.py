@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.gaits.flow import Walkers, go_on, report_of
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.checks import checked
-from gym_passive_walker.gaits.scenes.rewards import RULES
+from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS
 from gym_passive_walker.gaits.scenes.scene import UNDISTURBED, Scene, SceneError, undisturbed
 from gym_passive_walker.models.equations.systems import system_of
 from gym_passive_walker.models.walkers import PARAMETERS, check_parametric
@@ -59,7 +59,7 @@ def differentiable(scene: Scene) -> Scene:
             f"{subject} are driven by the hip alone, and this scene's actions are "
             f'{scene.actions}: choose make_scene(scene, actions=("hip",))'
         )
-    return undisturbed(scene, f"{subject} go", UNDISTURBED | dict.fromkeys(RULES))
+    return undisturbed(scene, f"{subject} go", UNDISTURBED | dict.fromkeys(FUNCTIONS))
 
 
 class StepRecorder:

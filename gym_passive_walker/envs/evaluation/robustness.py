@@ -44,7 +44,7 @@ from gym_passive_walker.models.walkers import (
 if TYPE_CHECKING:
     from gym_passive_walker.gaits.robust.first_passage_mesh import MeshPassage
 
-SETTLING = 200
+SETTLED_AFTER = 200
 """Strides in which a walker settles on its gait, before any disturbance."""
 
 AFTER = 30
@@ -360,9 +360,9 @@ class _Tries:
         Raises:
             ValueError: if the walker does not come to that.
         """
-        found = self.walk(None, SETTLING, count=1, seed=seed)
+        found = self.walk(None, SETTLED_AFTER, count=1, seed=seed)
         last, before = found.states[0, -1], found.states[0, -2]
-        if found.made[0] < SETTLING:
+        if found.made[0] < SETTLED_AFTER:
             raise ValueError(
                 f"the walker falls after {found.made[0]} strides of smooth ground: there is no "
                 "gait of which robustness could be measured"
@@ -370,8 +370,8 @@ class _Tries:
         scale = np.abs(last).max()
         if np.abs(last - before).max() > 1e-3 * scale:
             raise ValueError(
-                f"after {SETTLING} strides the walker still does not make the same one again and "
-                "again: it limps, wanders, or needs longer to settle"
+                f"after {SETTLED_AFTER} strides the walker still does not make the same one again "
+                "and again: it limps, wanders, or needs longer to settle"
             )
         self.gait = last
         return float(found.lengths[0, -1]), float(found.periods[0, -1])

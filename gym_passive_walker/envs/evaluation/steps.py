@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.gaits.control.policy import Policy
 
 
-class Step(NamedTuple):
+class RecordedStep(NamedTuple):
     """A step of n walkers under a policy.
 
     Attributes:
@@ -34,7 +34,9 @@ class Step(NamedTuple):
     infos: dict[str, Any]
 
 
-def steps(policy: Policy, envs: VectorEnv, observations: NDArray[np.float32]) -> Iterator[Step]:
+def steps(
+    policy: Policy, envs: VectorEnv, observations: NDArray[np.float32]
+) -> Iterator[RecordedStep]:
     """Yield the steps of an environment under a policy that acts deterministically, without end.
 
     Args:
@@ -48,4 +50,4 @@ def steps(policy: Policy, envs: VectorEnv, observations: NDArray[np.float32]) ->
         observations, rewards, terminated, truncated, infos = envs.step(actions)
         first = terminated | truncated
         struck = infos["step_period"] > 0.0
-        yield Step(actions, observations, rewards, terminated, truncated, struck, infos)
+        yield RecordedStep(actions, observations, rewards, terminated, truncated, struck, infos)

@@ -194,7 +194,7 @@ _QUANTITIES: tuple[tuple[str, Callable[[Walks], NDArray], str], ...] = (
 )
 
 
-def table(title: str, columns: dict[str, Walks]) -> str:
+def score_table(title: str, columns: dict[str, Walks]) -> str:
     """Agents side by side: medians over the episodes, with their range, and how walks ended.
 
     Costs are those of walks to the time limit. A walk that ends in a fall has used up the energy of

@@ -325,7 +325,7 @@ class Branch(NamedTuple):
     end: End
 
 
-def follow(curve: Curve, start: Point, resolution: float) -> Branch:
+def follow_branch(curve: Curve, start: Point, resolution: float) -> Branch:
     """Follow the curve from a point along its tangent to an end of the curve or of its axis."""
     low, high = (curve.axis.coordinate(bound) for bound in (curve.axis.low, curve.axis.high))
     points, folds, doublings, torus = [start], [], [], []

@@ -19,7 +19,7 @@ from gym_passive_walker.gaits.branches.continuation import (
     Curve,
     End,
     Point,
-    follow,
+    follow_branch,
     locate,
     margins,
 )
@@ -149,8 +149,8 @@ def _family(
     start = curve.correct(np.append(gait.point.chart[0], axis.coordinate(value)))
     if start is None:
         raise GaitNotFound(f"the gait of {describe(walker)} at {value} could not be followed")
-    up = follow(curve, start, resolution)
-    down = follow(curve, start._replace(tangent=-start.tangent), resolution)
+    up = follow_branch(curve, start, resolution)
+    down = follow_branch(curve, start._replace(tangent=-start.tangent), resolution)
     along = down.points[:0:-1] + up.points
     there, points, slopes, values = curve.gaits_at(along)
     passage, units = there.apply(points, slopes, strides=period), there.units

@@ -71,16 +71,16 @@ def acting(
         ValueError: if there is no such controller, it cannot act, or has no scene.
     """
     if isinstance(controller, str) and controller in BASELINES:
-        where = changed("level" if scene is None else scene, changes)
+        where = with_changes("level" if scene is None else scene, changes)
         return BASELINES[controller](where), where
     policy = as_policy(controller)
     scene = getattr(policy, "scene", None) if scene is None else scene
     if scene is None:
         raise ValueError("say in which scene this policy acts, by scene=")
-    return policy, changed(scene, changes)
+    return policy, with_changes(scene, changes)
 
 
-def changed(scene: SceneLike, changes: Mapping[str, Any]) -> Scene:
+def with_changes(scene: SceneLike, changes: Mapping[str, Any]) -> Scene:
     """A scene with changes; whether a toe stub ends a walk depends on the new walker's legs."""
     return make_scene(
         scene, **({"end_on_toe_stub": None} if "walker" in changes else {}), **changes

@@ -260,7 +260,7 @@ def optimal_gaits(
     return [best[speed] for speed in sorted(best)]
 
 
-def save(path: Path, gaits: list[OptimalGait]) -> None:
+def save_gaits(path: Path, gaits: list[OptimalGait]) -> None:
     """Write gaits as JSON."""
     lines = ",\n".join(json.dumps(asdict(gait)) for gait in gaits)
     path.write_text(f"[\n{lines}\n]\n", encoding="utf-8")

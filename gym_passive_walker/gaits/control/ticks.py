@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.flow import (
     STATE_BEFORE,
-    Report,
+    Reported,
     Walkers,
     controls_of,
     go_on,
@@ -187,7 +187,7 @@ def _chained(
     choices: Sequence[Choice],
     change: NDArray,
     columns: list[int],
-    report: Report,
+    report: Reported,
 ) -> tuple[NDArray, NDArray, NDArray]:
     """Tangents of control steps' states and motors, and their results, by the chain rule.
 

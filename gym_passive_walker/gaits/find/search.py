@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker._tools.arguments import check_state
 from gym_passive_walker.gaits.find.newton import newton
-from gym_passive_walker.gaits.gait import Gait, GaitKind, gait_equations, measure
+from gym_passive_walker.gaits.gait import Gait, GaitKind, gait_equations, measured
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.equations import legs
@@ -62,7 +62,7 @@ _BESIDE = 200  # states around the start of a user's system
 _RETURNING = 1e-7  # tolerance of these walks
 
 
-def heelstrike(
+def at_heelstrike(
     section: Section,
     angles: NDArray,
     stance_rates: NDArray,
@@ -141,7 +141,7 @@ def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray, NDArray | 
     angle = np.tile(angles, len(stance))
     stance_rate = np.repeat(stance, len(angles)) * angle
     swing_rate = np.repeat(stance + excess, len(angles)) * angle
-    points, *energies = heelstrike(stride_map, angle, stance_rate, swing_rate, push_off)
+    points, *energies = at_heelstrike(stride_map, angle, stance_rate, swing_rate, push_off)
     shape, lengths = (len(stance), len(angles)), legs.step_length(body_of(walker), angle, angle)
     lost, pushed = ((energy / lengths).reshape(shape) for energy in energies)
     u = stride_map.at(points).chart.reshape(*shape, -1)
@@ -263,7 +263,7 @@ def _search(
             orbit = _orbit(stride_map, point, slope, period, 0.1 * alike)
             if len(orbit) == period:
                 with suppress(np.linalg.LinAlgError):  # rounding may leave no stride
-                    gait = measure(stride_map.from_chart(point[None]), slope, period)
+                    gait = measured(stride_map.from_chart(point[None]), slope, period)
                     if stride_map.own or _human(roughly, gait):
                         gaits.append(gait)
             for stride in orbit:

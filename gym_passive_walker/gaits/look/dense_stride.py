@@ -73,7 +73,7 @@ def states_at(
     return units.to_own(seen.states[0]), seen.stages[0]
 
 
-def foot_clearance(walker: Walker, states: NDArray) -> tuple[NDArray, NDArray]:
+def clearance_of(walker: Walker, states: NDArray) -> tuple[NDArray, NDArray]:
     """Return the height of the swing foot over the ground and its rate, at states (n, 6).
 
     The foot is a whole circle here.
@@ -195,7 +195,7 @@ class Impulse(NamedTuple):
         return TimedExtremum(ratio, self.time)
 
 
-class Phase(NamedTuple):
+class DensePhase(NamedTuple):
     """Quantities over one phase as series in time, in the walker's own units.
 
     Attributes:
@@ -228,9 +228,9 @@ class Phase(NamedTuple):
         return np.array([series(time) for series in self.state])
 
 
-def phases_of(
+def dense_phases(
     stride_map: StrideMap, slope: float, start: NDArray, end: Stride, *, offset: float
-) -> list[Phase]:
+) -> list[DensePhase]:
     """The phases of one stride: two with knees and one without, and more where torques change.
 
     Args:
@@ -255,7 +255,7 @@ def phases_of(
         states, stages = own.to_own(seen.states[0]), seen.stages[0]
         carried = forces(walker, slope, states, stages, hip_torque=hip, ankle_torque=ankle)
         knees = np.nan_to_num(np.stack([carried.stance_knee, carried.swing_knee]))
-        flexion, clearance = states[:, 1] - states[:, 2], foot_clearance(walker, states)[0]
+        flexion, clearance = states[:, 1] - states[:, 2], clearance_of(walker, states)[0]
         ground = [carried.normal, carried.tangential]
         return np.column_stack([states, flexion, clearance, *ground, *knees])
 
@@ -276,11 +276,13 @@ def phases_of(
         series = fit(samples, first, last, units=units, accuracy=10.0 * tolerance)
         for piece in series:
             piece.domain = piece.domain + offset
-        phases.append(Phase(first >= knee, series[:6], *series[6:]))
+        phases.append(DensePhase(first >= knee, series[:6], *series[6:]))
     return phases
 
 
-def kneestrike(walker: Walker, last: Phase, after: NDArray) -> tuple[Impulse, TimedExtremum]:
+def kneestrike_impulses(
+    walker: Walker, last: DensePhase, after: NDArray
+) -> tuple[Impulse, TimedExtremum]:
     """Impulses of the kneestrike that ends a phase.
 
     Args:
@@ -295,8 +297,8 @@ def kneestrike(walker: Walker, last: Phase, after: NDArray) -> tuple[Impulse, Ti
     return _given(walker, struck(body_of(walker), after[:3], jumps, (0.0, 0.0)), last.end)
 
 
-def heelstrike(
-    walker: Walker, last: Phase, after: NDArray, push_off: float
+def heelstrike_impulses(
+    walker: Walker, last: DensePhase, after: NDArray, push_off: float
 ) -> tuple[tuple[Impulse, TimedExtremum], tuple[Impulse, TimedExtremum]]:
     """Impulses of the heelstrike that ends a phase, and of the push-off before it.
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.gaits.flow import accelerations
+from gym_passive_walker.gaits.flow import accelerations_at
 from gym_passive_walker.models.equations import legs, straight
 from gym_passive_walker.models.equations.bodies import KneedBody, SimplestBody
 from gym_passive_walker.models.equations.hybrid import Control, Ground, State
@@ -239,7 +239,7 @@ def forces(
     turns = np.zeros((len(given), 3))
     for phase in system.phases:
         here, held = stages == phase.stage, np.array([control])
-        turns[here] = accelerations(system, phase, bodies(walker)[0], given[here], held, ground)
+        turns[here] = accelerations_at(system, phase, bodies(walker)[0], given[here], held, ground)
     tangential, normal, *knees = borne(body, state, turns.T, control, ground)
     torques = np.stack(np.broadcast_arrays(*knees)) * units.energy
     if not walker.knees:

@@ -26,15 +26,15 @@ from gym_passive_walker.gaits.actuation import one_actuation
 from gym_passive_walker.gaits.find.fixed_point import state_on
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.gaits.look.dense_stride import (
+    DensePhase,
     Impulse,
-    Phase,
     TimedExtremum,
-    foot_clearance,
+    clearance_of,
+    dense_phases,
     greatest,
-    heelstrike,
-    kneestrike,
+    heelstrike_impulses,
+    kneestrike_impulses,
     least,
-    phases_of,
     ratio_turns,
     turns,
 )
@@ -300,7 +300,7 @@ def reality_check(
         raise ValueError(f"reality_check takes one walker: state must be (6,), not {here.shape}")
     walks.points(here)  # refuses a state off the section
     time = 0.0
-    phases: list[Phase] = []
+    phases: list[DensePhase] = []
     knees, heels, pushes = [], [], []
     velocities, depths, clearances, flexions = [], [], [], []
     own = units_of(walker)
@@ -311,9 +311,9 @@ def reality_check(
                 f"stride {count} does not end with a heelstrike but with "
                 f"{Outcome(end.outcome).name}, so there is nothing to check"
             )
-        parts = phases_of(walks, slope, here, end, offset=time)
+        parts = dense_phases(walks, slope, here, end, offset=time)
         first = walks.dimensionless(here)
-        velocity = float(foot_clearance(walker, here[None])[1][0])
+        velocity = float(clearance_of(walker, here[None])[1][0])
         depth, clearance = _release_and_passing(
             turns(phase.clearance for phase in parts), rising=velocity >= 0.0
         )
@@ -325,9 +325,13 @@ def reality_check(
             free = [phase for phase in parts if not phase.locked]
             bent = turns(phase.flexion for phase in free)
             flexions.append(TimedExtremum(0.0, time) if bends else least(bent))
-            knees.append(kneestrike(walker, free[-1], parts[len(free)].state_at(free[-1].end)))
+            knees.append(
+                kneestrike_impulses(walker, free[-1], parts[len(free)].state_at(free[-1].end))
+            )
         look = walks.look(first, np.array([slope]), np.array([[float(end.duration) / own.time]]))
-        heel, push = heelstrike(walker, parts[-1], end.state, float(look.controls[0, 0, 2]))
+        heel, push = heelstrike_impulses(
+            walker, parts[-1], end.state, float(look.controls[0, 0, 2])
+        )
         heels.append(heel)
         pushes += [push] * (not np.isnan(push[0].normal))
         phases += parts

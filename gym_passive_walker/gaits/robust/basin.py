@@ -30,7 +30,7 @@ from gym_passive_walker._tools.progress import progress
 from gym_passive_walker._tools.shown import Table
 from gym_passive_walker.gaits.branches.bifurcation import period_of
 from gym_passive_walker.gaits.find.fixed_point import find_gait, find_gaits
-from gym_passive_walker.gaits.find.search import heelstrike, seek
+from gym_passive_walker.gaits.find.search import at_heelstrike, seek
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.equations.hybrid import Outcome
@@ -245,7 +245,7 @@ def _slice(
         speeds = system.struck(np.hstack([old, np.tile(before[m:], (len(old), 1))]))[:, m:]
         return np.hstack([near, speeds * (rates / speeds[:, 0])[:, None]])
     stance, swing = (np.full(len(angles), rate) for rate in before[3:5])
-    points, *_ = heelstrike(stride_map, angles, stance, swing)
+    points, *_ = at_heelstrike(stride_map, angles, stance, swing)
     # The impact is linear in the angular velocities, so the result is scaled to each stance value.
     swing = points[:, 2:] * (rates / points[:, 1])[:, None]
     return np.column_stack([angles, rates, swing])

@@ -10,7 +10,7 @@ from gym_passive_walker.gaits.scenes.checks import SceneError, checked
 from gym_passive_walker.gaits.scenes.rules import command_error
 from gym_passive_walker.models.math import where
 
-RULES = ("reward", "observation", "terminated")
+FUNCTIONS = ("reward", "observation", "terminated")
 """Arguments of a scene that are functions."""
 
 TERMS: dict[str, Callable[[Any], Any]] = {

@@ -30,7 +30,7 @@ from gym_passive_walker.gaits.scenes.checks import (
     several,
     spread,
 )
-from gym_passive_walker.gaits.scenes.rewards import RULES, checked_rule
+from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, checked_rule
 from gym_passive_walker.gaits.scenes.rules import CHANNELS, ENERGIES, SIZE
 from gym_passive_walker.gaits.terrain import Terrain, terrain_from
 from gym_passive_walker.models.units import PROPORTIONS
@@ -216,7 +216,7 @@ class Scene:
         bound("scuff_depth", 0.0, 1.0)
         if self.start is not None:
             put("start", self._checked_start())
-        for name in RULES:
+        for name in FUNCTIONS:
             put(name, checked_rule(name, getattr(self, name)))
         for name, term in (("energy_weight", "energy"), ("command_weight", "command")):
             given = getattr(self, name)

@@ -35,7 +35,7 @@ DRAWS = 4
 from the gait. These are of the angles, the angular velocity of the stance leg, and those of the
 swing leg. Domain randomization draws more."""
 
-State = tuple[float, ...]
+Start = tuple[float, ...]
 
 _POOL = 1999
 """Seed of the walkers of `randomization_pool`, together with their index."""
@@ -44,7 +44,7 @@ _KNOWN = Path(__file__).parent / "starts.json"
 
 
 @cache
-def known_gaits() -> dict[tuple[Walker, float], State | None]:
+def known_gaits() -> dict[tuple[Walker, float], Start | None]:
     """Return precomputed gaits of the named scenes, so that a first episode needs no search.
 
     The keys are walker and slope; the value is None if there is no gait. ``python -m
@@ -59,7 +59,7 @@ def known_gaits() -> dict[tuple[Walker, float], State | None]:
 
 
 @lru_cache(maxsize=4096)
-def searched_gait(walker: Walker, slope: float, guess: State | None = None) -> State | None:
+def searched_gait(walker: Walker, slope: float, guess: Start | None = None) -> Start | None:
     """Search for the state of a walker's long passive gait on the Poincaré section.
 
     Args:
@@ -82,7 +82,7 @@ def searched_gait(walker: Walker, slope: float, guess: State | None = None) -> S
     return None
 
 
-def gait_near(walker: Walker, slope: float, guess: State | None = None) -> State:
+def gait_near(walker: Walker, slope: float, guess: Start | None = None) -> Start:
     """Return the passive gait at a slope, or at the nearest reference slope that has one.
 
     A `System` without a gait uses its own start.
@@ -150,7 +150,7 @@ class Starts:
         between(nodes, states, slopes, found)
         return found
 
-    def state(self, slope: float) -> State:
+    def state(self, slope: float) -> Start:
         """Return the initial state on the Poincaré section at any slope in rad."""
         return gait_near(self.walker, slope) if self.scene.start is None else self.scene.start
 
@@ -195,13 +195,13 @@ class Starts:
         """Slopes of the range in rad, (nodes,), and the initial states there, (nodes, 6)."""
         if self.scene.start is not None:
             return np.array([self.low]), as_recorded(self.walker, [self.scene.start])
-        states: list[State] = []
+        states: list[Start] = []
         for slope in reversed(self.node_slopes):
             states.insert(0, gait_near(self.walker, slope, states[0] if states else None))
         return np.array(self.node_slopes), as_recorded(self.walker, states)
 
 
-def as_recorded(walker: Walker, states: Sequence[State]) -> NDArray[np.float64]:
+def as_recorded(walker: Walker, states: Sequence[Start]) -> NDArray[np.float64]:
     """Return states (n, 2 m) in rows of a record's length, which can be longer."""
     found = np.array(states, dtype=float)
     if not isinstance(walker, Mechanism):
@@ -213,7 +213,7 @@ def as_recorded(walker: Walker, states: Sequence[State]) -> NDArray[np.float64]:
 
 
 @jitted
-def interpolate(nodes, states, slopes, found):
+def interpolate_states(nodes, states, slopes, found):
     """Implement `between` for compiled callers."""
     last = len(nodes) - 1
     for i in range(len(slopes)):
@@ -228,10 +228,10 @@ def interpolate(nodes, states, slopes, found):
 @Kernel
 def between(nodes, states, slopes, found):
     """Interpolate initial states between those of nodes, and write them to `found`, (n, 6)."""
-    interpolate(nodes, states, slopes, found)
+    interpolate_states(nodes, states, slopes, found)
 
 
-def checked_state(state: Sequence[float], walker: Walker) -> State:
+def checked_state(state: Sequence[float], walker: Walker) -> Start:
     """Return a user's state with angular velocities in units of 1/sqrt(l/g), after a check.
 
     Args:
@@ -273,7 +273,7 @@ def checked_state(state: Sequence[float], walker: Walker) -> State:
 
 def write_known_gaits() -> None:
     """Compute the initial gaits of the named scenes, and write them to the package's file."""
-    known: dict[str, dict[str, State | None]] = {}
+    known: dict[str, dict[str, Start | None]] = {}
     for name in SCENES:
         scene = make_scene(name)
         walker = next(key for key, value in WALKERS.items() if value == scene.walker)

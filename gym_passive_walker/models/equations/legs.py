@@ -165,7 +165,7 @@ def hip(body, stance):
     return body.leg * sine, body.foot_radius + body.leg * cosine
 
 
-def progress(body, stance):
+def hip_travel(body, stance):
     """Distance of the hip from its place over the stance foot at stance angle 0."""
     sine, _ = sine_cosine(stance)
     return -(body.foot_radius * stance + body.leg * sine)
@@ -195,7 +195,7 @@ def measure(system, body, start, before, after, ground):
     end = after._replace(stance=old, thigh=new, shank=new)
     return Step(
         step_length(body, start.stance, new, old, ground.slope_change),
-        progress(body, old),
+        hip_travel(body, old),
         -system.potential_gain(body, start, end, ground),
         -system.spring_gain(body, start, end) if system.spring_gain else 0.0,
     )
@@ -203,7 +203,7 @@ def measure(system, body, start, before, after, ground):
 
 def place(body, state):
     """Distance of the hip from its place over the stance foot at stance angle 0."""
-    return progress(body, state.stance)
+    return hip_travel(body, state.stance)
 
 
 def standing(body, state, ground):

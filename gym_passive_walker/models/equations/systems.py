@@ -57,7 +57,7 @@ SYSTEMS: dict[str, System] = {}
 extras, one with all `EXTRAS`, and one for `UNEVEN` ground too."""
 
 
-def register(system: System) -> System:
+def register_system(system: System) -> System:
     """Add a system under its name; the package adds its own systems in this way too."""
     SYSTEMS[system.name] = system
     return system
@@ -65,7 +65,7 @@ def register(system: System) -> System:
 
 for _made in (_bare, _on_smooth_ground, _anywhere):
     for _kind in _KINDS:
-        register(_made(_kind))
+        register_system(_made(_kind))
 
 
 def kind_of(walker: Walker) -> str:
