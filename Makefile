@@ -2,6 +2,7 @@
 # make install set up .venv with the tools for tests and lint
 # make test    the same, and run the tests          (make test ARGS='-m slow' for the long ones)
 # make docs    the same, and build the documentation's site in docs/_build
+# make web     the same, and write the JavaScript package into dist/passive-walker, ready for npm
 # make test-matrix  the fast tests on each Python, with the oldest libraries allowed and the newest
 # make lint    style, import rules, words of the prose, types
 # make clean   remove .venv and every cache; what training wrote under runs/ stays
@@ -12,7 +13,7 @@ ARGS :=
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: train install test test-matrix docs lint clean
+.PHONY: train install test test-matrix docs web lint clean
 
 train: $(VENV)/.installed-train
 	$(BIN)/python train.py $(ARGS)
@@ -25,10 +26,14 @@ test: export MPLBACKEND = Agg
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal $(ARGS)
 
-# Notebooks run while the site is built; a warning is an error.
+# A warning is an error.
 docs: export SDL_VIDEODRIVER = dummy
-docs: $(VENV)/.installed-docs
+docs: $(VENV)/.installed-dev
+	$(BIN)/python docs/render.py
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build
+
+web: $(VENV)/.installed-dev
+	$(BIN)/python -c 'from gym_passive_walker.devices import web; web.build("dist/passive-walker")'
 
 test-matrix: $(VENV)/.installed-dev
 	$(BIN)/nox $(ARGS)
@@ -53,11 +58,8 @@ $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(VENV)/.created
 	$(INSTALL) -e ".[train,render,figures,dev]"
 	touch $(VENV)/.installed-train $@
 
-$(VENV)/.installed-docs: $(VENV)/.installed-dev
-	$(INSTALL) -e ".[docs]"
-	touch $@
-
 clean:
 	rm -rf $(VENV) build dist docs/_build docs/_generated *.egg-info
+	rm -f docs/names.md docs/reference.md docs/notebooks/*.ipynb
 	rm -rf .pytest_cache .ruff_cache .hypothesis .import_linter_cache .nox
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -80,7 +80,7 @@ class Copy:
     def __init__(self, tree: Path) -> None:
         self.tree, self.cache, self.filled = tree, tree / "cache", tree / "filled"
         left = shutil.ignore_patterns("__pycache__", "_build", "jupyter_execute")
-        for name in (PACKAGE, *BESIDE, "tests", "benchmarks", "docs", "passive-walker"):
+        for name in (PACKAGE, *BESIDE, "tests", "benchmarks", "docs"):
             shutil.copytree(ROOT / name, tree / name, ignore=left)
         for name in ("pyproject.toml", "constraints.txt", "train.py", "README.md"):
             shutil.copy(ROOT / name, tree)

@@ -13,7 +13,6 @@ from sphinx.errors import ExtensionError
 from gym_passive_walker.devices import web
 
 os.environ["NUMBA_ENABLE_CUDASIM"] = "1"  # pages on devices are made where there is none
-os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"  # cells show pictures
 
 project = "gym_passive_walker"
 author = "the gym_passive_walker authors"
@@ -21,14 +20,12 @@ copyright = author
 version = release = _version("gym-passive-walker")
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
-exclude_patterns = ["_build", "_generated", "rendered", "jupyter_execute"]
+# `docs/render.py` has executed the notebooks; the site shows these copies with their outputs.
+exclude_patterns = ["_build", "_generated", "jupyter_execute", "notebooks/*.md"]
 
-# Pages are Markdown. Notebooks are too, and run again when they or the package have changed.
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3
-nb_execution_mode = "force"
-nb_execution_raise_on_error = True
-nb_execution_timeout = 300
+nb_execution_mode = "off"
 nb_merge_streams = True
 
 autodoc_member_order = "bysource"
@@ -60,14 +57,8 @@ def _check_pictures(_: Sphinx, doctree: nodes.document) -> None:
             )
 
 
-def _as_files(_: Sphinx, __: str, source: list[str]) -> None:
-    """Let the site offer copies of notebooks as files; they are no pages of it."""
-    source[0] = source[0].replace("](rendered/", "](path:rendered/")
-
-
 def setup(app: Sphinx) -> None:
     """Check each page as it is read."""
-    app.connect("source-read", _as_files)
     app.connect("doctree-read", _check_pictures)
 
 

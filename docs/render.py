@@ -1,12 +1,12 @@
-"""Write the pages that are readable in the repository from their sources.
+"""Write the pages that are made from other files; `make docs` does this before it builds the site.
 
-    python docs/render.py                  the environment's reference and the pages of names
-    python docs/render.py --notebooks      the notebooks too, with outputs; requires the extra docs
-    python docs/render.py --check          report pages that differ from their sources
+    python docs/render.py                  pages, and notebooks with outputs (extra docs)
+    python docs/render.py --notebooks      pages alone
+    python docs/render.py --out FOLDER     into another folder than docs
 
-The reference of `PassiveWalker-v0` on docs/environment.md is the docstring of `PassiveWalkerEnv`.
-docs/names.md has the signature and the summary of each name on docs/api.md, and docs/reference.md
-the whole docstring. docs/rendered has each notebook of docs/notebooks as .ipynb with its outputs.
+The reference of `PassiveWalker-v0` on environment.md is the docstring of `PassiveWalkerEnv`.
+names.md has the signature and the summary of each name on docs/api.md, and reference.md the whole
+docstring. Each notebook of docs/notebooks is executed, and written as .ipynb with its outputs.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ def names() -> str:
         "[reference](reference.md). Names are attributes of `gym_passive_walker`, which is usually",
         "imported as `gpw`.",
         "",
-        "*`python docs/render.py` writes this page.*",
+        "*`make docs` writes this page.*",
     ]
     section = ""
     for name in listed():
@@ -194,7 +194,7 @@ def reference() -> str:
         "or another consistent set. Environments, rewards and policies are dimensionless, in leg",
         "lengths l, masses m and sqrt(l/g). Angles are in rad. Entries say where units differ.",
         "",
-        "*`python docs/render.py` writes this page from the docstrings.*",
+        "*`make docs` writes this page from the docstrings.*",
     ]
     section = ""
     for name in listed():
@@ -251,7 +251,8 @@ def _members(name: Name) -> list[str]:
     if (drawn := picture.dispatch(name.found)) is not picture.dispatch(object):
         options = _signature(drawn).partition(", ")[2]  # after the object
         text = " ".join((inspect.getdoc(drawn) or "").partition("\n\n")[0].split())
-        rows.append(f"| [`plot({options}`](#shownshownplot) | {text} |")
+        entry = next(each for each in listed() if each.short.endswith("Shown.plot"))
+        rows.append(f"| [`plot({options}`](#{entry.link}) | {text} |")
     head = ["| property or method | meaning |", "| --- | --- |"]
     return [*head, *rows, ""] if rows else []
 
@@ -293,9 +294,7 @@ def _of_walker(parameter: str) -> list[str]:
 
 def cells(notebook: Path) -> list[tuple[str, str]]:
     """Kinds ("markdown", "code") and texts of the cells of a notebook in MyST."""
-    text = notebook.read_text(encoding="utf-8").split("---\n", 2)[2]
-    text = re.sub(r"^Download \{nb-download\}.*\n\n", "", text, flags=re.M)
-    parts = _FENCE.split(text)
+    parts = _FENCE.split(notebook.read_text(encoding="utf-8").split("---\n", 2)[2])
     kinds = ("markdown", "code")
     both = [(kinds[i % 2], part.strip("\n")) for i, part in enumerate(parts)]
     return [(kind, part) for kind, part in both if part]
@@ -326,30 +325,22 @@ def run(notebook: Path) -> str:
 
 
 def main() -> int:
-    """Write the pages."""
+    """Write the pages and the notebooks."""
+    books = {path.stem: path for path in sorted((DOCS / "notebooks").glob("*.md"))}
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--notebooks", nargs="*", metavar="NAME", help="execute these, or all")
-    parser.add_argument("--check", action="store_true", help="write nothing; 1 if a page is stale")
+    parser.add_argument("--out", type=Path, default=DOCS, metavar="FOLDER", help="default: docs")
+    parser.add_argument(
+        "--notebooks", nargs="*", choices=[*books], default=[*books], metavar="NAME",
+        help="notebooks to execute; all by default, none if no name follows",
+    )  # fmt: skip
     arguments = parser.parse_args()
-    stale = []
+    (arguments.out / "notebooks").mkdir(parents=True, exist_ok=True)
     for make in (environment, names, reference):
-        name, text = make.__name__, make()
-        page = DOCS / f"{name}.md"
-        if not arguments.check:
-            page.write_text(text, encoding="utf-8")
-        elif not page.exists() or page.read_text(encoding="utf-8") != text:
-            stale.append(page.name)
-    if stale:
-        print(f"{', '.join(stale)}: run python docs/render.py")
-        return 1
-    if arguments.notebooks is not None:
-        os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
-        (DOCS / "rendered").mkdir(exist_ok=True)
-        for source in sorted((DOCS / "notebooks").glob("*.md")):
-            if not arguments.notebooks or source.stem in arguments.notebooks:
-                target = DOCS / "rendered" / f"{source.stem}.ipynb"
-                target.write_text(run(source), encoding="utf-8")
-                print(target.relative_to(DOCS.parent))
+        (arguments.out / f"{make.__name__}.md").write_text(make(), encoding="utf-8")
+    os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
+    for name in arguments.notebooks:
+        target = arguments.out / "notebooks" / f"{name}.ipynb"
+        target.write_text(run(books[name]), encoding="utf-8")
     return 0
 
 
