@@ -31,6 +31,7 @@ _PAGES = (
     "benchmarks/*.md",
     "docs/*.md",
     "docs/notebooks/*.md",
+    "changelog.d/*.md",
     "gym_passive_walker/devices/web/**/*.md",
 )
 _MODULES = ("gym_passive_walker", "agents", "benchmarks", "docs", "examples", "tests", "validation")

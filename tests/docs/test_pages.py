@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -124,3 +125,19 @@ def test_the_citation_has_the_package_s_version():
     for page in ("CITATION.cff", "docs/citing.md"):
         (version,) = re.findall(r"^ *version *[:=] *{?([\d.]+)", (DOCS / page).read_text(), re.M)
         assert version == gpw.__version__, page
+
+
+def test_the_classifiers_name_the_versions_of_python_that_nox_tests():
+    project = tomllib.loads((DOCS / "pyproject.toml").read_text("utf-8"))["project"]
+    named = re.findall(r"Python :: (3\.\d+)$", "\n".join(project["classifiers"]), re.M)
+    tested = re.findall(r'\("(3\.\d+)", "highest"\)', (DOCS / "noxfile.py").read_text("utf-8"))
+    assert named == tested != []
+    assert project["requires-python"] == f">={named[0]}"
+
+
+def test_each_fragment_of_the_changelog_is_of_a_kind_that_towncrier_prints():
+    pytest.importorskip("towncrier")
+    command = [sys.executable, "-m", "towncrier", "build", "--draft", "--version", "next"]
+    done = subprocess.run(command, cwd=DOCS, capture_output=True, text=True, check=True)
+    for fragment in (DOCS / "changelog.d").iterdir():
+        assert fragment.read_text("utf-8").partition("\n")[0] in done.stdout, fragment.name
