@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -141,3 +142,10 @@ def test_each_fragment_of_the_changelog_is_of_a_kind_that_towncrier_prints():
     done = subprocess.run(command, cwd=DOCS, capture_output=True, text=True, check=True)
     for fragment in (DOCS / "changelog.d").iterdir():
         assert fragment.read_text("utf-8").partition("\n")[0] in done.stdout, fragment.name
+
+
+def test_the_new_names_of_former_modules_are_modules():
+    table = (DOCS / "docs" / "former-names.md").read_text("utf-8").split("|---|---|---|\n")[1]
+    for row in table.partition("\n\n")[0].splitlines():
+        for name in re.findall(r"`([\w.]+)`", "|".join(row.split("|")[2:])):
+            assert find_spec(f"gym_passive_walker.{name}"), name
