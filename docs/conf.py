@@ -26,7 +26,6 @@ exclude_patterns = ["_build", "_generated", "jupyter_execute", "notebooks/*.md"]
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3
 nb_execution_mode = "off"
-nb_merge_streams = True
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
