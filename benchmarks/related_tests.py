@@ -170,6 +170,12 @@ _BESIDES = {
 }
 _SINGLE = {
     "__init__": "options/test_functions test_walkers test_shown",
+    "_version": "cli/test_commands web/test_notes",
+    "gpu": "gpu/test_strides gpu/test_compiled",
+    "math": "envs/test_custom",
+    "modeling": "own/test_statements own/test_equations",
+    "control/__init__": "control/test_baselines",
+    "control/baselines": "control/test_baselines",
     "__main__": "cli/test_commands test_console",
     "_tools/extras": "test_shown cli/test_commands",
     "_tools/files": "test_files cli/test_files cli/test_answers",
@@ -206,7 +212,8 @@ def tests_of(file: str) -> list[str]:
         options = [_OPTIONS["agents"]]
     # List single files: pytest orders the files of a folder differently.
     rest = [] if file == package else _tests_in(f"tests/{package}")
-    rest = rest or [f"tests/test_{package}.py"]  # of a package without a folder of tests
+    named = f"tests/test_{package}.py"  # of a package without a folder of tests
+    rest = rest or [named if (_ROOT / named).exists() else "tests/docs/test_names.py"]
     kept = _KEPT.get(package, ("tests/test_results.py",))
     return list(dict.fromkeys([*tests, *kept, *options, *rest]))
 

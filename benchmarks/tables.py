@@ -29,7 +29,7 @@ SCRIPTS = {
     **{f"benchmarks-precision/{name}": name for name in ("gradients", "integrators")},
     **{f"benchmarks-speed/{part}": f"throughput {part}" for part in (
         "accelerations", "strides", "ticks", "learning", "on_tensors")},
-    **{f"devices/gpu/gpu {part}": f"gpu {part}" for part in ("strides", "ticks", "learning")},
+    **{f"gpu/gpu {part}": f"gpu {part}" for part in ("strides", "ticks", "learning")},
     "benchmarks-speed/scene cost": "scene_cost",
     "benchmarks-start/cold start": "cold_start waits",
     **{f"benchmarks-start/{part}": f"cold_start {part}" for part in ("levels", "kernels")},
@@ -39,7 +39,7 @@ SCRIPTS = {
     **{f"design/{part}": f"design {part}" for part in ("steep", "tuned")},
     "agents/random guesses": "optimum",
     "robustness/gauntlet": "gauntlet",
-    "envs/policies/policies": "policies",
+    "policies/policies": "policies",
     "robustness/first passage": "first_passage",
     "anywhere/anywhere": "anywhere show",
     "stability/stress": "stress --long --write",
@@ -76,7 +76,7 @@ GROUPS = {"learning": (
     "python train.py gait level-ppo --out docs/images/gait-level-ppo.png",
     "robustness/first passage",
     "robustness/gauntlet",
-    "envs/policies/policies",  # with the gauntlet's measures
+    "policies/policies",  # with the gauntlet's measures
     "python -m benchmarks.anywhere train walk optima",
     "anywhere/anywhere",
     "python -m benchmarks.off_policy --learners sac tqc crossq xqc --seeds 0 1 2 3 4 5 6 7 8 9",

@@ -7,6 +7,7 @@ The floors are those of the contract "layers" in pyproject.toml, which `lint-imp
 
 from __future__ import annotations
 
+import argparse
 import textwrap
 import tomllib
 from pathlib import Path
@@ -16,7 +17,7 @@ import grimp
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 PACKAGE = "gym_passive_walker"
-BEGIN, END = "<!-- rooms -->", "<!-- end of rooms -->"
+BEGIN, END = "from the code:", "| room | what goes in |"
 
 
 def floors() -> list[list[str]]:
@@ -70,4 +71,5 @@ def page() -> str:
 
 
 if __name__ == "__main__":
+    argparse.ArgumentParser(description=__doc__.partition("\n")[0]).parse_args()
     PAGE.write_text(page(), encoding="utf-8")

@@ -304,7 +304,7 @@ def multipliers_of(map_derivative: NDArray) -> NDArray[np.complex128]:
     return values[np.argsort(-np.abs(values), kind="stable")]
 
 
-def measured(point: Points, slope: float, period: int) -> Gait:
+def gait_at(point: Points, slope: float, period: int) -> Gait:
     """Measure the gait at a fixed point.
 
     Args:

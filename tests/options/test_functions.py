@@ -91,6 +91,7 @@ OPTIONS = {
         dict(controller="steep-sac", scene={"control": "stride", "slope": 0.1}, walkers=3),
     ),
     "explain": Call(explained, dict(env="level"), dict(env="rough")),
+    "combine": Call(gpw.combine, dict(parts=[PART]), dict(parts=[PART, PART])),
     "assemble": Call(
         gpw.assemble,
         dict(

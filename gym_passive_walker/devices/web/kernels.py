@@ -31,7 +31,7 @@ FARTHEST = 32
 """Largest number of footholds ahead that are observed."""
 
 _MOST_SEEN = rules.SIZE + 2 + 2 * FARTHEST
-_TILE = tile_for(PAIR, width=1)
+_ONE_TILE = tile_for(PAIR, width=1)
 
 SHAPE = np.dtype([
     ("parameters", "f8", (len(PARAMETERS),)),  # of the walker, in its own units
@@ -81,7 +81,7 @@ WALK = np.dtype([
     ("pending", "f8", (LATEST * MOST_ACTIONS,)),
     ("spread", "f8", (3,)),
     ("shape", SHAPE), ("points", "f8", (2 * len(POINTS),)),
-    ("tile", _TILE),
+    ("tile", _ONE_TILE),
     ("history", HISTORY),
 ])  # fmt: skip
 """The block of memory of one walker."""
@@ -121,7 +121,7 @@ def advance(base):
         view(base + _BODIES, (1, 1, head.constants), _NUMBER),
         view(head.phases, (head.count,), PHASE),
         view(base + _OPTIONS_AT, (1,), OPTIONS),
-        view(base + _TILE, (1,), _TILE),
+        view(base + _TILE, (1,), _ONE_TILE),
         view(base + _HISTORY, (1,), HISTORY),
     )
 
@@ -172,7 +172,7 @@ def step(base):
         view(base + _RECORD, (1, 1), RECORD),
         view(base + _BODIES, (1, 1, head.constants + ROOM), _NUMBER),
         view(base + _ROW, (1,), _LEDGER), rules, view(head.phases, (head.count,), PHASE),
-        view(base + _OPTIONS_AT, (1,), OPTIONS), view(base + _TILE, (1,), _TILE),
+        view(base + _OPTIONS_AT, (1,), OPTIONS), view(base + _TILE, (1,), _ONE_TILE),
         view(base + _HISTORY, (1,), HISTORY), view(base + _WALKS_DISTURBANCE, (1,), _DISTURBANCE),
         view(base + _PENDING, (1, head.late, count), _NUMBER),
         view(base + _SCENE_SETTINGS, (1,), _SETTINGS), view(head.hooks, (head.count,), HOOK),

@@ -25,7 +25,7 @@ from gym_passive_walker.gaits.branches.continuation import (
     points_along,
 )
 from gym_passive_walker.gaits.branches.family import gait_family
-from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measured
+from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, gait_at
 from gym_passive_walker.gaits.stride_map import MapLike, map_of
 from gym_passive_walker.models.walkers import Walker, describe, name_of
 
@@ -124,7 +124,7 @@ def doubling_cascade(
     with progress("period doublings", doublings) as located:
         while here is not None:
             point = stride_map.from_chart(here.y[None, :-1])
-            gaits.append(measured(point, curve.value_at(here), curve.period))
+            gaits.append(gait_at(point, curve.value_at(here), curve.period))
             located()
             if len(gaits) == doublings:
                 break

@@ -26,7 +26,7 @@ from gym_passive_walker.gaits.design.design_nlp import (
 from gym_passive_walker.gaits.design.objectives import QUANTITIES, SPECTRAL_RADIUS, spectral_radius
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.find.search import seek
-from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measured
+from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, gait_at
 from gym_passive_walker.gaits.stride_map import MapLike, map_of
 from gym_passive_walker.models.walkers import (
     PARAMETERS,
@@ -151,7 +151,7 @@ def optimize_walker(
     return Design(
         objective=objective,
         before=before,
-        after=measured(last.gait.place, last.gait.place.section.slope, 1),
+        after=gait_at(last.gait.place, last.gait.place.section.slope, 1),
         values={name: (_value(problem.first, name), _value(last, name)) for name in sorted(names)},
         tried=candidates.tried,
         converged=bool(found.success),
@@ -338,4 +338,4 @@ def _nearest(start: Gait, tuned: Walker, radius: float) -> Gait | None:
     place = judged.gait.place
     tuned_map = place.section.with_walker(tune(place.section.walker))
     exact = place_near(tuned_map, tuned_map.slope, place.chart[0])  # tuned to the last digit
-    return exact and measured(exact, tuned_map.slope, 1)
+    return exact and gait_at(exact, tuned_map.slope, 1)

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker._tools.arguments import check_state
 from gym_passive_walker.gaits.find.newton import newton
-from gym_passive_walker.gaits.gait import Gait, GaitKind, gait_equations, measured
+from gym_passive_walker.gaits.gait import Gait, GaitKind, gait_at, gait_equations
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.equations import legs
@@ -263,7 +263,7 @@ def _search(
             orbit = _orbit(stride_map, point, slope, period, 0.1 * alike)
             if len(orbit) == period:
                 with suppress(np.linalg.LinAlgError):  # rounding may leave no stride
-                    gait = measured(stride_map.from_chart(point[None]), slope, period)
+                    gait = gait_at(stride_map.from_chart(point[None]), slope, period)
                     if stride_map.own or _human(roughly, gait):
                         gaits.append(gait)
             for stride in orbit:
