@@ -37,7 +37,10 @@ _FAMILY = "gpw.gait_family('{0}', {2}, {1})"
 
 def tasks() -> dict[str, list[str]]:
     """Python code of each task, by name; the last part is timed."""
-    found = {"import gym_passive_walker": [_BEGIN]}
+    found = {
+        "import gymnasium": ["import gymnasium"],
+        "import gym_passive_walker after it": ["import gymnasium", "import gym_passive_walker"],
+    }
     for walker, slope in WALKS.items():
         own = [part.format(walker, slope, 0.8 * slope) for part in (_RESET, _STEP, _GAIT, _FAMILY)]
         reset, step, gait, family = own

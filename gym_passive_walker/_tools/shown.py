@@ -1,6 +1,6 @@
 """Representations of result objects: text, notebook cell, plot and table.
 
-Objects provide facts and columns; this module lays them out. `render` registers the plots in
+Objects provide facts and columns; this module lays them out. `pictures` registers the plots in
 `picture`, so that modules of computation do not depend on matplotlib.
 """
 

@@ -218,7 +218,7 @@ def advance(
 ) -> NDArray:
     """Integrate records to heelstrike, a fall, or their time limit, in place.
 
-    All quantities are dimensionless (see `physics.hybrid`). A record with the outcome HEELSTRIKE
+    All quantities are dimensionless (see `equations.hybrid`). A record with the outcome HEELSTRIKE
     holds the next state on the Poincaré section.
 
     Args:

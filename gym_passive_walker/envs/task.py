@@ -2,7 +2,7 @@
 
 A single environment is a batch of one. Single and vector environments therefore run the same
 instructions, and their results are bitwise equal. All numbers are dimensionless (see
-`physics.hybrid`).
+`equations.hybrid`).
 
 Each walker has a record and a row of the *ledger*. The record is the state of the integration
 (`engine.layout`). The ledger holds the accounts of the present stride and episode.

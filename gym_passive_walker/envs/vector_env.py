@@ -360,7 +360,7 @@ class PassiveWalkerVectorEnv(
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return a picture of each walker; None without a render mode.
 
-        More walkers have smaller pictures. `render.tiled` joins them to one.
+        More walkers have smaller pictures. `pictures.tiled` joins them to one.
         """
         if self.render_mode is None:
             return None

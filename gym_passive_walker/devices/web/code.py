@@ -328,7 +328,7 @@ def _body(kind: System, shape: Memory, body: Memory) -> None:
 
 
 def _joints(kind: System, shape: Memory, points: Memory) -> None:
-    """Write the positions of a walker's joints, from its angles; see `render.pose`."""
+    """Write the positions of a walker's joints, from its angles; see `pictures.pose`."""
     given, tilt = _given(shape), shape["tilt"]
     stance, thigh, shank = shape.entries("angles")
     reach = given.shank_length - given.foot_radius

@@ -1,7 +1,7 @@
 """Rules of the task: limits of actions, observation, reward and termination.
 
 Each rule is one plain function. Kernels on CPU and GPU call it with numbers, `torch.rollout` with
-tensors and `Batch` with arrays. All quantities are dimensionless (see `physics.hybrid`).
+tensors and `Batch` with arrays. All quantities are dimensionless (see `equations.hybrid`).
 """
 
 from __future__ import annotations
