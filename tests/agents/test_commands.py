@@ -88,7 +88,7 @@ def test_optima_that_are_found_again_are_stored_at_the_grid_and_their_costs_betw
     monkeypatch.setattr(optimal, "optimal_gaits", gaits)
     monkeypatch.setattr(optimal, "save_costs", lambda name, gaits: costs.append((name, gaits)))
     monkeypatch.setattr(
-        optimal, "save", lambda path, gaits: (kept.extend(gaits), path.write_text("new"))
+        optimal, "save_gaits", lambda path, gaits: (kept.extend(gaits), path.write_text("new"))
     )
     monkeypatch.setattr(optimal, "load", lambda name: [])
     assert commands.find_optimal(["--scene", "lab", "--again"]) == 0

@@ -81,7 +81,12 @@ def test_minari(tmp_path, monkeypatch, infos):
 
 def test_agilerl(tmp_path):
     pytest.importorskip("agilerl")
-    changes = {"LunarLander-v3": NAME, "DQN": "PPO", "pop_size=4": "pop_size=2, max_steps=4096"}
+    changes = {
+        '"LunarLander-v3"': f'GymEnvSpec(name="{NAME}", num_envs=2)',
+        "import TrainingSpec": "import GymEnvSpec, TrainingSpec",
+        "DQN": "PPO",
+        "pop_size=4": "pop_size=2, max_steps=4096, eval_steps=200",
+    }
     example = with_walker(described("agilerl", "LunarLander"), changes)
     run(example.replace("\ntrainer =", "\nif __name__ == '__main__':\n  trainer =")
         .replace("\npopulation", "\n  population"), tmp_path)  # fmt: skip
