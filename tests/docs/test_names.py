@@ -6,6 +6,8 @@ import inspect
 import os
 import pkgutil
 import re
+import subprocess
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -135,3 +137,38 @@ def test_each_concept_is_where_the_table_says(concept, place):
     found = pkgutil.resolve_name(f"gym_passive_walker.{place}")
     if inspect.isclass(found) or inspect.isfunction(found):
         assert f"{found.__module__}.{found.__qualname__}" == f"gym_passive_walker.{place}"
+
+
+_IMPORTED = """
+import sys
+import gymnasium
+before = set(sys.modules)
+import gym_passive_walker as gpw
+assert "PassiveWalker-v0" in gymnasium.registry
+loaded = {name for name in set(sys.modules) - before}
+rooms = {name.split(".")[1] for name in loaded if name.startswith("gym_passive_walker.")}
+assert rooms <= {"_tools", "_version", "envs"}, rooms
+assert not {"numba", "llvmlite", "scipy", "scipy.optimize"} & loaded, loaded
+assert gpw.blend is gpw.interpolate and gpw.optimise_walker is gpw.optimize_walker
+assert not hasattr(gpw, "nothing") and "find_gait" in dir(gpw)
+"""
+
+
+def test_an_import_registers_the_environments_and_loads_no_compiler_and_no_analysis():
+    subprocess.run([sys.executable, "-c", _IMPORTED], check=True)
+
+
+def test_a_module_that_lacks_a_library_says_so_and_is_not_called_unknown():
+    program = """
+import sys
+sys.modules["numba_cuda"] = None
+import gym_passive_walker as gpw
+try:
+    gpw.gpu
+except ImportError as error:
+    assert "[gpu]" in str(error), error
+else:
+    raise AssertionError("loaded")
+"""
+    alone = {name: value for name, value in os.environ.items() if name != "NUMBA_ENABLE_CUDASIM"}
+    subprocess.run([sys.executable, "-c", program], check=True, env=alone)

@@ -543,7 +543,9 @@ def test_every_option_of_evaluate_is_heard(capsys):
 def test_every_option_of_optimal_is_heard(capsys, monkeypatch):
     asked_for, kept = [], []
     monkeypatch.setattr(optimal, "optimal_gaits", lambda *given: asked_for.append(given) or [])
-    monkeypatch.setattr(optimal, "save_gaits", lambda path, gaits: kept.append(path) or path.touch())
+    monkeypatch.setattr(
+        optimal, "save_gaits", lambda path, gaits: kept.append(path) or path.touch()
+    )
     monkeypatch.setattr(optimal, "save_costs", lambda name, gaits: kept.append(name))
     monkeypatch.setattr(commands, "replacing", aside)
     assert printed("optimal", capsys) != printed("optimal --scene lab", capsys)
