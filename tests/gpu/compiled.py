@@ -39,7 +39,7 @@ def ptx(capability: int, scene: str) -> dict[str, str]:
         )[0]
 
     here = mock.patch.multiple(
-        device, need_device=lambda: None, put=_put, empty=_room, launch=compiled
+        device, need_device=lambda: None, upload=_put, empty=_room, launch=compiled
     )
     with here:
         there = batch.DeviceBatch(2, eval(scene))
