@@ -27,9 +27,12 @@ from typing import Any, NamedTuple
 
 os.environ["NUMBA_ENABLE_CUDASIM"] = "1"  # names of the GPU are imported where there is none
 
-from gym_passive_walker._tools.shown import picture
+from gym_passive_walker._tools.shown import DRAWERS, picture
 from gym_passive_walker.models.units import KINDS, PROPORTIONS, UNITS
 from gym_passive_walker.models.walkers import PARAMETERS, Walker
+
+for _drawer in DRAWERS:  # they register the plots that the reference lists
+    importlib.import_module(_drawer)
 
 DOCS = Path(__file__).resolve().parent
 BEGIN, END = "copies it here.\n\n", "## Named scenes\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
 from dataclasses import fields, replace
 from functools import cache
@@ -14,6 +15,7 @@ import pytest
 import gym_passive_walker as gpw
 from agents.benchmark import rough_strides
 from examples.torso import TORSO
+from gym_passive_walker._tools.shown import DRAWERS
 from gym_passive_walker._tools.shown import picture as pictures
 from gym_passive_walker.apps.sweeps.tasks import ANALYSES
 from gym_passive_walker.engine.own.mechanics import Motion
@@ -462,6 +464,8 @@ def test_each_plot_without_axes_is_a_new_figure(name):
 
 
 def test_every_picture_is_tested():
+    for drawer in DRAWERS:
+        importlib.import_module(drawer)
     known = {of.__name__ for of in pictures.registry if of is not object}
     assert known == {*SHOWN, "SweepResult"}  # of `tests/sweeps`
     assert known == {name for name in gpw.__all__ if hasattr(getattr(gpw, name), "plot")}

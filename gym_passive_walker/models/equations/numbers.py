@@ -1,6 +1,6 @@
 """Functions of numbers that the equations use besides + − × ÷, and derivatives by a complex step.
 
-The models in `equations` are plain functions. They run with floats and arrays, with symbols of SymPy
+The models in `equations` are plain functions. They run with floats and arrays, symbols of SymPy
 or heyoka, and with the expressions that the engine compiles. Each kind of number registers its
 functions here. Other modules can register further kinds:
 
