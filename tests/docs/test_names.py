@@ -149,7 +149,7 @@ loaded = {name for name in set(sys.modules) - before}
 rooms = {name.split(".")[1] for name in loaded if name.startswith("gym_passive_walker.")}
 assert rooms <= {"_tools", "_version", "envs"}, rooms
 assert not {"numba", "llvmlite", "scipy", "scipy.optimize"} & loaded, loaded
-assert gpw.blend is gpw.interpolate and gpw.optimise_walker is gpw.optimize_walker
+assert gpw.blend is gpw.interpolate
 assert not hasattr(gpw, "nothing") and "find_gait" in dir(gpw)
 """
 

@@ -49,10 +49,11 @@ def test_a_source_that_changes_has_another_fingerprint(tmp_path, monkeypatch):
     shutil.copytree(cache._ROOT, tmp_path, dirs_exist_ok=True)
     found = cache.fingerprint.__wrapped__
     before = found()
+    assert all(any(cache._ROOT.glob(f"{pattern}.py")) for pattern in cache._SOURCES)
     monkeypatch.setattr(cache, "_ROOT", tmp_path)
     assert found() == before
     for source in (
-        "physics/legs.py",
+        "models/equations/legs.py",
         "engine/native.py",
         "envs/constraints.py",
         "gaits/terrain.py",
@@ -62,7 +63,7 @@ def test_a_source_that_changes_has_another_fingerprint(tmp_path, monkeypatch):
         assert found() != before
         (tmp_path / source).write_text(text)
         assert found() == before
-    (tmp_path / "physics" / "another.py").write_text("")
+    (tmp_path / "models" / "equations" / "another.py").write_text("")
     assert found() != before
 
 

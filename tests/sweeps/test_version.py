@@ -6,20 +6,21 @@ from pathlib import Path
 import pytest
 
 import gym_passive_walker as gpw
+from gym_passive_walker.apps.sweeps import version as module
 from gym_passive_walker.apps.sweeps.version import version
 
 
 @pytest.mark.parametrize(
     ("part", "counts"),
     [
-        ("gaits/search.py", True),
+        ("gaits/find/search.py", True),
         ("engine/lanes.py", True),
-        ("physics/kneed.py", True),
-        ("control/optimal.py", True),
+        ("models/equations/kneed.py", True),
+        ("gaits/control/optimal.py", True),
         ("envs/task.py", True),
-        ("sweeps/tasks.py", True),
-        ("render/axes.py", False),
-        ("sweeps/pictures.py", False),
+        ("apps/sweeps/tasks.py", True),
+        ("pictures/axes.py", False),
+        ("apps/sweeps/pictures.py", False),
     ],
 )
 def test_another_equation_or_search_is_another_version_and_another_picture_is_not(
@@ -28,7 +29,7 @@ def test_another_equation_or_search_is_another_version_and_another_picture_is_no
     only = shutil.ignore_patterns("__pycache__", "*.safetensors")
     copy = tmp_path / "copy"
     shutil.copytree(Path(gpw.__file__).parent, copy, ignore=only)
-    monkeypatch.setattr(gpw, "__file__", str(copy / "__init__.py"))
+    monkeypatch.setattr(module, "__file__", str(copy / "apps" / "sweeps" / "version.py"))
     before = version("gait")
     with (copy / part).open("a") as file:
         file.write("# another\n")

@@ -71,7 +71,7 @@ def test_a_module_of_a_system_has_its_names_its_start_and_its_lines(name, packag
     assert found["links"] == [system.coordinates]
 
 
-@pytest.mark.parametrize("kind", build.KINDS)
+@pytest.mark.parametrize("kind", build.MODULES)
 def test_a_module_of_a_kind_has_its_constants_and_the_options_of_the_engine(kind, package):
     found = notes(package / f"{kind}.wasm")
     names = {"kneed": "C", "straight": "A", "simplest": "D"}
