@@ -69,7 +69,7 @@ class DeviceBatch:
     Attributes:
         buffers: Actions, observations, rewards and terminations, on the GPU; see
             `episodes.StepBuffers`.
-        walkers: State of each walker, on the GPU; see `episodes.Walkers`.
+        walkers: State of each walker, on the GPU; see `episodes.DeviceWalkers`.
         step_limit: Steps after which an episode is truncated.
 
     Raises:
