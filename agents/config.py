@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from copy import deepcopy
 from dataclasses import asdict, dataclass, field, fields
 from functools import cache
 from pathlib import Path
@@ -158,7 +159,7 @@ def preset_of(algo: str, scene: str, env: dict[str, Any]) -> dict[str, Any]:
     name = env.get("control", scene)
     if name not in of_algo:
         raise ConfigError(f"no preset for {name!r} in {algo}.yml: it has {', '.join(of_algo)}")
-    return dict(of_algo[name])
+    return deepcopy(of_algo[name])
 
 
 def configure(

@@ -431,3 +431,10 @@ def test_an_exported_policy_writes_out_the_library_s_defaults(algo, hyperparams,
     activation, normalizer = acting
     found = {"algo": algo, "activation": activation, "normalizer": normalizer}
     assert _acting(config) == found
+
+
+def test_a_change_of_one_configuration_changes_no_other():
+    config = configure("shac", "level")
+    noise = config.training["reset_noise_scale"]
+    config.training.update(reset_noise_scale=2.0 * noise)
+    assert configure("shac", "level").training["reset_noise_scale"] == noise
