@@ -170,6 +170,7 @@ _BESIDES = {
 }
 _SINGLE = {
     "__init__": "options/test_functions test_walkers test_shown",
+    "console": "test_console",
     "_version": "cli/test_commands web/test_notes",
     "gpu": "gpu/test_strides gpu/test_compiled",
     "math": "envs/test_custom",

@@ -13,6 +13,7 @@ References:
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -20,6 +21,7 @@ import numpy as np
 
 import gym_passive_walker as gpw
 from examples.torso import TORSO
+from gym_passive_walker import console
 
 SLOPE = 0.03
 
@@ -71,4 +73,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(console.run(main))

@@ -14,9 +14,11 @@ References:
 
 from __future__ import annotations
 
+import sys
 from typing import NamedTuple
 
 import gym_passive_walker as gpw
+from gym_passive_walker import console
 from gym_passive_walker.math import cos, sin
 
 LEG, MASS = 0.8, 32.0  # m, kg
@@ -166,4 +168,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(console.run(main))

@@ -21,6 +21,7 @@ References:
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -29,7 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import simpson
 
 import gym_passive_walker as gpw
-from gym_passive_walker import Gait, Walker
+from gym_passive_walker import Gait, Walker, console
 
 _SAMPLES = 4001  # of a stride, for Simpson's rule
 _BEFORE = 1.0 - 1e-12  # at its end the collision has changed the angular velocities
@@ -224,4 +225,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(console.run(main))

@@ -12,9 +12,11 @@ References:
 from __future__ import annotations
 
 import math
+import sys
 from typing import NamedTuple
 
 import gym_passive_walker as gpw
+from gym_passive_walker import console
 from gym_passive_walker.math import cos, sin
 
 
@@ -76,4 +78,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(console.run(main))

@@ -21,6 +21,7 @@ References:
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -30,7 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import gym_passive_walker as gpw
-from gym_passive_walker import Gait
+from gym_passive_walker import Gait, console
 from gym_passive_walker.control import Method, SceneLike, gains
 from gym_passive_walker.envs.scene import make_scene
 
@@ -306,4 +307,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(console.run(main))

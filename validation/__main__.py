@@ -6,11 +6,16 @@ import argparse
 import sys
 from collections.abc import Sequence
 
+from gym_passive_walker import console
 from validation import page
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """Write the pages; returns 0 if every row is as expected, else 1."""
+    return console.run(lambda: _write(words))
+
+
+def _write(words: Sequence[str] | None) -> int:
     parser = argparse.ArgumentParser(prog="python -m validation", description=__doc__)
     parser.add_argument(
         "--out",
