@@ -28,7 +28,7 @@ _MODULES = {
 _FORMER = {"blend": "interpolate", "optimise_walker": "optimize_walker"}
 """Names of earlier commits, which keep working."""
 
-__all__ = sorted(_MODULES.keys() - {"__version__"})
+__all__ = sorted(_MODULES.keys() - {"__version__"})  # pyright: ignore[reportUnsupportedDunderAll]
 
 # These modules register the plots of objects; a first plot loads them.
 _DRAWERS += [
