@@ -34,7 +34,7 @@ def picture(shown: Any, ax: Axes | None = None, **options: Any) -> Axes | NDArra
 
     Args:
         shown: The object.
-        ax: Axes to draw on, as in `Shown.plot`, or `render.axes.OWN`.
+        ax: Axes to draw on, as in `Shown.plot`, or `pictures.axes.OWN`.
         **options: Options of the object's picture.
 
     Raises:

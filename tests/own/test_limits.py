@@ -182,7 +182,7 @@ def test_a_stop_takes_the_energy_of_the_motion_that_it_ends(way):
         lambda body, state: upper(matrix),
         lambda body, state: way[0] * state.a + way[1] * state.b + way[2] * state.c,
     )
-    found = strike(Legs(), Three(0.1, 0.2, 0.3, *rates), 0.0, gpw.engine.own.Ground(0.0, 1.0))
+    found = strike(Legs(), Three(0.1, 0.2, 0.3, *rates), 0.0, gpw.modeling.Ground(0.0, 1.0))
     after = np.array(found.after[3:], float)
     assert found.after[:3] == (0.1, 0.2, 0.3)
     assert np.dot(way, after) == pytest.approx(0.0, abs=1e-12)
@@ -203,7 +203,7 @@ def test_the_last_coordinates_of_a_phase_move_with_the_last_link(free):
     expected = np.linalg.solve(ties.T @ matrix @ ties, ties.T @ given)
     found = statement.accelerations_of(
         lambda body, state: upper(matrix), lambda *_: tuple(given.tolist()), free
-    )(Legs(), Three(*range(6)), namedtuple("Free", "")(), gpw.engine.own.Ground(0.0, 1.0))
+    )(Legs(), Three(*range(6)), namedtuple("Free", "")(), gpw.modeling.Ground(0.0, 1.0))
     np.testing.assert_allclose(np.array(found, float), expected, rtol=1e-12)
     tied = statement.tied(Three(*range(6)), free)
     np.testing.assert_array_equal(tied[:3], ties @ np.arange(free))

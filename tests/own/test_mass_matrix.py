@@ -8,7 +8,8 @@ import pytest
 import gym_passive_walker as gpw
 from examples.five_links import FIVE_LINKS
 from examples.rimless_wheel import RIMLESS_WHEEL, closed_form
-from gym_passive_walker.engine.own import (
+from gym_passive_walker.engine.own.mechanics import Derived
+from gym_passive_walker.modeling import (
     Free,
     Ground,
     Guard,
@@ -24,7 +25,6 @@ from gym_passive_walker.engine.own import (
     kinetic_energy_of,
     stop_of,
 )
-from gym_passive_walker.engine.own.mechanics import Derived
 from gym_passive_walker.models.equations import kneed, straight
 from gym_passive_walker.models.equations.hybrid import measured
 from gym_passive_walker.models.equations.systems import SYSTEMS, body_of

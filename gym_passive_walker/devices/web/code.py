@@ -24,7 +24,7 @@ from gym_passive_walker.engine.compiled import OF_LANE, OF_LANES, phases_of, wri
 from gym_passive_walker.engine.device_linker import DeviceLinker
 from gym_passive_walker.engine.layout import Layout
 from gym_passive_walker.engine.native import Emitter, Function, Memory, Module
-from gym_passive_walker.engine.own import StatementError
+from gym_passive_walker.engine.own.stated import StatementError
 from gym_passive_walker.envs import disturbance_kernels
 from gym_passive_walker.envs import one_walker as one_episode
 from gym_passive_walker.envs.constraints import HOOK, equipped, push_code
