@@ -456,7 +456,7 @@ class Batch:
                 found[f"reward_{name}"] = term if stepped is None else np.where(stepped, term, 0.0)
         return found
 
-    def reported(self, stepped: NDArray[np.bool_]) -> tuple[NDArray, NDArray, NDArray]:
+    def reported(self, stepped: NDArray[np.bool_]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Return the entries of `info` that every scene has, of walkers that have made a step.
 
         Args:
@@ -464,14 +464,16 @@ class Batch:
 
         Returns:
             EVERY_STEP without the strides, (entries, count); number of strides and index of the
-            outcome in OUTCOMES, (2, count); and EVERY_STRIDE, (entries, count).
+            outcome in OUTCOMES, (2, count); the walkers that have ended a stride; and their
+            EVERY_STRIDE, (walkers, entries), which is zero for all others.
         """
+        ended = np.flatnonzero(stepped & (self.ledger["outcome"] != 0))
         steps = np.empty((len(task.EVERY_STEP) - 1, self.count))
         counts = np.empty((2, self.count), np.int64)
-        measures = np.zeros((len(task.EVERY_STRIDE), self.count))
+        measures = np.empty((len(ended), len(task.EVERY_STRIDE)))
         write = self.entry_point.kernels.write_info.compiled
-        write(self.entry_point.address, stepped, steps, counts, measures)
-        return steps, counts, measures
+        write(self.entry_point.address, stepped, ended, steps, counts, measures)
+        return steps, counts, ended, measures
 
     def step(
         self,

@@ -342,7 +342,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
 
     def _infos(self, stepped: NDArray[np.bool_]) -> list[dict[str, Any]]:
         """Return the info of each environment; `stepped` as for `Batch.reported`."""
-        steps, (strides, outcomes), measures = self.batch.reported(stepped)
+        steps, (strides, outcomes), ended, measures = self.batch.reported(stepped)
         others = self.batch.info_values(stepped)
         columns = dict(zip(task.EVERY_STEP, (*steps, strides), strict=True)) | others
         blank: dict[str, Any] = dict.fromkeys((*task.EVERY_STEP, *task.EVERY_STRIDE, *others), 0.0)
@@ -352,8 +352,9 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
             infos.append(blank.copy())  # most have no other entries
             infos[-1].update(zip(columns, row, strict=True))
         for i in np.flatnonzero(outcomes).tolist():
-            infos[i] |= zip(task.EVERY_STRIDE, measures[:, i].tolist(), strict=True)
             infos[i]["outcome"] = interface.OUTCOMES[outcomes[i]]
+        for i, row in zip(ended.tolist(), measures.tolist(), strict=True):
+            infos[i] |= zip(task.EVERY_STRIDE, row, strict=True)
         return infos
 
     def _last_info(

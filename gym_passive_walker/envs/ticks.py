@@ -268,17 +268,17 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         )  # fmt: skip
 
     @within(Kernel)
-    def write_info(where, asked, steps, counts, measures):
+    def write_info(where, asked, ended, steps, counts, measures):
         """Write the entries of `info` for selected walkers; entries of the others are zero.
 
         Args:
             where: Address from `EntryPoint.address`.
             asked: Whether each walker is selected, (count,).
+            ended: Walkers that have ended a stride.
             steps: Filled with the entries of EVERY_STEP except the last, (entries, count).
             counts: Filled with the number of strides and the outcome as a number, (2, count). The
                 outcome is 0 if no stride or episode ends.
-            measures: Zeros, (entries, count); filled with EVERY_STRIDE of each walker that ends a
-                stride.
+            measures: Filled with EVERY_STRIDE of the walkers in `ended`, (walkers, entries).
         """
         here, first = view(where, (1,), ADDRESSES)[0], len(steps)
         ledger = view(here.ledger, (here.of_ledger,), ledger_of)
@@ -288,12 +288,12 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
                 steps[k, i] = words[i, k] if asked[i] else 0.0
             counts[0, i] = ledger[i].strides if asked[i] else 0
             outcome = ledger[i].outcome
-            if outcome != 0 and asked[i]:
-                for k in range(len(measures)):
-                    measures[k, i] = words[i, first + k]
             if ledger[i].truncated != 0 and ledger[i].ending == 0:
                 outcome = TIMED_OUT
             counts[1, i] = outcome if asked[i] else 0
+        for row, i in enumerate(ended):
+            for k in range(measures.shape[1]):
+                measures[row, k] = words[i, first + k]
 
     return Kernels(begin, begin_alike, step, step_here, write_info)
 

@@ -328,15 +328,17 @@ class PassiveWalkerVectorEnv(
             stepped: Whether each walker has made a step, (num_envs,); the others have begun.
             present: Mask of the environments that have these infos, (num_envs,); all if None.
         """
-        steps, counts, measures = self.batch.reported(stepped)
+        steps, counts, ended, measures = self.batch.reported(stepped)
         mask = np.array(self._everyone if present is None else present)
         others = self.batch.info_values(stepped)
         infos = Infos(distance=steps[0], _distance=mask)
 
         def content() -> dict[str, Any]:
             names = *task.EVERY_STEP, *task.EVERY_STRIDE
+            strides = np.zeros((len(task.EVERY_STRIDE), self.num_envs))
+            strides[:, ended] = measures.T
             columns: dict[str, NDArray] = {}
-            columns |= zip(names, (*steps, counts[0], *measures), strict=True)
+            columns |= zip(names, (*steps, counts[0], *strides), strict=True)
             columns |= {name: np.where(mask, x, 0) for name, x in others.items()}
             columns["outcome"] = _OUTCOMES.take(counts[1])
             columns["outcome"][~mask] = None  # as Gymnasium fills it
