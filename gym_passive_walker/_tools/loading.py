@@ -22,6 +22,9 @@ _YAML = (".yaml", ".yml")
 SUFFIXES = (".json", *_YAML, ".toml")
 """Supported file name endings."""
 
+POLICIES: list[str] = []
+"""Module that reads trained policies: controllers by name or path load it."""
+
 HOLDS_CODE = "it holds code, or is damaged: do not load it unless you trust its source"
 
 _FLOAT = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+$")

@@ -59,7 +59,7 @@ def explain(env: Any = "level") -> None:
     Example:
         >>> import gym_passive_walker as gpw
         >>> gpw.explain("pushed")  # doctest: +ELLIPSIS
-        walker 'C' ...
+        walker 'C', slope ...
     """
     print(as_text(env))
 

@@ -21,7 +21,6 @@ from gym_passive_walker.envs.policies.network import Network
 from gym_passive_walker.envs.policies.onnx_file import OnnxPolicy, write_onnx
 from gym_passive_walker.envs.policies.sb3_file import Sb3Policy
 from gym_passive_walker.envs.policies.tensors import PolicyError, read_tensors, reading
-from gym_passive_walker.gaits.control import controllers
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 
 TENSORS, DESCRIPTION = "policy.safetensors", "policy.json"
@@ -62,10 +61,9 @@ class TrainedPolicy(Network):
         actions.
 
         Example:
-            >>> import tempfile, gym_passive_walker as gpw
-            >>> path = tempfile.mkdtemp() + "/level-ppo.onnx"
-            >>> gpw.load_policy("level-ppo").to_onnx(path)
-            >>> gpw.load_policy(path).scene == gpw.load_policy("level-ppo").scene
+            >>> import gym_passive_walker as gpw
+            >>> gpw.load_policy("level-ppo").to_onnx("level-ppo.onnx")
+            >>> gpw.load_policy("level-ppo.onnx").scene == gpw.load_policy("level-ppo").scene
             True
 
         Args:
@@ -110,7 +108,7 @@ def load_policy(name_or_folder: str | Path) -> TrainedPolicy | OnnxPolicy | Sb3P
         >>> import gym_passive_walker as gpw
         >>> policy = gpw.load_policy("level-ppo")
         >>> gait = gpw.closed_loop_gait(policy, policy.scene)
-        >>> gait.stable, round(gait.speed, 2)
+        >>> gait.stable, round(gait.froude_speed, 2)
         (True, 0.15)
 
     Args:
@@ -138,7 +136,6 @@ def load_policy(name_or_folder: str | Path) -> TrainedPolicy | OnnxPolicy | Sb3P
 
 READERS: dict[str, type[OnnxPolicy | Sb3Policy]] = {".onnx": OnnxPolicy, ".zip": Sb3Policy}
 """Readers of policies in one file, by the ending of its name."""
-controllers.LOADERS.append(load_policy)
 
 
 def _description(path: Path) -> dict[str, Any]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from gym_passive_walker._tools.arguments import near, shown
+from gym_passive_walker._tools.loading import POLICIES
 from gym_passive_walker.gaits.control.baselines import BASELINES
 from gym_passive_walker.gaits.control.policy import FunctionPolicy, ModulePolicy, Policy, is_module
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
@@ -16,9 +18,6 @@ ControllerLike: TypeAlias = Policy | Callable[..., Any] | str | PathLike[str]
 """Type of controller arguments; see `acting`."""
 
 SceneLike: TypeAlias = Scene | str | Mapping[str, Any]
-
-LOADERS: list[Callable[[str | Path], Policy]] = []
-"""Reads a trained policy by its name or path; `policies`, which imports this, enters it."""
 
 
 def as_policy(controller: ControllerLike) -> Policy:
@@ -34,7 +33,8 @@ def as_policy(controller: ControllerLike) -> Policy:
     """
     if isinstance(controller, str | PathLike):
         try:
-            return LOADERS[0](controller if isinstance(controller, str) else Path(controller))
+            named = controller if isinstance(controller, str) else Path(controller)
+            return import_module(POLICIES[0]).load_policy(named)
         except ValueError:
             if Path(controller).suffix or not (like := near(controller, BASELINES)):
                 raise
