@@ -147,7 +147,8 @@ def _taken() -> None:
 
 def _modules() -> Iterator[tuple[str, float, float, float, float]]:
     """Name of each native module, CPU seconds of its three stages, and size in kB."""
-    from gym_passive_walker.engine.compiled import loaded, object_code, written
+    from gym_passive_walker.engine.compiled import written
+    from gym_passive_walker.engine.machine import loaded, object_code
     from gym_passive_walker.models.equations.systems import SYSTEMS
 
     for name, system in SYSTEMS.items():

@@ -24,8 +24,9 @@ from benchmarks.problem import Problem, error, problem
 from benchmarks.report import command, machine, seconds, table
 from benchmarks.tables import PRECISION, keep
 from gym_passive_walker._tools import console
-from gym_passive_walker.engine.compiled import loaded, object_code, phases_of, written
+from gym_passive_walker.engine.compiled import phases_of, written
 from gym_passive_walker.engine.layout import HISTORY, PAIR, aligned, tile_for
+from gym_passive_walker.engine.machine import loaded, object_code
 from gym_passive_walker.engine.run import integrate, new_records, options
 from gym_passive_walker.engine.runge_kutta import Pair
 from gym_passive_walker.models.equations.hybrid import System

@@ -20,11 +20,15 @@ from benchmarks import engine
 from benchmarks.problem import WALKS, Problem, problem
 from benchmarks.report import command, machine, seconds, table
 from benchmarks.tables import DOCS, keep
-from gym_passive_walker.engine.compiled import constants_used, loaded, object_code
-from gym_passive_walker.engine.jit import call
+from gym_passive_walker.engine import jit
+from gym_passive_walker.engine.compiled import constants_used
+from gym_passive_walker.engine.compiler import PRIMITIVES
 from gym_passive_walker.engine.layout import TILE, WIDTH, aligned
+from gym_passive_walker.engine.machine import loaded, object_code
 from gym_passive_walker.engine.native import GROUP, Function, Memory, Module
 from gym_passive_walker.engine.step import StepCode
+
+call = PRIMITIVES[jit.call]
 
 PAGE = DOCS / "performance.md"
 COUNTED = ("fma", "fmul", "fadd", "fsub", "fdiv", "sqrt")

@@ -24,11 +24,15 @@ from benchmarks.engine import microseconds
 from benchmarks.problem import WALKS, Problem, error, problem
 from benchmarks.report import command, machine, plot, seconds, table
 from benchmarks.tables import SPEED, keep
-from gym_passive_walker.engine.compiled import constants_used, loaded, object_code
+from gym_passive_walker.engine import jit
+from gym_passive_walker.engine.compiled import constants_used
+from gym_passive_walker.engine.compiler import PRIMITIVES
 from gym_passive_walker.engine.equations import Equations
-from gym_passive_walker.engine.jit import call
 from gym_passive_walker.engine.layout import TILE, WIDTH, aligned
+from gym_passive_walker.engine.machine import loaded, object_code
 from gym_passive_walker.engine.native import GROUP, Function, Memory, Module
+
+call = PRIMITIVES[jit.call]
 
 CORES = os.cpu_count() or 1
 SIZES = [10**k for k in range(7)]

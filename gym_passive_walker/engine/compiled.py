@@ -1,19 +1,13 @@
-"""Systems as native code: compiled once, cached on disk, called by address."""
+"""Systems as native code: compiled once and called by address."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
 from functools import lru_cache, partial
-from hashlib import sha256
 from typing import Any
 
 import numpy as np
-from llvmlite import binding as llvm
 from numpy.typing import NDArray
 
-from gym_passive_walker._tools.progress import compiling
-from gym_passive_walker.engine import cache
 from gym_passive_walker.engine.equations import Equations, places_of, state_of, without_absent
 from gym_passive_walker.engine.layout import (
     MOST_GUARDS,
@@ -24,6 +18,7 @@ from gym_passive_walker.engine.layout import (
     record_for,
     tile_for,
 )
+from gym_passive_walker.engine.machine import kept_code
 from gym_passive_walker.engine.native import Code, Function, Memory, Module, uses
 from gym_passive_walker.engine.one_lane import OneLane, first_where
 from gym_passive_walker.engine.runge_kutta import Pair
@@ -124,7 +119,8 @@ def compiled(system: str, *, derived: bool = False, still: bool = False) -> NDAr
     of, known = SYSTEMS[system], None if derived else WRITTEN.pop(system, None)
     module = Module(still=("body",) if still else ())
     name = system + "-derived" * derived + "-still" * still
-    code = kept_code(name, lambda: known or written(of, derived=derived, module=module))
+    write = lambda: known or written(of, derived=derived, module=module)  # noqa: E731
+    code = kept_code(name, write, f"the equations {name}")
     return phases_of(of, code)
 
 
@@ -280,68 +276,3 @@ def _measure(
 def _place(system: System, record: Memory, body: Memory) -> None:
     """Write the position of the hip, from which the distance of a step is measured."""
     record["place"] = system.place(constants_of(system, body), state_of(system, record))
-
-
-_ALIVE: list[Any] = []
-"""LLVM engines that own native code; kept so that the code lasts as long as the process."""
-
-
-@lru_cache
-def context() -> Any:
-    """Return the LLVM context for parsing; llvmlite 0.44 needs opaque pointers enabled."""
-    asked: Any = llvm.context
-    before = getattr(asked, "opaque_pointers_enabled", True)
-    asked.opaque_pointers_enabled = True
-    try:
-        return llvm.create_context()
-    finally:
-        asked.opaque_pointers_enabled = before
-
-
-@lru_cache
-def _machine() -> Any:
-    """Return the target machine and its description: this CPU, or that of NUMBA_CPU_NAME."""
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    cpu = os.environ.get("NUMBA_CPU_NAME") or llvm.get_host_cpu_name()
-    features = os.environ.get("NUMBA_CPU_FEATURES")
-    if features is None:
-        own = cpu == llvm.get_host_cpu_name()
-        # Use 512-bit vectors where the CPU has them; LLVM prefers 256 bits by default.
-        features = llvm.get_host_cpu_features().flatten() + ",-prefer-256-bit" if own else ""
-    target = llvm.Target.from_triple(llvm.get_process_triple())
-    machine = target.create_target_machine(cpu=cpu, features=features, opt=2, jit=True)
-    return machine, f"{llvm.llvm_version_info}{target.triple}{cpu}{features}"
-
-
-def kept_code(name: str, write: Callable[[], Module]) -> Any:
-    """Load native code from the cache, or generate and cache it."""
-    file = f"{name}-{sha256(_machine()[1].encode()).hexdigest()[:16]}.o"
-    data = cache.found(file)
-    if data is None:
-        with compiling(f"the equations {name}"):
-            data = object_code(write())
-        cache.keep(file, data)
-    return loaded(data)
-
-
-def object_code(module: Module) -> bytes:
-    """Compile a module to machine code."""
-    return _machine()[0].emit_object(_parsed(str(module)))
-
-
-def loaded(data: bytes) -> Any:
-    """Load machine code, which stays callable as long as the process lasts."""
-    engine = llvm.create_mcjit_compiler(_parsed(""), _machine()[0])
-    engine.add_object_file(llvm.ObjectFileRef.from_data(data))
-    engine.finalize_object()
-    _ALIVE.append(engine)
-    return engine
-
-
-def _parsed(text: str) -> Any:
-    """Parse LLVM text as a module for the target machine."""
-    module = llvm.parse_assembly(text, context())
-    module.triple, module.data_layout = _machine()[0].triple, str(_machine()[0].target_data)
-    module.verify()
-    return module

@@ -1,36 +1,32 @@
-"""Functions of this package compiled again for another machine, with other primitives.
+"""Functions of this package compiled for a machine, each with the primitives of that machine.
 
 What the engine calls by address, another machine may call by number; where the engine integrates
-lanes of a tile, it may integrate one walker. All else is compiled from the functions that run on
-the CPU.
+lanes of a tile, it may integrate one walker. All else is compiled from the same functions.
 """
 
 from __future__ import annotations
 
 import dis
 from collections.abc import Callable, Hashable
-from types import FunctionType, ModuleType
+from types import CellType, FunctionType, ModuleType
 from typing import Any
 
-from numba.core.dispatcher import Dispatcher
-
-from gym_passive_walker.engine.jit import LOWERED, Kernel
+from gym_passive_walker.engine.jit import Kernel
+from gym_passive_walker.models.math import where
 
 _OURS = "gym_passive_walker"
 
 
 def python_function(value: Any) -> FunctionType | None:
-    """Return the Python function of a kernel or of a compiled function; None for other values."""
+    """Return the Python function of a kernel or of a function of the package, else None."""
     if isinstance(value, Kernel):
         return value.function  # type: ignore[return-value]
-    if isinstance(value, Dispatcher):
-        return value.py_func
     ours = isinstance(value, FunctionType) and value.__module__.partition(".")[0] == _OURS
-    return value if ours and value not in LOWERED else None
+    return value if ours and value is not where else None  # compilers have an instruction for it
 
 
 class DeviceLinker:
-    """Functions bound to another machine, each compiled once.
+    """Functions bound to a machine, each compiled once.
 
     Args:
         given: Functions of that machine, by those that they replace.
@@ -66,8 +62,7 @@ class DeviceLinker:
 
     def rebound(self, function: Any) -> FunctionType:
         """Return a plain function; its names refer to what is bound to the machine."""
-        found = python_function(function)
-        assert found is not None
+        found = python_function(function) or function
         calls = self._calls.setdefault(function, set())
         names = dict(found.__globals__)
         read = [(step.opname, step.argval) for step in dis.get_instructions(found)]
@@ -80,7 +75,10 @@ class DeviceLinker:
                     setattr(names[name], part, self._other(vars(value)[part], calls))
             else:
                 names[name] = self._other(value, calls)
-        return FunctionType(found.__code__, names, found.__name__)
+        cells = [CellType(self._other(x.cell_contents, calls)) for x in found.__closure__ or ()]
+        made = FunctionType(found.__code__, names, found.__name__, None, tuple(cells))
+        made.__qualname__, made.__module__ = found.__qualname__, found.__module__
+        return made
 
     def _other(self, value: Any, calls: set[Any]) -> Any:
         """Return the replacement of a value that a function names; record it if it is called."""

@@ -12,7 +12,7 @@ are integrated with the values: derivatives of a step's length shift the end alo
 
 from __future__ import annotations
 
-from gym_passive_walker.engine.jit import address, call, fma, inlined, jitted
+from gym_passive_walker.engine.jit import address, call, fma, jitted
 from gym_passive_walker.engine.step import (
     LONGEST_STEP,
     MOST_STEPS,
@@ -42,7 +42,6 @@ as near, either event may be chosen."""
 _SCUFF = int(Watch.SCUFF)
 
 
-@inlined
 def set_next_step(tile, lane):
     """Set the next step to the proposed length, or to the remaining time."""
     rest = tile.end[lane] - tile.time[lane]
@@ -50,13 +49,11 @@ def set_next_step(tile, lane):
     tile.h[lane] = following if STRETCH * following < rest else rest
 
 
-@inlined
 def value(p, x):
     """Evaluate a polynomial of fifth degree at x."""
     return fma(x, fma(x, fma(x, fma(x, fma(x, p[5], p[4]), p[3]), p[2]), p[1]), p[0])
 
 
-@inlined
 def derivative(p):
     """Return the coefficients of the derivative of a polynomial of fifth degree."""
     return p[1], 2.0 * p[2], 3.0 * p[3], 4.0 * p[4], 5.0 * p[5], 0.0 * p[5]
@@ -88,7 +85,6 @@ def root(p):
     return x
 
 
-@inlined
 def quintic(history, i, h):
     """Return the quintic that matches guard i's values and two derivatives at both ends of a step.
 
@@ -109,13 +105,11 @@ def quintic(history, i, h):
     )
 
 
-@inlined
 def extrapolated(history, i, ahead):
     """Extrapolate a guard by the time `ahead` beyond the step's end, to second order."""
     return history.after[i] + ahead * (history.rate_after[i] + 0.5 * ahead * history.bend_after[i])
 
 
-@inlined
 def may_count(phase, history, i, h, x):
     """Return whether a guard's crossing may count at a fraction x of the step.
 
@@ -132,7 +126,6 @@ def may_count(phase, history, i, h, x):
     return True
 
 
-@inlined
 def crossing(phase, history, i, h, scuff, ahead):
     """Return the fraction of the step at which a guard falls through zero and may count; or -1.
 
@@ -146,7 +139,6 @@ def crossing(phase, history, i, h, scuff, ahead):
     return x if may_count(phase, history, i, h, x) else -1.0
 
 
-@inlined
 def turning(tile, phase, history, lane, k):
     """Return the fraction of the step at which a control's coordinate reverses; or -1."""
     i = phase.guards + k
@@ -155,7 +147,6 @@ def turning(tile, phase, history, lane, k):
     return root(derivative(quintic(history, i, tile.h[lane])))
 
 
-@inlined
 def between_turns(history, i, h):
     """Return the fraction of the step between two reversals of a coordinate; or -1 if not two.
 
@@ -173,7 +164,6 @@ def between_turns(history, i, h):
     return between if turns and _BRINK < between < 1.0 - _BRINK else -1.0
 
 
-@inlined
 def hidden_crossings(history, i, h):
     """Find an extremum of a guard near zero, where the guard may cross zero twice.
 
@@ -190,7 +180,6 @@ def hidden_crossings(history, i, h):
     return fraction if unsure and _BRINK < fraction < 1.0 - _BRINK else -1.0
 
 
-@inlined
 def first_crossing(history, i, h, between):
     """Return the fraction of the step after a guard's first of several crossings; or -1.
 
@@ -207,7 +196,6 @@ def first_crossing(history, i, h, between):
     return first if passed > 1 else -1.0
 
 
-@inlined
 def out_of_reach(history, i, h):
     """Return whether a guard stays so far above zero that its quintic cannot reach zero."""
     sway = (
@@ -242,7 +230,6 @@ def earliest(phase, history, h, scuff, but):
     return first, event
 
 
-@inlined
 def accept(tiles, histories, phase, lane, event, late):
     """Take a step's end as the new start: moved by a time onto an event, or for 0.0 as it is."""
     for k in range(len(histories[0].turning)):
@@ -251,7 +238,6 @@ def accept(tiles, histories, phase, lane, event, late):
     call(phase.accept, here, history, lane, tangents, event, late)
 
 
-@inlined
 def retry_at_event(tile, lane, event, fraction, high):
     """Repeat the step from its start, with the length of the first estimate of an event."""
     tile.event[lane] = event
@@ -268,19 +254,16 @@ def other_event(phase, history, event, h, scuff, ahead):
     return 0
 
 
-@inlined
 def evaluate_guards(tiles, histories, phase, lane):
     """Evaluate the phase's guards at both ends of a lane's step, into the guard history."""
     call(phase.look, address(tiles), address(histories), lane, len(tiles) - 1, 0.0, 0.0)
 
 
-@inlined
 def predict_impact(tiles, histories, phase, lane, options):
     """Predict the time of the impact after a step's end, into the guard history."""
     call(phase.predict_strike, address(tiles), address(histories), lane, 0, options.tolerance, 0.0)
 
 
-@inlined
 def correction_to(history, event, strike, h, options):
     """Return the time from the step's end to an event.
 
@@ -293,7 +276,6 @@ def correction_to(history, event, strike, h, options):
     return late, speed, close or abs(late) <= options.landing * max(h, 1e-3)
 
 
-@inlined
 def accepted_event(tile, history, lane, event):
     """Return the event that a step has ended on; 0, with a next step, if it does not count."""
     if history.counted > 0.0:
@@ -302,7 +284,6 @@ def accepted_event(tile, history, lane, event):
     return 0
 
 
-@inlined
 def approach_event(tiles, histories, phase, lane, options):
     """Take one Newton step on the length of the step that ends on the lane's event.
 
@@ -341,7 +322,6 @@ def approach_event(tiles, histories, phase, lane, options):
     return accepted_event(tile, history, lane, event)
 
 
-@inlined
 def move_to_impact(tiles, histories, phase, lane, options):
     """Move the end of a step onto the impact if it is near enough; return whether it was moved."""
     tile, history = tiles[0], histories[0]
@@ -359,7 +339,6 @@ def move_to_impact(tiles, histories, phase, lane, options):
     return True
 
 
-@inlined
 def process_events(tiles, histories, phase, lane, options):
     """Process one lane after its step: reject or shorten the step, locate an event, or accept it.
 

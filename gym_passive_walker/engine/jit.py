@@ -1,265 +1,213 @@
-"""Compilation of Python functions by numba, cached in this package's own folder."""
+"""Functions that become machine code: parts of kernels, and kernels, which Python calls.
+
+They are plain functions of Python, which `compiler` compiles by numba. Machine code is kept on
+disk and called by its address, so a process in which all is at hand loads no compiler.
+"""
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import inspect
-import pickle
-import sys
 from collections.abc import Callable
-from functools import cached_property
+from functools import cache
 from pathlib import Path
-from typing import Any
+from types import CodeType
+from typing import Any, NoReturn, TypeVar
 
-import numba
-from llvmlite import ir
-from numba import types
-from numba.core import cgutils, config
-from numba.core.caching import NullCache
-from numba.core.compiler import CompileResult
-from numba.core.serialize import dumps
-from numba.extending import (
-    intrinsic,
-    lower_builtin,
-    register_jitable,
-    type_callable,
-    typeof_impl,
-)
-from numba.np.arrayobj import populate_array
+import numpy as np
 
-from gym_passive_walker.engine import cache
-from gym_passive_walker.engine.compile_notice import announce
-from gym_passive_walker.models import math
+from gym_passive_walker.engine import machine
 
-if config.DISABLE_JIT:  # type: ignore[attr-defined]
-    raise ImportError(
-        "gym_passive_walker requires compiled code, and NUMBA_DISABLE_JIT does not permit numba to "
-        "compile: unset it, or set it to 0"
-    )
+Plain = TypeVar("Plain", bound=Callable[..., Any])
 
-# "numpy": division by zero gives inf or NaN and does not raise.
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
-# Functions that only kernels call need no Python wrapper, a quarter of their compilation time.
-_WITHIN: dict[str, Any] = _OPTIONS | {"no_cpython_wrapper": True}
+WAYS: dict[CodeType, str] = {}
+"""How parts of kernels are compiled; other functions are inlined into their callers."""
 
 
-def jitted(function: Callable[..., Any]) -> Any:
-    """Compile a function that only kernels call; LLVM decides whether to inline it."""
-    # Without the option, a function takes it from the caller that happens to be compiled first.
-    return numba.njit(forceinline=False, **_WITHIN)(function)
-
-
-def inlined(function: Callable[..., Any]) -> Any:
-    """Compile a short function that is inlined into its callers."""
-    return numba.njit(forceinline=True, **_WITHIN)(function)
-
-
-def merged(function: Callable[..., Any]) -> Any:
-    """Compile a function as a part of its callers: a further level of calls takes seconds."""
-    return numba.njit(inline="always", **_WITHIN)(function)
-
-
-def shared(function: Callable[..., Any]) -> Any:
-    """Let kernels inline a plain function, which Python code calls with arrays or tensors."""
-    return register_jitable(forceinline=True, **_WITHIN)(function)
-
-
-LOWERED: set[Any] = set()
-"""Plain functions for which compiled code has an instruction."""
-
-
-def selecting(function: Callable[..., Any]) -> Any:
-    """Let kernels compile calls `function(condition, yes, no)` to the instruction `select`."""
-
-    @type_callable(function)
-    def _(context: Any) -> Any:
-        def signature(condition: Any, yes: Any, no: Any) -> Any:
-            kind = context.unify_types(yes, no)
-            return kind(types.boolean, kind, kind)
-
-        return signature
-
-    @lower_builtin(function, types.boolean, types.Any, types.Any)
-    def _(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.select(*arguments)
-
-    LOWERED.add(function)
+def jitted(function: Plain) -> Plain:
+    """Let kernels call a function; LLVM decides whether to inline it."""
+    WAYS[function.__code__] = "jitted"
     return function
 
 
-selecting(math.where)
-for _function in (math.minimum, math.maximum):
-    shared(_function)
+def merged(function: Plain) -> Plain:
+    """Compile a function as a part of its callers: a further level of calls takes seconds."""
+    WAYS[function.__code__] = "merged"
+    return function
 
 
-def named(function: Callable[..., Any], variant: str) -> Callable[..., Any]:
-    """A function of a factory, named apart from the factory's others.
-
-    The linker knows cached functions by their names: of two with one name it calls either.
-    """
+def named(function: Plain, variant: str) -> Plain:
+    """A function of a factory, named apart from the factory's others: code is kept by its name."""
     function.__qualname__ += f"_{variant}" * bool(variant)
     return function
 
 
-class _Kept(NullCache):
-    """Numba's interface to this package's cache, for one function.
-
-    Numba's own cache does not check what it loads, and fails where it cannot write.
-
-    Args:
-        function: The function to compile. The cache key includes its source file, which
-            `cache.fingerprint` may not cover.
-    """
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        source = Path(inspect.getfile(function))
-        self._function = f"{source.stem}.{function.__qualname__}"
-        self._made_by = sys.implementation.cache_tag, numba.__version__, source.read_bytes()
-
-    def _name(self, signature: Any, codegen: Any) -> str:
-        key = repr((self._made_by, signature, codegen.magic_tuple()))
-        return f"{self._function}-{hashlib.sha256(key.encode()).hexdigest()[:16]}.nb"
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Load the compiled function for arguments of these types, if it is cached."""
-        target_context.refresh()
-        data = cache.found(self._name(sig, target_context.codegen()))
-        return data and CompileResult._rebuild(target_context, *pickle.loads(data))
-
-    def save_overload(self, sig: Any, cres: Any) -> None:
-        """Write a compiled function to the cache."""
-        cache.keep(self._name(sig, cres.codegen), dumps(cres._reduce()))
+def _primitive(function: Plain) -> Plain:
+    """Declare a function that the compiler of each machine replaces by its own."""
+    PRIMITIVES.add(function)
+    return function
 
 
-class Kernel:
-    """An entry point: compiled when first called, cached on disk, releases Python's lock.
-
-    Other kernels may call it and load it from the cache. `jitted` functions are compiled again for
-    each kernel.
-
-    Args:
-        function: The function to compile.
-    """
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self.function = function
-
-    @cached_property
-    def compiled(self) -> Any:
-        """Numba's dispatcher of the function."""
-        dispatcher: Any = numba.njit(nogil=True, **_OPTIONS)(self.function)
-        dispatcher._cache = _Kept(self.function)
-        announce(dispatcher, f"the kernel {self.function.__name__.strip('_')}")
-        return dispatcher
-
-    def __call__(self, *arguments: Any) -> Any:
-        """Run the kernel."""
-        return self.compiled(*arguments)
+PRIMITIVES: set[Callable[..., Any]] = set()
+"""Functions of compiled code without a form in Python."""
 
 
-@typeof_impl.register(Kernel)
-def _(kernel: Kernel, _: Any) -> types.Dispatcher:
-    """Return the numba type of a kernel, for kernels that call it."""
-    return types.Dispatcher(kernel.compiled)
+def _compiled_only() -> NoReturn:
+    raise RuntimeError("this function exists in compiled code alone")
 
 
-@intrinsic
-def _call(typing_context, function, first, second, lane, tangents, x, y):  # type: ignore[no-untyped-def]
+@_primitive
+def call(
+    function: int, first: int, second: int, lane: int, tangents: int, x: float, y: float
+) -> None:
     """Call native code by its address; see `native.Function` for its arguments."""
-
-    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        address, *rest = arguments
-        kind = ir.FunctionType(ir.VoidType(), [value.type for value in rest])
-        pointer = builder.inttoptr(address, kind.as_pointer())
-        builder.call(pointer, rest)
-        return context.get_dummy_value()
-
-    word, number = types.int64, types.float64
-    return types.void(word, word, word, word, word, number, number), code
+    _compiled_only()
 
 
-@intrinsic
-def _fma(typing_context, a, b, c):  # type: ignore[no-untyped-def]
+@_primitive
+def fma(a: float, b: float, c: float) -> float:
     """Return the sum a * b + c, rounded once."""
-
-    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        return builder.fma(*arguments)
-
-    number = types.float64
-    return number(number, number, number), code
+    _compiled_only()
 
 
-@intrinsic
-def _address(typing_context, array):  # type: ignore[no-untyped-def]
+@_primitive
+def address(array: Any) -> int:
     """Return the address of an array's data; compiles ten times faster than `array.ctypes`."""
-
-    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
-        return builder.ptrtoint(data, ir.IntType(64))
-
-    return types.int64(array), code
+    _compiled_only()
 
 
-@intrinsic
-def _view(typing_context, address, shape, dtype):  # type: ignore[no-untyped-def]
+@_primitive
+def view(address: int, shape: tuple[int, ...], dtype: np.dtype) -> Any:
     """Return the contiguous array at an address; compiles no further functions."""
-    kind = types.Array(dtype.dtype, len(shape), "C")
-
-    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        array = context.make_array(kind)(context, builder)
-        size = context.get_constant(types.intp, context.get_abi_sizeof(array.data.type.pointee))
-        lengths, strides = cgutils.unpack_tuple(builder, arguments[1]), [size]
-        for length in lengths[:0:-1]:
-            strides.insert(0, builder.mul(strides[0], length))
-        data = builder.inttoptr(arguments[0], array.data.type)
-        populate_array(array, data, lengths, strides, size, None)
-        return array._getvalue()
-
-    return kind(types.int64, types.UniTuple(types.intp, len(shape)), dtype), code
+    _compiled_only()
 
 
-@intrinsic(prefer_literal=True)
-def _stack(typing_context, count):  # type: ignore[no-untyped-def]
+@_primitive
+def stack(count: int) -> int:
     """Return the address of words on the caller's stack; their number is a constant."""
-
-    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        word = ir.IntType(64)
-        words = cgutils.alloca_once(builder, word, ir.Constant(word, count.literal_value))
-        return builder.ptrtoint(words, word)
-
-    return types.int64(count), code
+    _compiled_only()
 
 
-@intrinsic
-def _uniform(typing_context, generator):  # type: ignore[no-untyped-def]
+@_primitive
+def bits_of(x: float) -> np.uint64:
+    """Return the bits of a number."""
+    _compiled_only()
+
+
+@_primitive
+def number_of(bits: np.uint64) -> float:
+    """Return the number of some bits."""
+    _compiled_only()
+
+
+@_primitive
+def draw_uniform(generator: int) -> float:
     """Draw a number in [0, 1) from the NumPy generator with its `bitgen_t` at an address."""
-
-    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        word, number = ir.IntType(64), ir.DoubleType()
-        members = builder.inttoptr(arguments[0], word.as_pointer())  # state, then functions
-
-        def member(i: int) -> Any:
-            return builder.load(builder.gep(members, [ir.Constant(word, i)]))
-
-        draws = builder.inttoptr(member(3), ir.FunctionType(number, [word]).as_pointer())
-        return builder.call(draws, [member(0)])
-
-    return types.float64(types.int64), code
+    _compiled_only()
 
 
-# In compiled code: address(array), view(address, shape, dtype), stack(count), fma(a, b, c),
-# uniform(generator), call(function, first, second, lane, tangents, x, y).
-call: Any = _call
-fma: Any = _fma
-address: Any = _address
-view: Any = _view
-stack: Any = _stack
-
-
-@inlined
-def entry(array, i):  # type: ignore[no-untyped-def]
-    """Return the address of an array's entry; a slice would add a reference to the array."""
+def entry(array: Any, i: int) -> int:
+    """Return the address of an array's entry; a slice would be another array."""
     return address(array) + i * array.itemsize
 
 
-draw_uniform: Any = _uniform
+_FASTCALL = 0x80  # of Python's METH flags: an array of the arguments, and their number
+_OF_PYTHON = (
+    "PyLong_AsUnsignedLongLongMask", "PyFloat_AsDouble", "PyLong_FromLongLong",
+    "PyLong_FromUnsignedLongLong", "PyFloat_FromDouble", "PyEval_SaveThread",
+    "PyEval_RestoreThread",
+)  # fmt: skip
+"""Functions of Python's stable binary interface that kernels call."""
+
+
+class _Method(ctypes.Structure):
+    """Python's `PyMethodDef`."""
+
+    _fields_ = (
+        ("name", ctypes.c_char_p), ("code", ctypes.c_void_p), ("flags", ctypes.c_int),
+        ("about", ctypes.c_char_p),
+    )  # fmt: skip
+
+
+_METHODS: list[_Method] = []  # Python's functions refer to them
+_new_function = ctypes.PYFUNCTYPE(
+    ctypes.py_object, ctypes.POINTER(_Method), ctypes.c_void_p, ctypes.c_void_p
+)(("PyCFunction_NewEx", ctypes.pythonapi))
+
+
+# Kernels take arrays as Python's objects, and find their data and shape at these places. Compiled
+# extensions read them there too, so the places stay as long as NumPy's binary interface does.
+DATA, SHAPE = 16, 32
+
+
+class Kernel:
+    """An entry point: machine code for each choice of argument types, made when first needed.
+
+    Arrays must be contiguous in C's order. Python's lock is released meanwhile.
+
+    Args:
+        function: The function; it raises nothing, allocates nothing, and returns a number, or 0 if
+            it returns nothing.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.function = jitted(function)  # as a part of another kernel
+        self._made: dict[Any, Any] = {}
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run the kernel."""
+        given = [x.item() if isinstance(x, np.generic) else x for x in arguments]
+        return self.native(*given)(*given)
+
+    def native(self, *arguments: Any) -> Any:
+        """Return the machine code for arguments of these types, as a function that checks none.
+
+        Raises:
+            TypeError: if an array is not contiguous, or an argument is neither array nor number.
+        """
+        kinds = tuple(map(_kind, arguments))
+        if kinds not in self._made:
+            self._made[kinds] = self._load(kinds)
+        return self._made[kinds]
+
+    def _load(self, kinds: tuple[Any, ...]) -> Any:
+        """Load machine code from the disk; make it first if it is not there."""
+        _prepare()
+        function, source = self.function, Path(inspect.getfile(self.function))
+        key = repr((hashlib.sha256(source.read_bytes()).digest(), kinds)).encode()
+        name = f"{source.stem}.{function.__qualname__.replace('<locals>.', '')}"
+
+        def make() -> str:
+            from gym_passive_walker.engine import compiler  # which imports numba
+
+            return compiler.text_of(function, kinds)
+
+        what = f"the kernel {function.__name__.strip('_')}"
+        code = machine.kept_code(f"{name}-{hashlib.sha256(key).hexdigest()[:16]}", make, what)
+        place = code.get_function_address("kernel")
+        _METHODS.append(_Method(function.__name__.encode(), place, _FASTCALL, None))
+        return _new_function(ctypes.byref(_METHODS[-1]), None, None)
+
+
+def _kind(argument: Any) -> Any:
+    """Return the type of an argument: of an array, that of its entries and its dimensions."""
+    if isinstance(argument, np.ndarray):
+        if not argument.flags.c_contiguous:
+            raise TypeError("kernels take contiguous arrays only")
+        return argument.dtype, argument.ndim
+    if type(argument) not in (int, bool, float):
+        raise TypeError(f"kernels take arrays and numbers, not {type(argument).__name__}")
+    return type(argument)
+
+
+@cache
+def _prepare() -> None:
+    """Name Python's functions to LLVM; check that NumPy's array object is as kernels expect it."""
+    for name in _OF_PYTHON:
+        found = ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p).value
+        machine.add_symbol(name, found)
+    array = np.zeros((2, 3))
+    data, shape = (ctypes.c_int64.from_address(id(array) + place).value for place in (DATA, SHAPE))
+    if data != array.ctypes.data or (ctypes.c_int64 * 2).from_address(shape)[:] != [2, 3]:
+        raise ImportError("this build of Python or NumPy has another array object than CPython's")

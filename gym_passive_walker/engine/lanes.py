@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from gym_passive_walker.engine.event_location import LOST, TIME_UP, process_events
-from gym_passive_walker.engine.jit import address, call, inlined, merged, stack, view
+from gym_passive_walker.engine.jit import address, call, merged, stack, view
 from gym_passive_walker.engine.layout import WIDTH
 from gym_passive_walker.engine.native import GROUP
 from gym_passive_walker.engine.step import ALERT, PLAIN, UP
@@ -42,7 +42,6 @@ def finish_sweep(tiles, histories, phase, lane, options):
     return TIME_UP if verdict == UP else 0
 
 
-@inlined
 def leave(record, body, tiles, phase, lane, event, options):
     """Write a walker from its lane to its record, and apply the impact that ended its phase."""
     tangents, up = len(tiles) - 1, 1.0 if event == TIME_UP else 0.0

@@ -13,7 +13,6 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from itertools import pairwise
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -31,6 +30,7 @@ from gym_passive_walker.engine.layout import (
     record_for,
     tile_for,
 )
+from gym_passive_walker.engine.machine import default_threads
 from gym_passive_walker.models.equations.hybrid import System
 
 OPTIONS = np.dtype(
@@ -179,11 +179,11 @@ def in_parts(job: Callable[[int, int], object], count: int, threads: int | None 
     Args:
         job: Function for the walkers from `first` to before `last`; releases Python's lock.
         count: Number of walkers.
-        threads: Largest number of threads; numba's number when None. Small batches use fewer.
+        threads: Largest number of threads; `default_threads` when None. Small batches use fewer.
     """
     most = count // _WORTH_A_THREAD
     if most > 1 and threads is None:
-        threads = numba.get_num_threads()
+        threads = default_threads()
     threads = min(threads or 1, most)
     if threads < 2:
         job(0, count)
@@ -228,7 +228,7 @@ def advance(
         tolerance: Error relative to the largest angle or angular velocity.
         scuff: Whether a kneed walker's locked swing leg below the ground ends the stride.
         from_section: Whether records begin on the Poincaré section; else in their phase.
-        threads: Number of threads; numba's number when None. Results do not depend on it.
+        threads: Number of threads; `default_threads` when None. Results do not depend on it.
 
     Returns:
         The records.

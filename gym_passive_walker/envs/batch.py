@@ -471,8 +471,8 @@ class Batch:
         steps = np.empty((len(task.EVERY_STEP) - 1, self.count))
         counts = np.empty((2, self.count), np.int64)
         measures = np.empty((len(ended), len(task.EVERY_STRIDE)))
-        write = self.entry_point.kernels.write_info.compiled
-        write(self.entry_point.address, stepped, ended, steps, counts, measures)
+        given = stepped, ended, steps, counts, measures
+        self.entry_point.write_info(self.entry_point.address, *given)
         return steps, counts, ended, measures
 
     def step(
@@ -504,11 +504,11 @@ class Batch:
             if at_once:
                 self._prepare()
             self.unfinished = True
-            wrong, strides, endings = entry_point.kernels.step.compiled(
-                entry_point.address, 0, self.count, *entry_point.workspace, at_once, seen, *results
-            )
-            if wrong >= 0:
-                self.refuse(wrong)
+            given = 0, self.count, *entry_point.workspace, at_once, seen, *results
+            answer = entry_point.step(entry_point.address, *given)
+            if answer < 0:
+                self.refuse(-1 - answer)
+            strides, endings = ticks.counts(answer)
         else:
             at_once = False
             strides, endings = self._step_in_parts(seen, *results)
@@ -535,7 +535,7 @@ class Batch:
             at = [part.ctypes.data for part in thread_workspace(layout=self.layout)]
             seen, theirs = observations[a * size : b * size], [part[a:b] for part in results]
             given = entry_point.address, a, b, *at, False, seen, *theirs
-            ended.append(entry_point.kernels.step(*given)[1:])
+            ended.append(ticks.counts(entry_point.step(*given)))
 
         in_parts(job, self.count, self.threads)
         return sum(strides for strides, _ in ended), sum(endings for _, endings in ended)
@@ -547,10 +547,10 @@ class Batch:
             return self.step(action, entry_point.observations, *entry_point.results)
         entry_point.actions[...] = action
         self.unfinished = True
-        wrong, strides, endings = entry_point.step_here(entry_point.address)
-        if wrong >= 0:
-            self.refuse(wrong)
-        return strides, endings
+        answer = entry_point.step_here(entry_point.address)
+        if answer < 0:
+            self.refuse(-1 - answer)
+        return ticks.counts(answer)
 
     def refuse(self, wrong: int) -> NoReturn:
         """Raise an error for the action of a walker in the `EntryPoint`."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.engine import compiled
 from gym_passive_walker.engine.equations import places_of, state_of
 from gym_passive_walker.engine.layout import RECORD, layout_of, record_for
+from gym_passive_walker.engine.machine import kept_code
 from gym_passive_walker.engine.native import Memory, Module
 from gym_passive_walker.engine.own.mechanics import Derived
 from gym_passive_walker.gaits.look.forces import borne, landing, pushed_off, struck
@@ -64,11 +65,11 @@ def hooks(name: str, *, pushed: bool, watched: bool) -> tuple[NDArray, NDArray]:
     Returns:
         Arrays (phases,) of `compiled.PHASE` and of HOOK.
     """
-    system, pushes, looks = SYSTEMS[name], None, None
+    system, pushes, looks, what = SYSTEMS[name], None, None, f"the checks of {name}"
     if pushed:
-        pushes = compiled.kept_code(f"{name}-pushed", lambda: push_code(system, Module()))
+        pushes = kept_code(f"{name}-pushed", lambda: push_code(system, Module()), what)
     if watched:
-        looks = compiled.kept_code(f"{name}-watched", lambda: look_code(system, Module()))
+        looks = kept_code(f"{name}-watched", lambda: look_code(system, Module()), what)
     return equipped(system, compiled.compiled(name), pushes, looks)
 
 

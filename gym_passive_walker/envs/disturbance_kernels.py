@@ -15,6 +15,7 @@ import numpy as np
 
 from gym_passive_walker.engine.counter_rng import normal, uniform
 from gym_passive_walker.engine.jit import Kernel, address, call, jitted, merged
+from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.run import integrate
 from gym_passive_walker.envs import constraints, task
 from gym_passive_walker.gaits.scenes.checks import CHECKS
@@ -33,6 +34,9 @@ from gym_passive_walker.models.equations.hybrid import Outcome
 PASSED = 8
 """Number of past footholds in the state; pictures show them."""
 
+_ASIDE = 2
+"""Added to the outcome of a walker that has made its step while others go on, as its `idle`."""
+
 DISTURBANCE = np.dtype([
     ("key", "u8"),  # of the counter-based random numbers
     ("command", "f8"),  # commanded speed
@@ -43,7 +47,7 @@ DISTURBANCE = np.dtype([
     ("pushes", "i8"),  # number of pushes in the episode
     ("push_work", "f8"),  # work of the pushes in this step
     ("episode_push_work", "f8"),
-    ("idle", "i8"),  # whether the episode ended before the step
+    ("idle", "i8"),  # whether the episode ended before the step; see `_ASIDE` too
     ("slope", "f8"),  # mean slope, in rad
     ("tilt", "f8"),  # slope of the foothold minus the mean slope
     ("x", "f8"),  # first contact point of the stride, along the mean slope
@@ -222,30 +226,39 @@ def integrate_past_events(
     records, bodies, disturbances, phases, options, tiles, histories, settings, hooks
 ):
     """Integrate walkers to the end of their step, with all pushes and checks on the way."""
-    going, count = np.empty(len(records), np.int64), 0
     for i in range(len(records)):
         disturbances[i].until, disturbances[i].impulse = records[i, 0].end, 0.0
         if not disturbances[i].idle:
             apply_due_events(records, bodies, i, disturbances[i], settings, hooks)
-            going[count] = i
-            count += 1
     integrate(records, bodies, phases, options, tiles, histories)
-    while True:
-        before, count = count, 0
-        for j in range(before):
-            i = going[j]
-            record = records[i, 0]
-            if record.outcome == 0 and record.time < disturbances[i].until:
-                apply_due_events(records, bodies, i, disturbances[i], settings, hooks)
-                going[count] = i
-                count += 1
-        if count == 0:
-            return
-        some, theirs = records[going[:count]], bodies[going[:count]]
-        integrate(some, theirs, phases, options, tiles, histories)
-        for j in range(count):
-            records[going[j], 0] = some[j, 0]
-            bodies[going[j]] = theirs[j]
+    while apply_later_events(records, bodies, disturbances, settings, hooks):
+        integrate(records, bodies, phases, options, tiles, histories)
+        for i in range(len(records)):
+            if disturbances[i].idle >= _ASIDE:
+                records[i, 0].outcome = disturbances[i].idle - _ASIDE
+                disturbances[i].idle = 0
+
+
+@jitted
+def apply_later_events(records, bodies, disturbances, settings, hooks):
+    """Apply the events of walkers whose step goes on, and put the others aside.
+
+    Returns whether there are any; else nothing has changed.
+    """
+    going = 0
+    for i in range(len(records)):
+        record, disturbance = records[i, 0], disturbances[i]
+        on = not disturbance.idle and record.outcome == 0 and record.time < disturbance.until
+        going += on
+    if going == 0:
+        return False
+    for i in range(len(records)):
+        record, disturbance = records[i, 0], disturbances[i]
+        if not disturbance.idle and record.outcome == 0 and record.time < disturbance.until:
+            apply_due_events(records, bodies, i, disturbance, settings, hooks)
+        elif not disturbance.idle:
+            disturbance.idle, record.outcome = _ASIDE + record.outcome, RESTING
+    return True
 
 
 @jitted

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import shown
-from gym_passive_walker.engine import compiled
+from gym_passive_walker.engine import machine
 from gym_passive_walker.engine.native import Memory, Module, uses
 from gym_passive_walker.envs import task, views
 from gym_passive_walker.envs.transitions import OF_LEDGER, PARTS, Transition, note_for
@@ -142,7 +142,7 @@ class Rule:
         noted = self.write(module)
         text = str(module)
         try:
-            native = compiled.loaded(compiled.object_code(module)).get_function_address("rule")
+            native = machine.loaded(machine.object_code(module)).get_function_address("rule")
         except RuntimeError as error:
             raise TypeError("the compiler does not accept its code") from error
         found = self._of_code(native, notes)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +19,6 @@ from gym_passive_walker.engine.jit import (
     Kernel,
     draw_uniform,
     entry,
-    inlined,
     jitted,
     merged,
     named,
@@ -49,6 +48,7 @@ STAYS = (
     "records", "bodies", "radii", "ledger", "rules", "phases", "options", "tiles", "histories",
     "actions", "observations", "rewards", "terminated", "truncated", "generators", "nodes",
     "states", "notes", "disturbances", "pending", "settings", "hooks", "table", "spread",
+    "acted",
 )  # fmt: skip
 """Arrays of a batch that are allocated once; those that its scene does not need are empty."""
 
@@ -63,7 +63,7 @@ functions (see `transitions.after`); and the number of control steps of `action_
 
 _NUMBER, _SINGLE = np.dtype("f8"), np.dtype("f4")
 _WORD, _BOOLEAN = np.dtype("i8"), np.dtype("?")
-_ALL = 1 << 62
+_ALL, _HALF = 1 << 62, 32
 FEW = 64  # walkers that begin together: their draws and gaits are on the stack
 
 _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
@@ -93,6 +93,11 @@ def clear(place, count):
 def draw_numbers(where, lanes, draws):
     """Draw the random numbers of some walkers' starts, (lanes, DRAWS)."""
     fill(where, lanes, draws)
+
+
+def counts(answer: int) -> tuple[int, int]:
+    """Return the numbers of strides and of episodes that end, from the answer of a kernel."""
+    return answer >> _HALF, answer & ((1 << _HALF) - 1)
 
 
 class Kernels(NamedTuple):
@@ -125,7 +130,6 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         kind = "wide" * (layout != NARROW) + "disturbed" * disturbed + "custom" * custom
         return lambda function: compiler(named(function, kind))
 
-    @within(inlined)
     def found(where, first, last):
         """Return the addresses at `where`, and arrays of walkers from `first` to before `last`."""
         places = view(where, (1,), ADDRESSES)
@@ -138,7 +142,6 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         phases = view(here.phases, (here.of_phases,), PHASE)
         return places, records, bodies, ledger, phases
 
-    @within(inlined)
     def begin_near(where, lanes, slopes, gaits, draws, observations):
         """Clear what is known of some walkers, and begin their episodes; see `task.begin`."""
         places, records, bodies, ledger, phases = found(where, 0, _ALL)
@@ -190,9 +193,8 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         """Step some walkers by the actions at `where`.
 
         Returns:
-            Index of the first walker with a non-finite action, or -1 if all are finite; number of
-            strides that end; and number of episodes that end. No walker steps if an action is not
-            finite.
+            Numbers of strides and of episodes that end, as `counts` reads them. If an action is not
+            finite, no walker steps, and it is -1 - i for the first walker i with such an action.
         """
         places, records, bodies, ledger, phases = found(where, first, last)
         here = places[0]
@@ -204,19 +206,22 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         disturbances = view(here.disturbances, (here.of_disturbances,), DISTURBANCE)[first:last]
         wrong = task.first_invalid(ledger, each, own)
         if wrong >= 0:
-            return wrong, 0, 0
+            return -1 - wrong
         if custom:
             notes = view(here.notes, (here.of_notes,), note)[first:last]
             transitions.before(records, notes, here.noted)
         work, guards = view(tiles, (1,), tile), view(histories, (1,), history)
         if disturbed:
             shape = here.of_pending, here.delay, each
+            acted = view(here.acted, (here.of_acted,), _NUMBER)[first * each : last * each]
+            for k in range(len(own)):
+                acted[k] = own[k]
             strides, endings = disturbance_kernels.step(
                 records, bodies, ledger, rules, phases, options, work, guards, disturbances,
                 view(here.pending, shape, _NUMBER)[first:last], view(here.settings, (1,), SETTINGS),
                 view(here.hooks, (here.of_hooks,), HOOK),
                 view(here.table, (here.of_table, 2), _NUMBER),
-                view(here.spread, (here.of_spread,), _NUMBER), own.copy(), observations, rewards,
+                view(here.spread, (here.of_spread,), _NUMBER), acted, observations, rewards,
                 terminated, truncated,
             )  # fmt: skip
         else:
@@ -231,7 +236,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
                 records, ledger, rules, phases, own, notes, here.noted, here.paid, here.ends,
                 here.native != 0, rewards, terminated,
             )  # fmt: skip
-        return wrong, strides, endings
+        return strides << _HALF | endings
 
     @within(Kernel)
     def step(
@@ -246,7 +251,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         answer = tick(
             where, first, last, tiles, histories, observations, rewards, terminated, truncated
         )  # fmt: skip
-        if again and answer[0] < 0:
+        if again and answer >= 0:
             _, records, _, _, _ = found(where, first, last)
             lane = view(stack(1), (1,), _WORD)
             for i in range(len(records)):
@@ -341,10 +346,12 @@ class EntryPoint:
         self.address: int = self._places.ctypes.data
         layout = layout_in(arrays["records"].dtype)
         self.kernels = kernels_for(layout, "disturbances" in arrays, custom is not None)
-        self.step_here = self.kernels.step_here.compiled
+        self.step_here = self.kernels.step_here.native(0)
         self.workspace = arrays["tiles"].ctypes.data, arrays["histories"].ctypes.data
         results = dict(zip(("rewards", "terminated", "truncated"), self.results, strict=True))
         self._put(actions=self.actions, observations=self.observations, **results, **arrays)
+        if "disturbances" in arrays:
+            self._put(acted=np.zeros_like(self.actions))
         if custom is not None:
             self._put(notes=custom.notes)
             self._places["noted"], self._places["native"] = custom.noted, custom.native
@@ -353,6 +360,18 @@ class EntryPoint:
         reported = len(task.EVERY_STEP) + len(task.EVERY_STRIDE) + 1
         self.words = arrays["ledger"].view(np.float64)[:reported]
         self.outcomes = self.words.view(np.int64)[-2:]
+
+    @cached_property
+    def step(self) -> Any:
+        """The machine code of `Kernels.step`; its arrays are like `observations` and `results`."""
+        return self.kernels.step.native(0, 0, 0, 0, 0, False, self.observations, *self.results)
+
+    @cached_property
+    def write_info(self) -> Any:
+        """The machine code of `Kernels.write_info`."""
+        lanes, table = np.zeros(0, np.int64), np.zeros((1, 1))
+        given = self.results[1], lanes, table, np.zeros((1, 1), np.int64), table
+        return self.kernels.write_info.native(0, *given)
 
     def _put(self, **arrays: NDArray) -> None:
         for name, array in arrays.items():

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import Kernel, address, call, entry, inlined
+from gym_passive_walker.engine.jit import Kernel, address, call, entry
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import NARROW, Layout
 from gym_passive_walker.gaits.scenes.checks import CHECKS
@@ -174,7 +174,6 @@ def before(records, notes, noted):
         note.began, note.lost = record.time, record.knee_loss
 
 
-@inlined
 def note_ledger(note, row, struck):
     """Record the fields in OF_LEDGER."""
     note.distance, note.energy, note.reward = row.distance, row.energy, row.reward
@@ -184,7 +183,6 @@ def note_ledger(note, row, struck):
     note.strides, note.steps, note.slope = row.strides, row.steps, row.slope
 
 
-@inlined
 def evaluate_rules(ledger, notes, paid, ends, first, last):
     """Evaluate compiled functions for the walkers from `first` to before `last`."""
     if first < last:

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from llvmlite import binding as llvm
 
-from gym_passive_walker.engine.compiled import context
 from gym_passive_walker.engine.layout import WIDTH, aligned
+from gym_passive_walker.engine.machine import context
 from gym_passive_walker.engine.native import GROUP, Function, Module
 from gym_passive_walker.models.expressions import Expression, read
 

@@ -10,8 +10,9 @@ import sys
 import pytest
 
 from gym_passive_walker.engine import cache
-from gym_passive_walker.engine import compiled as machinery
+from gym_passive_walker.engine.compiled import written
 from gym_passive_walker.engine.jit import Kernel
+from gym_passive_walker.engine.machine import kept_code
 from gym_passive_walker.models.equations import simplest
 
 STRIDE = """
@@ -237,13 +238,13 @@ def _sum_of_digits(number):
 
 
 def _bookkeeping():
-    """Names of the code that numba compiles."""
+    """Make and call a kernel."""
     assert Kernel(_sum_of_digits)(1234) == 10
 
 
 def _equations():
-    """Names of the native code of equations."""
-    code = machinery.kept_code("simplest", lambda: machinery.written(simplest.SYSTEM))
+    """Make the native code of equations."""
+    code = kept_code("simplest", lambda: written(simplest.SYSTEM), "equations")
     assert code.get_function_address("place")
 
 

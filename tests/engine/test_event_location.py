@@ -8,41 +8,47 @@ import pytest
 
 from gym_passive_walker import WALKERS, Outcome, find_gait
 from gym_passive_walker.engine import event_location
+from gym_passive_walker.engine.compiler import linker
 from gym_passive_walker.engine.layout import HISTORY
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.models.equations.systems import bodies, system_of
 from gym_passive_walker.models.units import units_of
 from tests.equations.examples import LONG_GAITS
 
+QUINTIC, VALUE, DERIVATIVE, ROOT, HIDDEN_CROSSINGS, EXTRAPOLATED = (
+    linker()(getattr(event_location, name))
+    for name in ("quintic", "value", "derivative", "root", "hidden_crossings", "extrapolated")
+)
+
 
 @numba.njit
 def _quintic(histories, i, h):
-    return event_location.quintic(histories[0], i, h)
+    return QUINTIC(histories[0], i, h)
 
 
 @numba.njit
 def _value(p, x):
-    return event_location.value(p, x)
+    return VALUE(p, x)
 
 
 @numba.njit
 def _derivative(p):
-    return event_location.derivative(p)
+    return DERIVATIVE(p)
 
 
 @numba.njit
 def _root(p):
-    return event_location.root(p)
+    return ROOT(p)
 
 
 @numba.njit
 def _hidden_crossings(histories, i, h):
-    return event_location.hidden_crossings(histories[0], i, h)
+    return HIDDEN_CROSSINGS(histories[0], i, h)
 
 
 @numba.njit
 def _extrapolated(histories, i, ahead):
-    return event_location.extrapolated(histories[0], i, ahead)
+    return EXTRAPOLATED(histories[0], i, ahead)
 
 
 ENDS = ("before", "rate_before", "bend_before", "after", "rate_after", "bend_after")

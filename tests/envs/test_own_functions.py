@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gym_passive_walker.engine import compiled
+from gym_passive_walker.engine import machine
 from gym_passive_walker.envs import rule as rules
 from gym_passive_walker.envs.rule import Rule
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
@@ -335,7 +335,7 @@ def test_a_compilation_that_fails_late_leaves_nothing_behind(name, monkeypatch):
     def fail(_):
         raise RuntimeError("LLVM IR parsing error\n<string>:22:13: error: '%v9' defined with type")
 
-    monkeypatch.setattr(compiled, "object_code", fail)
+    monkeypatch.setattr(machine, "object_code", fail)
     with pytest.warns(UserWarning, match="compiler does not accept") as said:
         rule = Rule(name, lambda s: s.distance - 100.0 * s.fell, SHAPE)
     assert "LLVM" not in str(said[0].message) and "%v" not in str(said[0].message)

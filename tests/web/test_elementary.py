@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from gym_passive_walker.devices.web import elementary
-from gym_passive_walker.engine.jit import fma
+from gym_passive_walker.engine import jit
+from gym_passive_walker.engine.compiler import PRIMITIVES, linker
+
+fma, fused = PRIMITIVES[jit.fma], linker()(elementary.fused)
 
 
 @numba.njit(error_model="numpy")
@@ -17,7 +20,7 @@ def _fused(a, b, c, by_processor, found):
         if by_processor:
             found[i] = fma(a[i], b[i], c[i])
         else:
-            found[i] = elementary.fused(a[i], b[i], c[i])
+            found[i] = fused(a[i], b[i], c[i])
 
 
 def _differ(a, b, c):
@@ -55,6 +58,7 @@ def test_the_fused_sum_of_special_numbers_is_the_processors():
 
 def _values(function, given):
     """Results of a function that only compiled code can call."""
+    function = linker()(function)
 
     @numba.njit(error_model="numpy")
     def each(given, found):

@@ -17,12 +17,11 @@ from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection, wait
 from typing import Any, NamedTuple
 
-import numba
-
 from gym_passive_walker._tools.progress import disable_progress, show
 from gym_passive_walker.apps.sweeps.node import compile_once
 from gym_passive_walker.apps.sweeps.store import DONE, FAILED, TIMED_OUT
 from gym_passive_walker.apps.sweeps.tasks import ANALYSES, flat, task
+from gym_passive_walker.engine.machine import THREADS
 
 _MOST = 2000  # tasks sent at once
 _LOOK = 5.0  # seconds between two reports of progress
@@ -204,7 +203,7 @@ def _serve(pipe: Connection, analysis: str) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     threading.Thread(target=_leave_with_parent, daemon=True).start()
     disable_progress()
-    numba.set_num_threads(1)
+    os.environ[THREADS] = "1"
     if analysis in ANALYSES:
         compile_once()
     try:

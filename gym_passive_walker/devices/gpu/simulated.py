@@ -10,8 +10,10 @@ import math
 import numba
 import numpy as np
 
-from gym_passive_walker.engine.jit import fma as _fma
+from gym_passive_walker.engine import jit
+from gym_passive_walker.engine.compiler import PRIMITIVES
 
+_fma = PRIMITIVES[jit.fma]
 _fused = numba.njit(lambda a, b, c: _fma(a, b, c))
 exp, tanh = (numba.njit(function) for function in (lambda x: math.exp(x), lambda x: math.tanh(x)))
 sqrt = np.sqrt

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.devices.web import elementary, kernels, system_kernels
 from gym_passive_walker.engine import jit, lanes, one_walker
 from gym_passive_walker.engine.compiled import OF_LANE, OF_LANES, phases_of, written
+from gym_passive_walker.engine.compiler import OPTIONS, PRIMITIVES, linker, plain
 from gym_passive_walker.engine.device_linker import DeviceLinker
 from gym_passive_walker.engine.layout import Layout
 from gym_passive_walker.engine.native import Emitter, Function, Memory, Module
@@ -45,11 +46,6 @@ EXPORTED_OF_SYSTEM = ("run", "phases", "hooks", "pose")
 
 TRIPLE = "wasm32-unknown-unknown"
 _FEATURES = "+bulk-memory,+nontrapping-fptoint,+sign-ext,+mutable-globals"
-_OPTIONS: dict[str, Any] = {
-    "error_model": "numpy",
-    "no_cfunc_wrapper": True,
-    "no_cpython_wrapper": True,
-}
 _FUNCTIONS = {
     "fma": (elementary.fused, 3),
     "sin": (elementary.sine, 1),
@@ -63,34 +59,22 @@ _FUNCTIONS = {
 
 
 def _jitted(function: FunctionType) -> Any:
-    return numba.njit(**_OPTIONS)(function)
+    return numba.njit(**OPTIONS)(function)
 
 
-def _compiled(function: Any, *kinds: Any) -> tuple[str, str]:
+_LINKER = DeviceLinker(PRIMITIVES, _jitted)
+
+
+def _compiled(function: FunctionType, *kinds: Any) -> tuple[str, str]:
     """Compile a function by numba; return its LLVM text and its name there."""
-    dispatcher = function if hasattr(function, "compile") else _jitted(function)
+    dispatcher = _jitted(function)
     dispatcher.compile(types.void(*kinds) if kinds[0] != types.float64 else kinds)
     (result,) = dispatcher.overloads.values()
-    return result.library.get_llvm_str(), result.fndesc.llvm_func_name
-
-
-def _plain(text: str) -> str:
-    """Return numba's text without its target, its reference counts and its external symbols."""
-    text = re.sub(r'target (datalayout|triple) = "[^"]*"\n', "", text)
-    text = re.sub(r'"(target-cpu|target-features|tune-cpu|probe-stack)"="[^"]*"', "", text)
-    text = re.sub(r"= common (local_unnamed_addr )?global", "= internal global", text)
     text = re.sub(
-        r"= linkonce_odr (local_unnamed_addr |hidden )*constant", "= internal constant", text
-    )
-    for name in ("NRT_decref", "NRT_incref"):
-        text = re.sub(
-            rf"(define [^\n]*@{name}\([^\n]*\{{)\n.*?\n\}}\n", r"\1\nentry:\n  ret void\n}\n", text,
-            flags=re.DOTALL,
-        )  # fmt: skip
-    text = re.sub(
-        r"^define (?!linkonce_odr|internal|private)", "define internal ", text, flags=re.M
-    )
-    return _with_own_functions(text)
+        r"= linkonce_odr (local_unnamed_addr |hidden )*constant", "= internal constant",
+        plain(result.library.get_llvm_str()),
+    )  # fmt: skip
+    return _with_own_functions(text), result.fndesc.llvm_func_name
 
 
 def _with_own_functions(text: str) -> str:
@@ -109,7 +93,7 @@ def bookkeeping(layout: Layout | None = None) -> list[str]:
         layout: Layout of the records of a user's system; None for the package's walkers.
     """
     run = kernels.run if layout is None else system_kernels.run_for(layout)
-    bound = DeviceLinker({}, _jitted).instead({
+    bound = _LINKER.instead({
         lanes.integrate_phase: one_walker.integrate_phase,
         jit.entry: one_walker.entry,
         disturbance_kernels.integrate_past_events: one_episode.integrate_past_events,
@@ -121,12 +105,12 @@ def bookkeeping(layout: Layout | None = None) -> list[str]:
         "%a = zext i32 %what to i64\n%b = zext i32 %base to i64\n"
         f'call i32 @"{name}"(ptr %result, ptr %error, i64 %a, i64 %b)\nret void\n}}\n'
     )
-    texts = [f"{_plain(text)}\n{call}"]
+    texts = [f"{text}\n{call}"]
     for symbol, (function, count) in _FUNCTIONS.items():
-        text, name = _compiled(function, *[types.float64] * count)
+        text, name = _compiled(linker().rebound(function), *[types.float64] * count)
         given = ", ".join(f"double %x{i}" for i in range(count))
         texts.append(
-            f"{_plain(text)}\ndefine linkonce_odr double @own_{symbol}({given}) noinline {{\n"
+            f"{text}\ndefine linkonce_odr double @own_{symbol}({given}) noinline {{\n"
             "%result = alloca double\n%error = alloca ptr\n"
             f'call i32 @"{name}"(ptr %result, ptr %error, {given})\n'
             "%value = load double, ptr %result\nret double %value\n}\n"

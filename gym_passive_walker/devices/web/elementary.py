@@ -11,8 +11,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from gym_passive_walker.devices.web.bits import bits_of, number_of
-from gym_passive_walker.engine.jit import inlined, jitted
+from gym_passive_walker.engine.jit import bits_of, jitted, number_of
 
 _SPLITTER = 134217729.0  # 2^27 + 1
 _LARGEST = 2.0**500
@@ -22,7 +21,6 @@ _LOW = np.uint64(2**27 - 1)
 _ZERO, _ONE, _27 = np.uint64(0), np.uint64(1), np.uint64(27)
 
 
-@inlined
 def _sum(a, b):
     """Return the sum of two numbers and its rounding error."""
     total = a + b
@@ -30,7 +28,6 @@ def _sum(a, b):
     return total, (a - (total - part)) + (b - part)
 
 
-@inlined
 def _product(a, b):
     """Return the product of two numbers and its rounding error, without overflow or underflow."""
     product = a * b
@@ -231,21 +228,18 @@ _LARGEST_EXPONENT, _LEAST_EXPONENT = 709.782712893384, -745.2
 _ROOT_HALF = 0.7071067811865476
 
 
-@inlined
 def _add(a, a_low, b, b_low):
     """Return the sum of two pairs."""
     high, low = _sum(a, b)
     return _sum(high, low + (a_low + b_low))
 
 
-@inlined
 def _times(a, a_low, b, b_low):
     """Return the product of two pairs."""
     high, low = _product(a, b)
     return _sum(high, low + (a * b_low + a_low * b))
 
 
-@inlined
 def _quotient(a, a_low, b, b_low):
     """Return the quotient of two pairs."""
     high = a / b

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import shared
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.math import minimum, where
 
@@ -45,32 +44,27 @@ _RUNNING, _HEELSTRIKE, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE,
 _ABSOLUTE, _POSITIVE = map(ENERGIES.index, ("absolute", "positive"))
 
 
-@shared
 def clip(value, low, high):
     """Return the value within bounds; `low` if it is not a number."""
     value = where(value >= low, value, low)
     return where(value <= high, value, high)
 
 
-@shared
 def step_end(time, tick, max_stride_time):
     """Return the time in a stride at which a control step that begins at `time` ends."""
     return minimum(time + tick, max_stride_time)
 
 
-@shared
 def outcome_of(outcome, time, max_stride_time):
     """Return the outcome of a control step that ends at `time`; STALLED for a too long stride."""
     return where((outcome == _RUNNING) & (time >= max_stride_time), _STALLED, outcome)
 
 
-@shared
 def ends_episode(outcome):
     """Return whether an outcome terminates the episode."""
     return outcome > _HEELSTRIKE
 
 
-@shared
 def observation(state, knee_locked, slope):
     """Return the default observation, SIZE numbers.
 
@@ -91,13 +85,11 @@ def observation(state, knee_locked, slope):
     )
 
 
-@shared
 def foothold(height_change, slope_change):
     """Return the observation of a foothold ahead: changes of height and slope."""
     return clip(height_change, -HIGHEST, HIGHEST), clip(slope_change, -STEEPEST, STEEPEST)
 
 
-@shared
 def proportion(value):
     """Return the observation of a proportion of the body."""
     return clip(value, -LARGEST_PROPORTION, LARGEST_PROPORTION)
@@ -127,7 +119,6 @@ def observed(
     return [*seen, *map(proportion, body)]
 
 
-@shared
 def distance_of(ends, moved, progress):
     """Return the distance term of the reward of a step.
 
@@ -142,7 +133,6 @@ def distance_of(ends, moved, progress):
     return where(ends, 0.0 - progress, moved)
 
 
-@shared
 def work_of(torque, moved, turned):
     """Return the net work of a constant torque, and the integral of its absolute power.
 
@@ -154,7 +144,6 @@ def work_of(torque, moved, turned):
     return torque * moved, abs(torque) * turned
 
 
-@shared
 def motor_charge(charged, torque, moved, turned):
     """Return the energy that an actuator is charged for by a kind of work, an index in ENERGIES.
 
@@ -166,19 +155,16 @@ def motor_charge(charged, torque, moved, turned):
     return 0.5 * (absolute + net) if charged == _POSITIVE else net
 
 
-@shared
 def reward(distance, energy, energy_weight):
     """Return the default reward of a step, in leg lengths, before `command_penalty`."""
     return distance - energy_weight * energy
 
 
-@shared
 def command_error(step_length, step_period, command):
     """Return the distance between a stride's length and the commanded one in its period."""
     return abs(step_length - command * step_period)
 
 
-@shared
 def command_penalty(step_length, step_period, command, weight):
     """Return the penalty of a stride for its `command_error`: at most its length."""
     return minimum(weight * command_error(step_length, step_period, command), step_length)

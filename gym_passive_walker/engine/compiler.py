@@ -1,0 +1,267 @@
+"""LLVM's text of kernels, by numba, which nothing else of the package imports.
+
+The text names no processor, no function of numba and none of Python, so LLVM compiles it for any.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import cache
+from types import FunctionType
+from typing import Any
+
+import numba
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils, config
+from numba.core.compiler_lock import global_compiler_lock
+from numba.extending import intrinsic, lower_builtin, type_callable
+from numba.np import numpy_support
+from numba.np.arrayobj import populate_array
+
+from gym_passive_walker.engine import jit
+from gym_passive_walker.engine.device_linker import DeviceLinker
+from gym_passive_walker.models import math
+
+if config.DISABLE_JIT:  # type: ignore[attr-defined]
+    raise ImportError(
+        "gym_passive_walker requires compiled code, and NUMBA_DISABLE_JIT does not permit numba to "
+        "compile: unset it, or set it to 0"
+    )
+
+# "numpy": division by zero gives inf or NaN and does not raise. Without "_nrt", no memory can be
+# allocated, and arrays have no reference counts.
+OPTIONS: dict[str, Any] = {
+    "error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True, "_nrt": False,
+}  # fmt: skip
+_WAYS: dict[str, dict[str, Any]] = {
+    # Without the option, a function takes it from the caller that happens to be compiled first.
+    "jitted": {"forceinline": False},
+    "inlined": {"forceinline": True},
+    "merged": {"inline": "always"},
+}
+_WORD, _NUMBER = ir.IntType(64), ir.DoubleType()
+
+
+def compiled(function: FunctionType) -> Any:
+    """Return numba's dispatcher of a part of a kernel, or of a kernel that another one calls."""
+    return numba.njit(**OPTIONS, **_WAYS[jit.WAYS.get(function.__code__, "inlined")])(function)
+
+
+@type_callable(math.where)
+def _(context: Any) -> Any:
+    def signature(condition: Any, yes: Any, no: Any) -> Any:
+        kind = context.unify_types(yes, no)
+        return kind(types.boolean, kind, kind)
+
+    return signature
+
+
+@lower_builtin(math.where, types.boolean, types.Any, types.Any)
+def _(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    return builder.select(*arguments)
+
+
+@intrinsic
+def _call(typing_context, function, first, second, lane, tangents, x, y):  # type: ignore[no-untyped-def]
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        address, *rest = arguments
+        kind = ir.FunctionType(ir.VoidType(), [value.type for value in rest])
+        pointer = builder.inttoptr(address, kind.as_pointer())
+        builder.call(pointer, rest)
+        return context.get_dummy_value()
+
+    word, number = types.int64, types.float64
+    return types.void(word, word, word, word, word, number, number), code
+
+
+@intrinsic
+def _fma(typing_context, a, b, c):  # type: ignore[no-untyped-def]
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        return builder.fma(*arguments)
+
+    number = types.float64
+    return number(number, number, number), code
+
+
+@intrinsic
+def _address(typing_context, array):  # type: ignore[no-untyped-def]
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        return builder.ptrtoint(data, _WORD)
+
+    return types.int64(array), code
+
+
+@intrinsic
+def _view(typing_context, address, shape, dtype):  # type: ignore[no-untyped-def]
+    kind = types.Array(dtype.dtype, len(shape), "C")
+
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        lengths = cgutils.unpack_tuple(builder, arguments[1])
+        return _array(context, builder, kind, arguments[0], lengths)
+
+    return kind(types.int64, types.UniTuple(types.intp, len(shape)), dtype), code
+
+
+def _array(context: Any, builder: Any, kind: Any, address: Any, lengths: list[Any]) -> Any:
+    """Return the contiguous array at an address."""
+    array = context.make_array(kind)(context, builder)
+    size = context.get_constant(types.intp, context.get_abi_sizeof(array.data.type.pointee))
+    strides = [size]
+    for length in lengths[:0:-1]:
+        strides.insert(0, builder.mul(strides[0], length))
+    data = builder.inttoptr(address, array.data.type)
+    populate_array(array, data, lengths, strides, size, None)
+    return array._getvalue()
+
+
+@intrinsic(prefer_literal=True)
+def _stack(typing_context, count):  # type: ignore[no-untyped-def]
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        words = cgutils.alloca_once(builder, _WORD, ir.Constant(_WORD, count.literal_value))
+        return builder.ptrtoint(words, _WORD)
+
+    return types.int64(count), code
+
+
+@intrinsic
+def _uniform(typing_context, generator):  # type: ignore[no-untyped-def]
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        members = builder.inttoptr(arguments[0], _WORD.as_pointer())  # state, then functions
+
+        def member(i: int) -> Any:
+            return builder.load(builder.gep(members, [ir.Constant(_WORD, i)]))
+
+        draws = builder.inttoptr(member(3), ir.FunctionType(_NUMBER, [_WORD]).as_pointer())
+        return builder.call(draws, [member(0)])
+
+    return types.float64(types.int64), code
+
+
+@intrinsic
+def _bits_of(typing_context, x):  # type: ignore[no-untyped-def]
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        return builder.bitcast(arguments[0], _WORD)
+
+    return types.uint64(types.float64), code
+
+
+@intrinsic
+def _number_of(typing_context, bits):  # type: ignore[no-untyped-def]
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        return builder.bitcast(arguments[0], _NUMBER)
+
+    return types.float64(types.uint64), code
+
+
+PRIMITIVES: dict[Any, Any] = {
+    jit.call: _call, jit.fma: _fma, jit.address: _address, jit.view: _view, jit.stack: _stack,
+    jit.draw_uniform: _uniform, jit.bits_of: _bits_of, jit.number_of: _number_of,
+}  # fmt: skip
+"""The primitives of `jit` for a processor."""
+
+
+@cache
+def linker() -> DeviceLinker:
+    """Return what binds kernels to these primitives."""
+    return DeviceLinker(PRIMITIVES, compiled)
+
+
+_SCALARS = {int: types.int64, bool: types.boolean, float: types.float64}
+_OBJECT = ir.IntType(8).as_pointer()
+_OF_PYTHON = {
+    "PyLong_AsUnsignedLongLongMask": ir.FunctionType(_WORD, [_OBJECT]),
+    "PyFloat_AsDouble": ir.FunctionType(_NUMBER, [_OBJECT]),
+    "PyLong_FromLongLong": ir.FunctionType(_OBJECT, [_WORD]),
+    "PyLong_FromUnsignedLongLong": ir.FunctionType(_OBJECT, [_WORD]),
+    "PyFloat_FromDouble": ir.FunctionType(_OBJECT, [_NUMBER]),
+    "PyEval_SaveThread": ir.FunctionType(_OBJECT, []),
+    "PyEval_RestoreThread": ir.FunctionType(ir.VoidType(), [_OBJECT]),
+}
+"""Functions of Python's stable binary interface that kernels call; `jit` names them to LLVM."""
+
+
+@global_compiler_lock
+def text_of(function: Callable[..., Any], kinds: tuple[Any, ...]) -> str:
+    """Return the LLVM text of a kernel: a function that Python calls by METH_FASTCALL.
+
+    Args:
+        function: The kernel's function.
+        kinds: Types of its arguments, as of `jit.Kernel`.
+    """
+    given = [
+        types.Array(numpy_support.from_dtype(kind[0]), kind[1], "C")
+        if isinstance(kind, tuple)
+        else _SCALARS[kind]
+        for kind in kinds
+    ]
+    dispatcher: Any = numba.njit(**OPTIONS)(linker().rebound(function))
+    dispatcher.compile(tuple(given))
+    (found,) = dispatcher.overloads.values()
+    context, result = found.target_context, found.signature.return_type
+    library = context.codegen().create_library("kernel")
+    module = library.create_ir_module("kernel")
+    takes = [_OBJECT, _OBJECT.as_pointer(), _WORD]  # self, the arguments and their number
+    outer = ir.Function(module, ir.FunctionType(_OBJECT, takes), "kernel")
+    inner = ir.Function(
+        module, context.call_conv.get_function_type(result, given), found.fndesc.llvm_func_name
+    )
+    builder = ir.IRBuilder(outer.append_basic_block())
+
+    def python(name: str, *arguments: Any) -> Any:
+        return builder.call(
+            cgutils.get_or_insert_function(module, _OF_PYTHON[name], name), arguments
+        )
+
+    values = []
+    for i, kind in enumerate(given):
+        value = builder.load(builder.gep(outer.args[1], [ir.Constant(_WORD, i)]))
+        if isinstance(kind, types.Array):
+            values.append(_of_object(context, builder, kind, builder.ptrtoint(value, _WORD)))
+        elif kind == types.float64:
+            values.append(python("PyFloat_AsDouble", value))
+        else:
+            word = python("PyLong_AsUnsignedLongLongMask", value)
+            truth = kind == types.boolean
+            values.append(cgutils.is_not_null(builder, word) if truth else word)
+    thread = python("PyEval_SaveThread")
+    _, answer = context.call_conv.call_function(builder, inner, result, given, values)
+    python("PyEval_RestoreThread", thread)
+    if result == types.float64:
+        builder.ret(python("PyFloat_FromDouble", answer))
+    else:
+        kind = types.uint64 if result == types.uint64 else types.int64
+        none = result == types.none
+        word = ir.Constant(_WORD, 0) if none else context.cast(builder, answer, result, kind)
+        builder.ret(python(f"PyLong_From{'Unsigned' * (kind == types.uint64)}LongLong", word))
+    library.add_ir_module(module)
+    library.add_linking_library(found.library)
+    library.finalize()
+    return plain(library.get_llvm_str())
+
+
+def _of_object(context: Any, builder: Any, kind: types.Array, value: Any) -> Any:
+    """Return the array of a NumPy object at an address."""
+
+    def word(address: Any, place: int) -> Any:
+        there = builder.add(address, ir.Constant(_WORD, place))
+        return builder.load(builder.inttoptr(there, _WORD.as_pointer()))
+
+    shape = word(value, jit.SHAPE)
+    lengths = [word(shape, 8 * axis) for axis in range(kind.ndim)]
+    return _array(context, builder, kind, word(value, jit.DATA), lengths)
+
+
+def plain(text: str) -> str:
+    """Return numba's text without its target and its processor."""
+    text = re.sub(r'target (datalayout|triple) = "[^"]*"\n', "", text)
+    text = re.sub(r'"(target-cpu|target-features|tune-cpu|probe-stack)"="[^"]*"', "", text)
+    text = re.sub(r"= common (local_unnamed_addr )?global", "= internal global", text)
+    return re.sub(
+        r"^define (linkonce_odr |internal )?(?![^\n]*@kernel\()",
+        "define internal ",
+        text,
+        flags=re.M,
+    )
