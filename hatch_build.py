@@ -1,10 +1,31 @@
-"""The description of the package on an index: the README as it reads outside of the repository."""
+"""How the package is built: its description on an index, and the machine code in its wheel.
 
+A wheel has all kernels, so building one takes minutes and needs numba. A checkout that is installed
+to be edited has none: it compiles each kernel at its first use, so there numba is installed too.
+"""
+
+from __future__ import annotations
+
+import os
 import re
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
+from hatchling import build as hatchling
+from hatchling.build import *  # noqa: F403  (the functions that pip calls)
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 from hatchling.metadata.plugin.interface import MetadataHookInterface
+
+NUMBA = "numba>=0.61"
+
+
+def get_requires_for_build_wheel(settings: dict[str, Any] | None = None) -> list[str]:
+    """Return what a wheel is built with: numba, and what the package itself imports."""
+    own = ["gymnasium>=1.1", "numpy>=2.0", "scipy>=1.13", NUMBA]
+    return [*hatchling.get_requires_for_build_wheel(settings), *own]
 
 
 def portable(text: str) -> str:
@@ -23,3 +44,23 @@ class Description(MetadataHookInterface):
         """Set the description in the package's metadata."""
         text = (Path(self.root) / "README.md").read_text(encoding="utf-8")
         metadata["readme"] = {"content-type": "text/markdown", "text": portable(text)}
+
+
+class MachineCode(BuildHookInterface):
+    """Hook of Hatch that adds machine code to a wheel."""
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Compile all kernels, or have numba installed beside a checkout that is edited."""
+        if version == "editable":
+            build_data["dependencies"].append(NUMBA)
+            return
+        self.folder = tempfile.TemporaryDirectory()
+        line = [sys.executable, "-m", "gym_passive_walker.apps.build", self.folder.name]
+        path = os.pathsep.join([self.root, os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+        subprocess.run(line, check=True, cwd=self.root, env=os.environ | {"PYTHONPATH": path})
+        build_data["force_include"][self.folder.name] = "gym_passive_walker/built"
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+        """Remove what is in the wheel now."""
+        if version != "editable":
+            self.folder.cleanup()

@@ -1,17 +1,42 @@
-"""Machine code by LLVM: compiled once, kept on disk, called by its addresses."""
+"""Machine code by LLVM: from a wheel, or compiled once and kept on disk."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import lru_cache
 from hashlib import sha256
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from llvmlite import binding as llvm
 
 from gym_passive_walker._tools.progress import compiling
 from gym_passive_walker.engine import cache
+
+
+class Level(NamedTuple):
+    """A target of the machine code in a wheel."""
+
+    triple: str
+    cpu: str
+    features: str
+    needs: tuple[str, ...]
+
+
+_V3 = ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave")
+_V4 = (*_V3, "avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
+LEVELS = {
+    "x86-64-v3": Level("x86_64-unknown-linux-gnu", "x86-64-v3", "", _V3),
+    # Use 512-bit vectors; LLVM prefers 256 bits by default.
+    "x86-64-v4": Level("x86_64-unknown-linux-gnu", "x86-64-v4", "-prefer-256-bit", _V4),
+}
+"""Machine code in a wheel, the better ones last."""
+
+BUILT = Path(__file__).parents[1] / "built"
+"""What a wheel has and a checkout has not: a folder of objects for each level, and the bitcode of
+kernels for all other CPUs, which trace the equations anew."""
 
 _ALIVE: list[Any] = []
 """LLVM engines that own native code; kept so that the code lasts as long as the process."""
@@ -58,26 +83,79 @@ def _machine() -> Any:
     return machine, f"{llvm.llvm_version_info}{target.triple}{cpu}{features}"
 
 
+@lru_cache
+def _level() -> str | None:
+    """Return the best of LEVELS that this CPU has; None if there is none."""
+    if "NUMBA_CPU_NAME" in os.environ or "NUMBA_CPU_FEATURES" in os.environ:
+        return None
+    triple, has = llvm.get_process_triple(), llvm.get_host_cpu_features()
+    for name, level in reversed(LEVELS.items()):
+        alike = triple.split("-")[0] == level.triple.split("-")[0] and "linux" in triple
+        if alike and all(has.get(feature) for feature in level.needs):
+            return name
+    return None
+
+
 def kept_code(name: str, write: Callable[[], Any], what: str) -> Any:
-    """Load machine code from the cache, or make and cache it.
+    """Load machine code from the package or the cache, or make and cache it.
 
     Args:
         name: Name of the code.
         write: Returns LLVM's text, or what `str` makes it of.
         what: Name of the code in notices.
     """
+    if _asked:
+        _asked[-1][name] = str(write())
+        raise _Written
+    built = BUILT / f"{_level()}" / f"{name}.o"
+    if built.exists():
+        return loaded(built.read_bytes())
     file = f"{name}-{sha256(_machine()[1].encode()).hexdigest()[:16]}.o"
     data = cache.found(file)
     if data is None:
         with compiling(what):
-            data = object_code(write())
+            anywhere = BUILT / f"{name}.bc"
+            data = object_code(anywhere.read_bytes() if anywhere.exists() else write())
         cache.keep(file, data)
     return loaded(data)
 
 
+class _Written(Exception):
+    """The text of code was asked for, and not the code."""
+
+
+_asked: list[dict[str, str]] = []
+
+
+def texts_of(pieces: Iterable[Callable[[], object]]) -> dict[str, str]:
+    """Return LLVM's texts by their names, each of the first code that a function would load."""
+    _asked.append({})
+    for piece in pieces:
+        with suppress(_Written):
+            piece()
+    return _asked.pop()
+
+
 def object_code(module: Any) -> bytes:
-    """Compile LLVM's text, or what `str` makes it of, to machine code."""
-    return _machine()[0].emit_object(_parsed(str(module)))
+    """Compile bitcode, LLVM's text, or what `str` makes it of, for this CPU."""
+    machine, _ = _machine()
+    if not isinstance(module, bytes):
+        return machine.emit_object(_parsed(str(module)))
+    return machine.emit_object(_for(llvm.parse_bitcode(module, context()), machine))
+
+
+def bitcode(text: str) -> bytes:
+    """Return the bitcode of LLVM's text."""
+    return llvm.parse_assembly(text, context()).as_bitcode()
+
+
+def object_for(level: Level, text: str) -> bytes:
+    """Compile LLVM's text for a level of CPUs."""
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    target = llvm.Target.from_triple(level.triple)
+    machine = target.create_target_machine(level.cpu, level.features, opt=2, jit=True)
+    return machine.emit_object(_for(llvm.parse_assembly(text, context()), machine))
 
 
 def add_symbol(name: str, address: int) -> None:
@@ -96,7 +174,11 @@ def loaded(data: bytes) -> Any:
 
 def _parsed(text: str) -> Any:
     """Parse LLVM text as a module for the target machine."""
-    module = llvm.parse_assembly(text, context())
-    module.triple, module.data_layout = _machine()[0].triple, str(_machine()[0].target_data)
+    return _for(llvm.parse_assembly(text, context()), _machine()[0])
+
+
+def _for(module: Any, machine: Any) -> Any:
+    """Return a module for a target machine, after a check."""
+    module.triple, module.data_layout = machine.triple, str(machine.target_data)
     module.verify()
     return module

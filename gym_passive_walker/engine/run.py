@@ -240,7 +240,7 @@ def advance(
         bodies[:, :1] = values
     phases = compiled(system.name, derived=changes > 0, still=still)
     chosen = options(tolerance, scuff=scuff, from_section=from_section, tangents=changes)
-    layout = layout_in(records.dtype)
+    layout, bodies = layout_in(records.dtype), np.ascontiguousarray(bodies)
 
     def job(first: int, last: int) -> None:
         own = bodies[first:last] if len(bodies) > 1 else bodies

@@ -90,7 +90,7 @@ class Terrain:
         """
         keys, places = np.broadcast_arrays(np.asarray(keys, np.uint64), np.asarray(places))
         found = np.empty((keys.size, 3))
-        _grounds(*self.arrays(), keys.flatten(), places.flatten().astype(np.int64), found)
+        grounds(*self.arrays(), keys.flatten(), places.flatten().astype(np.int64), found)
         return found.reshape(*keys.shape, 3)
 
 
@@ -298,6 +298,7 @@ def ground_at(table, spread, key, place):
 
 
 @Kernel
-def _grounds(table, spread, keys, places, found):
+def grounds(table, spread, keys, places, found):
+    """Write what `ground_at` returns for walks and places, (n, 3)."""
     for i in range(len(keys)):
         found[i, 0], found[i, 1], found[i, 2] = ground_at(table, spread, keys[i], places[i])

@@ -4,18 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 
-import gymnasium as gym
-import numpy as np
-
+from gym_passive_walker.apps.build import GROUPS
+from gym_passive_walker.apps.build import pieces as group_pieces
 from gym_passive_walker.engine.cache import cache_directory
-from gym_passive_walker.engine.compiled import compiled
-from gym_passive_walker.envs.constraints import hooks
-from gym_passive_walker.envs.registration import ID
-from gym_passive_walker.gaits.find.fixed_point import find_gait
-from gym_passive_walker.models.equations.systems import SYSTEMS
 
 
 @contextmanager
@@ -51,20 +44,5 @@ def compile_once() -> None:
 
 def pieces() -> Iterator[Callable[[], object]]:
     """Yield functions, each of which compiles a part of the package when called."""
-    for name in SYSTEMS:
-        yield partial(compiled, name)
-        yield partial(compiled, name, derived=True)
-        yield partial(compiled, name, derived=True, still=True)
-        yield partial(hooks, name, pushed=True, watched=True)
-    yield lambda: find_gait("C", 0.03)
-    yield lambda: _act(gym.make_vec(ID, num_envs=2))
-    yield lambda: _act(gym.make(ID))
-    yield lambda: _act(gym.make(ID, action_delay=1))
-
-
-def _act(world: gym.Env | gym.vector.VectorEnv) -> None:
-    """Reset an environment, also with options, take one step, and close it."""
-    world.reset(seed=0)
-    world.reset(options={"slope": 0.0})
-    world.step(np.zeros(world.action_space.shape))  # type: ignore[arg-type]
-    world.close()
+    for group in GROUPS:
+        yield from group_pieces(group)

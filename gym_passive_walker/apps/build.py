@@ -1,0 +1,113 @@
+"""Machine code for a wheel, so that nobody who installs it needs a compiler.
+
+    python -m gym_passive_walker.apps.build FOLDER
+
+The folder is `machine.BUILT`: objects of all equations and kernels for each of `machine.LEVELS`,
+and the bitcode of the kernels for all other CPUs.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from gym_passive_walker._tools.progress import progress
+from gym_passive_walker.engine import machine, run
+from gym_passive_walker.engine.compiled import PHASE, compiled
+from gym_passive_walker.engine.layout import NARROW, WIDE, Layout, record_for
+from gym_passive_walker.envs import constraints, disturbance_kernels, task, ticks, transitions
+from gym_passive_walker.gaits import terrain
+from gym_passive_walker.gaits.scenes import starts
+from gym_passive_walker.models.equations.systems import SYSTEMS
+
+GROUPS = (*SYSTEMS, *(f"kernels of {width} records" for width in ("narrow", "wide")))
+"""Parts of the package that are compiled apart from each other."""
+
+
+def pieces(group: str) -> Iterator[Callable[[], object]]:
+    """Yield functions, each of which loads one module of machine code of a group."""
+    if group in SYSTEMS:
+        yield partial(compiled, group)
+        yield partial(compiled, group, derived=True)
+        yield partial(compiled, group, derived=True, still=True)
+        yield partial(constraints.hooks, group, pushed=True, watched=False)
+        yield partial(constraints.hooks, group, pushed=False, watched=True)
+        return
+    yield from _kernels(WIDE if "wide" in group else NARROW)
+
+
+def _kernels(layout: Layout) -> Iterator[Callable[[], object]]:
+    records, notes = (
+        np.zeros((0, 1), record_for(layout)),
+        np.zeros(0, transitions.note_for(layout)),
+    )
+    ledger, phases = np.zeros(0, task.ledger_for(layout)), np.zeros(0, PHASE)
+    numbers, singles, truths = np.zeros(0), np.zeros(0, np.float32), np.zeros(0, bool)
+    lanes, table, keys = np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0, np.uint64)
+    cube, words = np.zeros((0, 1, 1)), np.zeros((0, 1), np.int64)
+    disturbances = np.zeros(0, disturbance_kernels.DISTURBANCE)
+    settings, results = np.zeros(1, disturbance_kernels.SETTINGS), (numbers, truths, truths)
+    ground = table, numbers
+    given = [
+        (run.integrate, records, cube, phases, run.options(1e-8), *run.workspace(layout=layout)),
+        (task.observe, records, ledger, phases, singles),
+        (disturbance_kernels.observe, disturbances, ledger, settings, *ground, lanes, singles),
+        (disturbance_kernels.add_noise, disturbances, ledger, numbers, lanes, singles),
+        (
+            disturbance_kernels.begin, disturbances, settings, lanes, keys, cube, records, ledger,
+            *ground,
+        ),
+        (transitions.begin, records, ledger, phases, lanes, notes),
+        (transitions.enter, records, ledger, notes, True, True, numbers, truths),
+        (transitions.look, notes, 0, table),
+        (ticks.draw_numbers, 0, lanes, table),
+        (starts.between, numbers, table, numbers, table),
+        (terrain.grounds, *ground, keys, lanes, table),
+    ]  # fmt: skip
+    for disturbed in (False, True):
+        for custom in (False, True):
+            of = ticks.kernels_for(layout, disturbed, custom)
+            given += [
+                (of.begin, 0, lanes, numbers, table, table, singles),
+                (of.begin_alike, 0, lanes, singles),
+                (of.step, 0, 0, 0, 0, 0, False, singles, *results),
+                (of.step_here, 0),
+                (of.write_info, 0, truths, lanes, table, words, table),
+            ]
+    for kernel, *arguments in given:
+        yield partial(kernel.native, *arguments)
+
+
+def _texts(group: str) -> dict[str, str]:
+    return machine.texts_of(pieces(group))
+
+
+def build(folder: Path) -> None:
+    """Write the files of `machine.BUILT` into a folder."""
+    for name in machine.LEVELS:
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    with ProcessPoolExecutor(os.cpu_count()) as pool:
+        # The longest first.
+        groups = {group: pool.submit(_texts, group) for group in reversed(GROUPS)}
+        asked = []
+        for group, found in groups.items():
+            for name, text in found.result().items():
+                if group not in SYSTEMS:
+                    (folder / f"{name}.bc").write_bytes(machine.bitcode(text))
+                for level, target in machine.LEVELS.items():
+                    path = folder / level / f"{name}.o"
+                    asked.append((path, pool.submit(machine.object_for, target, text)))
+        with progress("modules of machine code", len(asked)) as made_one:
+            for path, data in asked:
+                path.write_bytes(data.result())
+                made_one()
+
+
+if __name__ == "__main__":
+    build(Path(sys.argv[1]))
