@@ -1,4 +1,4 @@
-"""Machine code for a wheel, so that nobody who installs it needs a compiler.
+"""Machine code for a wheel, so that its users need no compiler.
 
     python -m gym_passive_walker.apps.build FOLDER
 
@@ -84,11 +84,17 @@ def _kernels(layout: Layout) -> Iterator[Callable[[], object]]:
         yield partial(kernel.native, *arguments)
 
 
+def all_pieces() -> Iterator[Callable[[], object]]:
+    """Yield functions, each of which loads one module of machine code."""
+    for group in GROUPS:
+        yield from pieces(group)
+
+
 def _texts(group: str) -> dict[str, str]:
     return machine.texts_of(pieces(group))
 
 
-def build(folder: Path) -> None:
+def write_files(folder: Path) -> None:
     """Write the files of `machine.BUILT` into a folder."""
     for name in machine.LEVELS:
         (folder / name).mkdir(parents=True, exist_ok=True)
@@ -110,4 +116,4 @@ def build(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    build(Path(sys.argv[1]))
+    write_files(Path(sys.argv[1]))

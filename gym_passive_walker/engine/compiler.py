@@ -1,6 +1,6 @@
 """LLVM's text of kernels, by numba, which nothing else of the package imports.
 
-The text names no processor, no function of numba and none of Python, so LLVM compiles it for any.
+The text names no CPU and no function of numba, so LLVM compiles it for any CPU.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if config.DISABLE_JIT:  # type: ignore[attr-defined]
 
 # "numpy": division by zero gives inf or NaN and does not raise. Without "_nrt", no memory can be
 # allocated, and arrays have no reference counts.
-OPTIONS: dict[str, Any] = {
+NUMBA_OPTIONS: dict[str, Any] = {
     "error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True, "_nrt": False,
 }  # fmt: skip
 _WAYS: dict[str, dict[str, Any]] = {
@@ -44,9 +44,11 @@ _WAYS: dict[str, dict[str, Any]] = {
 _WORD, _NUMBER = ir.IntType(64), ir.DoubleType()
 
 
-def compiled(function: FunctionType) -> Any:
+def _part(function: FunctionType) -> Any:
     """Return numba's dispatcher of a part of a kernel, or of a kernel that another one calls."""
-    return numba.njit(**OPTIONS, **_WAYS[jit.WAYS.get(function.__code__, "inlined")])(function)
+    return numba.njit(**NUMBA_OPTIONS, **_WAYS[jit.WAYS.get(function.__code__, "inlined")])(
+        function
+    )
 
 
 @type_callable(math.where)
@@ -160,13 +162,13 @@ PRIMITIVES: dict[Any, Any] = {
     jit.call: _call, jit.fma: _fma, jit.address: _address, jit.view: _view, jit.stack: _stack,
     jit.draw_uniform: _uniform, jit.bits_of: _bits_of, jit.number_of: _number_of,
 }  # fmt: skip
-"""The primitives of `jit` for a processor."""
+"""The primitives of `jit` on a CPU."""
 
 
 @cache
 def linker() -> DeviceLinker:
     """Return what binds kernels to these primitives."""
-    return DeviceLinker(PRIMITIVES, compiled)
+    return DeviceLinker(PRIMITIVES, _part)
 
 
 _SCALARS = {int: types.int64, bool: types.boolean, float: types.float64}
@@ -189,7 +191,7 @@ def text_of(function: Callable[..., Any], kinds: tuple[Any, ...]) -> str:
 
     Args:
         function: The kernel's function.
-        kinds: Types of its arguments, as of `jit.Kernel`.
+        kinds: Types of its arguments, from `jit`.
     """
     given = [
         types.Array(numpy_support.from_dtype(kind[0]), kind[1], "C")
@@ -197,7 +199,7 @@ def text_of(function: Callable[..., Any], kinds: tuple[Any, ...]) -> str:
         else _SCALARS[kind]
         for kind in kinds
     ]
-    dispatcher: Any = numba.njit(**OPTIONS)(linker().rebound(function))
+    dispatcher: Any = numba.njit(**NUMBA_OPTIONS)(linker().rebound(function))
     dispatcher.compile(tuple(given))
     (found,) = dispatcher.overloads.values()
     context, result = found.target_context, found.signature.return_type
@@ -239,7 +241,7 @@ def text_of(function: Callable[..., Any], kinds: tuple[Any, ...]) -> str:
     library.add_ir_module(module)
     library.add_linking_library(found.library)
     library.finalize()
-    return plain(library.get_llvm_str())
+    return untargeted(library.get_llvm_str())
 
 
 def _of_object(context: Any, builder: Any, kind: types.Array, value: Any) -> Any:
@@ -254,8 +256,8 @@ def _of_object(context: Any, builder: Any, kind: types.Array, value: Any) -> Any
     return _array(context, builder, kind, word(value, jit.DATA), lengths)
 
 
-def plain(text: str) -> str:
-    """Return numba's text without its target and its processor."""
+def untargeted(text: str) -> str:
+    """Return numba's text without its target."""
     text = re.sub(r'target (datalayout|triple) = "[^"]*"\n', "", text)
     text = re.sub(r'"(target-cpu|target-features|tune-cpu|probe-stack)"="[^"]*"', "", text)
     text = re.sub(r"= common (local_unnamed_addr )?global", "= internal global", text)

@@ -43,21 +43,11 @@ def named(function: Plain, variant: str) -> Plain:
     return function
 
 
-def _primitive(function: Plain) -> Plain:
-    """Declare a function that the compiler of each machine replaces by its own."""
-    PRIMITIVES.add(function)
-    return function
-
-
-PRIMITIVES: set[Callable[..., Any]] = set()
-"""Functions of compiled code without a form in Python."""
-
-
 def _compiled_only() -> NoReturn:
+    """Raise the error of a primitive, which the compiler of each machine replaces by its own."""
     raise RuntimeError("this function exists in compiled code alone")
 
 
-@_primitive
 def call(
     function: int, first: int, second: int, lane: int, tangents: int, x: float, y: float
 ) -> None:
@@ -65,43 +55,36 @@ def call(
     _compiled_only()
 
 
-@_primitive
 def fma(a: float, b: float, c: float) -> float:
     """Return the sum a * b + c, rounded once."""
     _compiled_only()
 
 
-@_primitive
 def address(array: Any) -> int:
     """Return the address of an array's data; compiles ten times faster than `array.ctypes`."""
     _compiled_only()
 
 
-@_primitive
 def view(address: int, shape: tuple[int, ...], dtype: np.dtype) -> Any:
     """Return the contiguous array at an address; compiles no further functions."""
     _compiled_only()
 
 
-@_primitive
 def stack(count: int) -> int:
     """Return the address of words on the caller's stack; their number is a constant."""
     _compiled_only()
 
 
-@_primitive
 def bits_of(x: float) -> np.uint64:
     """Return the bits of a number."""
     _compiled_only()
 
 
-@_primitive
 def number_of(bits: np.uint64) -> float:
     """Return the number of some bits."""
     _compiled_only()
 
 
-@_primitive
 def draw_uniform(generator: int) -> float:
     """Draw a number in [0, 1) from the NumPy generator with its `bitgen_t` at an address."""
     _compiled_only()
@@ -205,8 +188,8 @@ def _kind(argument: Any) -> Any:
 def _prepare() -> None:
     """Name Python's functions to LLVM; check that NumPy's array object is as kernels expect it."""
     for name in _OF_PYTHON:
-        found = ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p).value
-        machine.add_symbol(name, found)
+        found = ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p)
+        machine.add_symbol(name, found.value or 0)
     array = np.zeros((2, 3))
     data, shape = (ctypes.c_int64.from_address(id(array) + place).value for place in (DATA, SHAPE))
     if data != array.ctypes.data or (ctypes.c_int64 * 2).from_address(shape)[:] != [2, 3]:

@@ -36,7 +36,7 @@ LEVELS = {
 
 BUILT = Path(__file__).parents[1] / "built"
 """What a wheel has and a checkout has not: a folder of objects for each level, and the bitcode of
-kernels for all other CPUs, which trace the equations anew."""
+kernels for all other CPUs, on which the equations are traced again."""
 
 _ALIVE: list[Any] = []
 """LLVM engines that own native code; kept so that the code lasts as long as the process."""
@@ -48,7 +48,7 @@ THREADS = "NUMBA_NUM_THREADS"
 
 @lru_cache
 def default_threads() -> int:
-    """Return the number of threads: that of the environment variable, else of free processors."""
+    """Return the number of threads: that of the environment variable, else of free CPUs."""
     asked = os.environ.get(THREADS, "")
     if asked.isdecimal():
         return max(1, int(asked))
@@ -94,6 +94,11 @@ def _level() -> str | None:
         if alike and all(has.get(feature) for feature in level.needs):
             return name
     return None
+
+
+def is_built() -> bool:
+    """Return whether the package has machine code for this CPU."""
+    return (BUILT / f"{_level()}").is_dir()
 
 
 def kept_code(name: str, write: Callable[[], Any], what: str) -> Any:
@@ -159,7 +164,7 @@ def object_for(level: Level, text: str) -> bytes:
 
 
 def add_symbol(name: str, address: int) -> None:
-    """Tell LLVM the address of a function that machine code calls by its name."""
+    """Name a function of this process, with its address, for machine code that calls it."""
     llvm.add_symbol(name, address)
 
 

@@ -241,7 +241,7 @@ def integrate_past_events(
 
 @jitted
 def apply_later_events(records, bodies, disturbances, settings, hooks):
-    """Apply the events of walkers whose step goes on, and put the others aside.
+    """Apply the events of walkers that go on with their step, and put the others aside.
 
     Returns whether there are any; else nothing has changed.
     """

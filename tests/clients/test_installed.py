@@ -38,7 +38,7 @@ def test_torchrl(tmp_path):
 
 @pytest.mark.slow
 def test_torchrl_s_policy(tmp_path):
-    """The last line asks for 32 control steps without a fall, and the weights are drawn anew.
+    """The last line asks for 32 control steps without a fall, and the weights are random.
 
     So the walker starts at its gait, the slope carries it, and the torque is too weak to fell it.
     """

@@ -7,18 +7,24 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 
 from gym_passive_walker._tools.progress import progress
+from gym_passive_walker.apps.build import all_pieces
 from gym_passive_walker.apps.cli.report import Report
-from gym_passive_walker.apps.sweeps.node import pieces
+from gym_passive_walker.engine.machine import is_built
 
 
 def warmup(command: ArgumentParser) -> Callable[[Namespace], Report]:
     """Compile all kernels once and cache them, so that later starts are quick.
 
+    A package that was installed from a wheel has its kernels already.
+
     passive-walker warmup
     """
 
     def run(_: Namespace) -> Report:
-        begun, every = time.monotonic(), list(pieces())
+        if is_built():
+            said = "there is nothing to compile: the package has machine code for this CPU"
+            return Report(said, {"seconds": 0.0})
+        begun, every = time.monotonic(), list(all_pieces())
         with progress("pieces compiled", len(every)) as compiled_one:
             for compile_it in every:
                 compile_it()

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from gym_passive_walker.apps.build import GROUPS
-from gym_passive_walker.apps.build import pieces as group_pieces
+from gym_passive_walker.apps.build import GROUPS, pieces
 from gym_passive_walker.engine.cache import cache_directory
+from gym_passive_walker.engine.machine import is_built
 
 
 @contextmanager
@@ -31,18 +31,13 @@ def locked(path: Path, *, wait: bool = True) -> Iterator[None]:
 
 
 def compile_once() -> None:
-    """Compile all equations and kernels, unless this machine has done so before."""
-    folder = cache_directory()
+    """Compile all that sweeps use, unless the package has it or this machine has done so before."""
+    folder = None if is_built() else cache_directory()
     if folder is None or (folder / "swept").exists():
         return
     with locked(folder / "sweeping"):
         if not (folder / "swept").exists():
-            for piece in pieces():
-                piece()
+            for group in GROUPS[:-1]:  # kernels for larger systems are compiled when one is used
+                for piece in pieces(group):
+                    piece()
             (folder / "swept").touch()
-
-
-def pieces() -> Iterator[Callable[[], object]]:
-    """Yield functions, each of which compiles a part of the package when called."""
-    for group in GROUPS:
-        yield from group_pieces(group)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.devices.web import elementary, kernels, system_kernels
 from gym_passive_walker.engine import jit, lanes, one_walker
 from gym_passive_walker.engine.compiled import OF_LANE, OF_LANES, phases_of, written
-from gym_passive_walker.engine.compiler import OPTIONS, PRIMITIVES, linker, plain
+from gym_passive_walker.engine.compiler import NUMBA_OPTIONS, PRIMITIVES, linker, untargeted
 from gym_passive_walker.engine.device_linker import DeviceLinker
 from gym_passive_walker.engine.layout import Layout
 from gym_passive_walker.engine.native import Emitter, Function, Memory, Module
@@ -59,7 +59,7 @@ _FUNCTIONS = {
 
 
 def _jitted(function: FunctionType) -> Any:
-    return numba.njit(**OPTIONS)(function)
+    return numba.njit(**NUMBA_OPTIONS)(function)
 
 
 _LINKER = DeviceLinker(PRIMITIVES, _jitted)
@@ -72,7 +72,7 @@ def _compiled(function: FunctionType, *kinds: Any) -> tuple[str, str]:
     (result,) = dispatcher.overloads.values()
     text = re.sub(
         r"= linkonce_odr (local_unnamed_addr |hidden )*constant", "= internal constant",
-        plain(result.library.get_llvm_str()),
+        untargeted(result.library.get_llvm_str()),
     )  # fmt: skip
     return _with_own_functions(text), result.fndesc.llvm_func_name
 

@@ -155,7 +155,7 @@ class StepRecorder:
         """
         commands, weight = np.concatenate(self._commands)[:, None], self._scene.command_weight
 
-        def penalty(lengths: NDArray, periods: NDArray) -> NDArray[np.float64]:
+        def penalty(lengths: NDArray, periods: NDArray) -> Any:
             if self._learning:
                 return weight * rules.command_error(lengths, periods, commands)
             return rules.command_penalty(lengths, periods, commands, weight)
