@@ -158,7 +158,7 @@ def test_ctrl_c_ends_a_command_in_a_line(capsys):
 
 def test_without_compilation_the_package_says_what_is_in_its_way():
     done = subprocess.run(
-        [sys.executable, "-c", "import gym_passive_walker; gym_passive_walker.find_gait"],
+        [sys.executable, "-c", "import gym_passive_walker.engine.compiler"],
         env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, cwd=ROOT, capture_output=True, text=True,
     )  # fmt: skip
     assert done.stderr.splitlines()[-1].startswith("ImportError") and "unset it" in done.stderr

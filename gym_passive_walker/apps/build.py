@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gym_passive_walker._tools import console
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker.engine import machine, run
 from gym_passive_walker.engine.compiled import PHASE, compiled
@@ -116,4 +117,4 @@ def write_files(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    write_files(Path(sys.argv[1]))
+    sys.exit(console.run(lambda: write_files(Path(sys.argv[1]))))

@@ -158,12 +158,19 @@ class Kernel:
         """Load machine code from the disk; make it first if it is not there."""
         _prepare()
         function, source = self.function, Path(inspect.getfile(self.function))
-        key = repr((hashlib.sha256(source.read_bytes()).digest(), kinds)).encode()
+        # `descr`, because dtypes are written in other ways by other versions of NumPy.
+        types = [(x[0].descr, x[1]) if isinstance(x, tuple) else x.__name__ for x in kinds]
+        key = repr((hashlib.sha256(source.read_bytes()).digest(), types)).encode()
         name = f"{source.stem}.{function.__qualname__.replace('<locals>.', '')}"
 
         def make() -> str:
-            from gym_passive_walker.engine import compiler  # which imports numba
-
+            try:
+                from gym_passive_walker.engine import compiler  # which imports numba
+            except ModuleNotFoundError as error:
+                raise ImportError(
+                    f"the kernel {name} is to be compiled, and numba is not installed: install it, "
+                    "or install gym_passive_walker from a wheel, which has its kernels"
+                ) from error
             return compiler.text_of(function, kinds)
 
         what = f"the kernel {function.__name__.strip('_')}"

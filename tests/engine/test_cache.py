@@ -7,9 +7,10 @@ import shutil
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
-from gym_passive_walker.engine import cache
+from gym_passive_walker.engine import cache, machine
 from gym_passive_walker.engine.compiled import written
 from gym_passive_walker.engine.jit import Kernel
 from gym_passive_walker.engine.machine import kept_code
@@ -312,3 +313,52 @@ def test_a_cache_that_goes_away_stops_nobody(kept_in, code):
 def test_without_a_cache_code_lives_as_long_as_the_process(monkeypatch, code):
     monkeypatch.setattr(cache, "cache_directory", lambda: None)
     code()
+
+
+def test_without_numba_a_kernel_that_is_not_there_says_what_to_install(kept_in, monkeypatch):
+    monkeypatch.delitem(sys.modules, "gym_passive_walker.engine.compiler", raising=False)
+    monkeypatch.delattr("gym_passive_walker.engine.compiler", raising=False)
+    monkeypatch.setitem(sys.modules, "numba", None)
+    with pytest.raises(ImportError, match=r"numba is not installed: install it, or .* wheel"):
+        _bookkeeping()
+
+
+def test_a_kernel_takes_and_returns_what_python_has():
+    assert Kernel(_twice)(3) == 6 and Kernel(_twice)(-3) == -6
+    assert Kernel(_twice)(0.75) == 1.5
+    assert Kernel(_twice)(np.int64(4)) == 8
+    assert Kernel(_filled)(np.zeros(3), 2.5) == 0
+    for given in (np.zeros((4, 4))[:, 1], np.zeros((2, 3)).T):
+        with pytest.raises(TypeError, match="contiguous arrays only"):
+            Kernel(_filled)(given, 1.0)
+    with pytest.raises(TypeError, match="arrays and numbers, not str"):
+        Kernel(_twice)("3")
+
+
+def _twice(number):
+    return 2 * number
+
+
+def _filled(numbers, value):
+    for i in range(len(numbers)):
+        numbers[i] = value
+
+
+def test_a_kernel_writes_into_arrays_of_any_type_and_releases_the_lock():
+    for kind in (np.float64, np.float32, np.int64):
+        numbers = np.zeros((5,), kind)
+        Kernel(_filled)(numbers, 3.0)
+        assert np.all(numbers == 3)
+
+
+def test_code_for_a_wheel_is_of_each_level_and_has_the_same_results(tmp_path, monkeypatch):
+    """A kernel from bitcode, as a CPU has it for which a wheel has no objects."""
+    texts = machine.texts_of([lambda: Kernel(_twice).native(1)])
+    ((name, text),) = texts.items()
+    monkeypatch.setattr(machine, "BUILT", tmp_path)
+    monkeypatch.setattr(cache, "cache_directory", lambda: tmp_path)
+    (tmp_path / f"{name}.bc").write_bytes(machine.bitcode(text))
+    monkeypatch.setitem(sys.modules, "gym_passive_walker.engine.compiler", None)
+    assert Kernel(_twice)(21) == 42
+    for level in machine.LEVELS.values():
+        assert len(machine.object_for(level, text)) > 300
