@@ -72,11 +72,13 @@ print(took)
 """
 
 
-def wait(parts: list[str], cache: str, **model: str) -> float:
+def wait(
+    parts: list[str], cache: str, python: str = sys.executable, cwd: str | None = None, **model: str
+) -> float:
     """CPU seconds of the last part, in a fresh process; `model` selects another CPU."""
-    line = [sys.executable, "-c", _TIMED, json.dumps(parts)]
+    line = [python, "-c", _TIMED, json.dumps(parts)]
     variables = alone(cache) | model
-    found = subprocess.run(line, env=variables, capture_output=True, text=True, check=True)
+    found = subprocess.run(line, env=variables, cwd=cwd, capture_output=True, text=True, check=True)
     return float(found.stdout.split()[-1])
 
 
@@ -201,7 +203,61 @@ def _compilations() -> list[tuple[str, float]]:
     return [*rows, ("all", sum(taken.values()))]
 
 
-PARTS: dict[str, Callable[[], None]] = {"waits": waits, "levels": levels, "kernels": kernels}
+_STEPS = "env.reset(seed=0); env.step(np.zeros(env.action_space.shape))"
+_WALKER2D = f"import gymnasium as gym, numpy as np; env = gym.make('Walker2d-v5'); {_STEPS}"
+_OURS = f"{_ENVIRONMENT}; env = gym.make('PassiveWalker-v0'); {_STEPS}"
+_OWN = "reward=lambda step: step.distance - step.energy"
+WITHOUT_COMPILER = {
+    "`import gymnasium`": ["import gymnasium"],
+    "Walker2d-v5 from its import to its first step": [_WALKER2D],
+    "PassiveWalker-v0, the same": [_OURS],
+    "its scene `rough`, after that": [
+        _OURS,
+        f"env = gym.make('PassiveWalker-v0', scene='rough'); {_STEPS}",
+    ],
+    "a reward of one's own, after that": [
+        _OURS,
+        f"env = gym.make('PassiveWalker-v0', {_OWN}); {_STEPS}",
+    ],
+    "`import` and `find_gait('lab', 0.036)`": [f"{_BEGIN}; gpw.find_gait('lab', 0.036)"],
+}
+"""Tasks in an environment with a wheel, MuJoCo and no compiler; the last part is timed."""
+
+
+def wheel() -> None:
+    """Measure first steps where a wheel is installed, beside those of MuJoCo's Walker2d."""
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        python = str(Path(folder) / "venv" / "bin" / "python")
+        subprocess.run([sys.executable, "-m", "venv", Path(folder) / "venv"], check=True)
+        pip = ["-m", "pip", "--quiet", "--disable-pip-version-check"]
+        subprocess.run(
+            [python, *pip, "wheel", "--no-deps", "--wheel-dir", folder, str(DOCS.parent)],
+            check=True,
+        )
+        (made,) = Path(folder).glob("*.whl")
+        given = [str(made), "gymnasium[mujoco]", "-c", str(DOCS.parent / "constraints.txt")]
+        subprocess.run([python, *pip, "install", *given], check=True)
+        for name, parts in WITHOUT_COMPILER.items():
+            took = []
+            for number in range(5):
+                cache = str(Path(folder) / f"{len(rows)}-{number}")  # empty
+                took.append(wait(parts, cache, python=python, cwd=folder))
+            rows.append((name, min(took), sorted(took)[len(took) // 2]))
+            print(*rows[-1], flush=True)
+        size = made.stat().st_size / 1e6
+    text = table(
+        ["CPU seconds, each in a fresh process with an empty cache", "least of 5", "median"], rows
+    )
+    keep("wheel", f"{text}\n\nThe wheel has {size:.2f} MB. One core. {_machine()}.", PAGE)
+
+
+PARTS: dict[str, Callable[[], None]] = {
+    "wheel": wheel,
+    "waits": waits,
+    "levels": levels,
+    "kernels": kernels,
+}
 
 
 if __name__ == "__main__":

@@ -71,7 +71,7 @@ def cache_directory() -> Path | None:
                 "or may write to it: remove it, or set NUMBA_CACHE_DIR to a folder of your own"
             )
             failures.append(f"{strange[0]} is open to another user")
-        elif os.access(directory, os.W_OK):
+        elif os.access(directory, os.W_OK) or any(directory.iterdir()):  # as an image has it
             return directory
         else:
             failures.append(f"{directory} is read-only")
@@ -91,7 +91,8 @@ def _bases() -> Iterator[Path]:
         home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
         yield home.absolute() / name
     shared = name if _USER is None else f"{name}-{_USER}"
-    yield Path(tempfile.gettempdir()) / shared
+    with suppress(FileNotFoundError):  # nothing can be written to
+        yield Path(tempfile.gettempdir()) / shared
 
 
 _USER: int | None = getattr(os, "getuid", lambda: None)()
@@ -99,11 +100,11 @@ _USER: int | None = getattr(os, "getuid", lambda: None)()
 
 
 def _ours(status: os.stat_result) -> bool:
-    """Return whether a file or folder belongs to this user, and only this user may write to it.
+    """Return whether only this user, or the administrator, may write to a file or folder.
 
-    The cache holds pickles and machine code, so write access to it permits running any code.
+    The cache holds machine code, so write access to it permits running any code.
     """
-    return _USER is None or (status.st_uid == _USER and not status.st_mode & 0o022)
+    return _USER is None or (status.st_uid in (_USER, 0) and not status.st_mode & 0o022)
 
 
 def _private(folder: Path) -> bool:

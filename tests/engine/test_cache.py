@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -156,6 +157,36 @@ def test_a_user_without_a_home_has_a_cache(tmp_path, monkeypatch):
     monkeypatch.setattr(cache.Path, "home", homeless)
     monkeypatch.setattr(cache.tempfile, "gettempdir", lambda: str(tmp_path))
     assert folder(monkeypatch).is_relative_to(tmp_path)
+
+
+def test_where_nothing_can_be_written_there_is_no_cache(tmp_path, monkeypatch):
+    def nowhere():
+        raise FileNotFoundError("No usable temporary directory found")
+
+    blocked = tmp_path / "a file"
+    blocked.write_text("")
+    cache._warn.cache_clear()
+    monkeypatch.setattr(cache.tempfile, "gettempdir", nowhere)
+    with pytest.warns(RuntimeWarning, match="compiled code cannot be kept"):
+        assert folder(monkeypatch, XDG_CACHE_HOME=blocked) is None
+
+
+@pytest.mark.parametrize("filled", [True, False])
+def test_a_cache_that_is_read_only_is_read_if_it_has_code(filled, tmp_path, monkeypatch):
+    image, temporary = tmp_path / "image", tmp_path / "temporary"
+    monkeypatch.setattr(cache.tempfile, "gettempdir", lambda: str(temporary))
+    usual = folder(monkeypatch, XDG_CACHE_HOME=image)
+    if filled:
+        (usual / "code").write_bytes(b"")
+    monkeypatch.setattr(cache.os, "access", lambda where, _: Path(where).is_relative_to(temporary))
+    assert (folder(monkeypatch, XDG_CACHE_HOME=image) == usual) is filled
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="each user has folders of their own here")
+def test_what_root_has_compiled_is_trusted_as_its_python_files_are(tmp_path, monkeypatch):
+    usual = folder(monkeypatch, XDG_CACHE_HOME=tmp_path)
+    monkeypatch.setattr(cache, "_USER", usual.stat().st_uid + 1)
+    assert (folder(monkeypatch, XDG_CACHE_HOME=tmp_path) == usual) is (usual.stat().st_uid == 0)
 
 
 def _open_to_all(folder):

@@ -224,7 +224,7 @@ def _of_library(name: str) -> Any:
 
 
 _SIN, _COS, _ARCSIN = map(_of_library, ("sin", "cos", "asin"))
-_NUMPY = SimpleNamespace(sin=_SIN, cos=_COS, arcsin=_ARCSIN)
+_NUMPY = SimpleNamespace(sin=_SIN, cos=_COS)
 _MATH = SimpleNamespace(sin=_SIN, cos=_COS, asin=_ARCSIN)
 
 
@@ -306,7 +306,7 @@ def _given(shape: Memory) -> SimpleNamespace:
 
 def _body(kind: System, shape: Memory, body: Memory) -> None:
     """Write a walker's constants."""
-    constants = _with(bodies.body_from, np=_NUMPY)(_given(shape), kind.Body)
+    constants = _with(bodies.body_from, np=_NUMPY, inverse_sine=_ARCSIN)(_given(shape), kind.Body)
     for i, value in enumerate(constants):
         body["body", i] = value
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gym_passive_walker.models.equations.hybrid import Number
+from gym_passive_walker.models.equations.numbers import inverse_sine
 
 
 class SimplestBody(NamedTuple):
@@ -120,7 +121,7 @@ def body_from(p: Any, Body: type) -> Any:
     mass = 2.0 * leg_mass + p.hip_mass
     reach = p.shank_length - p.foot_radius
     epsilon_thigh = p.foot_angle
-    epsilon_shank = np.arcsin(p.thigh_length * sin(epsilon_thigh) / reach)
+    epsilon_shank = inverse_sine(p.thigh_length * sin(epsilon_thigh) / reach)
     leg = p.thigh_length * cos(epsilon_thigh) + reach * cos(epsilon_shank)
     m, ml, ml2 = mass, mass * length, mass * length**2
     torque = p.gravity * (length if Body is SimplestBody else ml)

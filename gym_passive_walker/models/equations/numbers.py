@@ -9,6 +9,7 @@ functions here. Other modules can register further kinds:
 
 from __future__ import annotations
 
+import math
 from functools import singledispatch
 from typing import Any
 
@@ -22,6 +23,18 @@ _INFINITESIMAL = 1e-100  # imaginary part that carries a derivative: its square 
 def sine_cosine(x: Any) -> tuple[Any, Any]:
     """Sine and cosine of a number, real or complex, or of an array of them."""
     return np.sin(x), np.cos(x)
+
+
+_INVERSE_SINE = np.frompyfunc(lambda x: math.asin(x) if -1.0 <= x <= 1.0 else math.nan, 1, 1)
+
+
+def inverse_sine(x: Any) -> Any:
+    """Inverse sine of a number, real or complex, or of an array of them.
+
+    NumPy has an algorithm of its own for AVX-512, with other last bits; the bits of walks depend on
+    this one.
+    """
+    return np.arcsin(x) if np.iscomplexobj(x) else np.asarray(_INVERSE_SINE(x), dtype=float)[()]
 
 
 @singledispatch

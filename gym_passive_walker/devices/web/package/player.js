@@ -12,6 +12,7 @@ const LONGEST_FRAME = 0.1; // s
 const PUSH_KEY = 0.01; // m sqrt(g l)
 const PUSH_PIXEL = 0.0002;
 const REST = 1.6; // s between a fall and the next start
+const ADDRESS_DELAY = 300; // ms from a change to the address that has it: WebKit allows 100 in 10 s
 const GROUNDS = {
   smooth: { label: "smooth", terrain: null },
   rough: { label: "rough, deviation 0.002 l", terrain: { rough: { height_std: 0.002 } } },
@@ -404,17 +405,27 @@ export class Player {
   // Sharing by the address.
 
   #remember() {
+    clearTimeout(this.remembering);
+    this.remembering = setTimeout(() => this.#write(), ADDRESS_DELAY);
+  }
+
+  #write() {
+    clearTimeout(this.remembering);
     if (!this.share) return;
     const { walker, changes, slope, torque, policy, ground, speed } = this.settings;
     const given = { walker, slope: digits(slope, 8), ...(torque && { torque }), ...(policy && { policy }) };
     if (ground !== "smooth") given.ground = ground;
     if (speed !== 1) given.speed = speed;
     for (const [name, value] of Object.entries(changes)) given[name] = digits(value, 8);
-    history.replaceState(null, "", `#${new URLSearchParams(given)}`);
+    try {
+      history.replaceState(null, "", `#${new URLSearchParams(given)}`);
+    } catch {
+      // The browser allows so many changes in a time; the next one writes the address.
+    }
   }
 
   async #link() {
-    this.#remember();
+    this.#write();
     try {
       await navigator.clipboard.writeText(location.href);
       this.#announce("The link is copied.");
