@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -31,16 +31,17 @@ GROUPS = (*SYSTEMS, *(f"kernels of {width} records" for width in ("narrow", "wid
 """Parts of the package that are compiled apart from each other."""
 
 
-def pieces(group: str) -> Iterator[Callable[[], object]]:
-    """Yield functions, each of which loads one module of machine code of a group."""
-    if group in SYSTEMS:
+def pieces(groups: Iterable[str] = GROUPS) -> Iterator[Callable[[], object]]:
+    """Yield functions, each of which loads one module of machine code."""
+    for group in groups:
+        if group not in SYSTEMS:
+            yield from _kernels(WIDE if "wide" in group else NARROW)
+            continue
         yield partial(compiled, group)
         yield partial(compiled, group, derived=True)
         yield partial(compiled, group, derived=True, still=True)
         yield partial(constraints.hooks, group, pushed=True, watched=False)
         yield partial(constraints.hooks, group, pushed=False, watched=True)
-        return
-    yield from _kernels(WIDE if "wide" in group else NARROW)
 
 
 def _kernels(layout: Layout) -> Iterator[Callable[[], object]]:
@@ -85,14 +86,8 @@ def _kernels(layout: Layout) -> Iterator[Callable[[], object]]:
         yield partial(kernel.native, *arguments)
 
 
-def all_pieces() -> Iterator[Callable[[], object]]:
-    """Yield functions, each of which loads one module of machine code."""
-    for group in GROUPS:
-        yield from pieces(group)
-
-
 def _texts(group: str) -> dict[str, str]:
-    return machine.texts_of(pieces(group))
+    return machine.texts_of(pieces([group]))
 
 
 def write_files(folder: Path) -> None:

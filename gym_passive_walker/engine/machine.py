@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import lru_cache
@@ -77,7 +78,16 @@ def _machine() -> Any:
     if features is None:
         own = cpu == llvm.get_host_cpu_name()
         # Use 512-bit vectors where the CPU has them; LLVM prefers 256 bits by default.
-        features = llvm.get_host_cpu_features().flatten() + ",-prefer-256-bit" if own else ""
+        has = llvm.get_host_cpu_features()
+        on_x86 = llvm.get_process_triple().startswith("x86_64")  # elsewhere LLVM would complain
+        features = has.flatten() + ",-prefer-256-bit" * on_x86 if own else ""
+        if own and on_x86 and not has.get("fma"):
+            warnings.warn(
+                "this CPU, or the virtual machine that it seems to be, has no fused multiply-add: "
+                "walks have the same bits, and take 50 to 1,000 times as long",
+                RuntimeWarning,
+                stacklevel=2,
+            )
     target = llvm.Target.from_triple(llvm.get_process_triple())
     machine = target.create_target_machine(cpu=cpu, features=features, opt=2, jit=True)
     return machine, f"{llvm.llvm_version_info}{target.triple}{cpu}{features}"

@@ -393,3 +393,13 @@ def test_code_for_a_wheel_is_of_each_level_and_has_the_same_results(tmp_path, mo
     assert Kernel(_twice)(21) == 42
     for level in machine.LEVELS.values():
         assert len(machine.object_for(level, text)) > 300
+
+
+def test_a_cpu_without_fused_multiply_adds_is_warned_of(monkeypatch):
+    has = machine.llvm.get_host_cpu_features()
+    monkeypatch.setattr(machine.llvm, "get_process_triple", lambda: "x86_64-unknown-linux-gnu")
+    monkeypatch.setattr(machine.llvm, "get_host_cpu_features", lambda: type(has)(has, fma=False))
+    for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.warns(RuntimeWarning, match="no fused multiply-add"):
+        machine._machine.__wrapped__()

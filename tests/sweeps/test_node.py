@@ -15,7 +15,7 @@ def test_of_workers_that_start_together_one_compiles_and_the_others_wait(tmp_pat
         ended.append(time.monotonic())
 
     monkeypatch.setattr(node, "cache_directory", lambda: tmp_path)
-    monkeypatch.setattr(node, "pieces", lambda: [slow])
+    monkeypatch.setattr(node, "pieces", lambda _: [slow])
     returned = []
 
     def worker():
@@ -37,12 +37,12 @@ def test_one_that_is_killed_while_it_compiles_leaves_it_to_the_next(tmp_path, mo
         raise SystemExit
 
     monkeypatch.setattr(node, "cache_directory", lambda: tmp_path)
-    monkeypatch.setattr(node, "pieces", lambda: [killed])
+    monkeypatch.setattr(node, "pieces", lambda _: [killed])
     try:
         node.compile_once()
     except SystemExit:
         pass
-    monkeypatch.setattr(node, "pieces", lambda: [lambda: done.append(1)])
+    monkeypatch.setattr(node, "pieces", lambda _: [lambda: done.append(1)])
     node.compile_once()
     node.compile_once()
     assert done == [1]

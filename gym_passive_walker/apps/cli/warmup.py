@@ -7,7 +7,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 
 from gym_passive_walker._tools.progress import progress
-from gym_passive_walker.apps.build import all_pieces
+from gym_passive_walker.apps.build import pieces
 from gym_passive_walker.apps.cli.report import Report
 from gym_passive_walker.engine.machine import is_built
 
@@ -24,7 +24,7 @@ def warmup(command: ArgumentParser) -> Callable[[Namespace], Report]:
         if is_built():
             said = "there is nothing to compile: the package has machine code for this CPU"
             return Report(said, {"seconds": 0.0})
-        begun, every = time.monotonic(), list(all_pieces())
+        begun, every = time.monotonic(), list(pieces())
         with progress("pieces compiled", len(every)) as compiled_one:
             for compile_it in every:
                 compile_it()

@@ -37,7 +37,6 @@ def compile_once() -> None:
         return
     with locked(folder / "sweeping"):
         if not (folder / "swept").exists():
-            for group in GROUPS[:-1]:  # kernels for larger systems are compiled when one is used
-                for piece in pieces(group):
-                    piece()
+            for piece in pieces(GROUPS[:-1]):  # those of larger systems when one is used
+                piece()
             (folder / "swept").touch()

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from gym_passive_walker._tools.arguments import shown
+from gym_passive_walker._tools.extras import need
 from gym_passive_walker._tools.progress import compiling
 from gym_passive_walker.devices.web import page_data
 from gym_passive_walker.engine import cache
@@ -113,6 +114,7 @@ def system_module(system: Mechanism, gait: Gait | None = None) -> bytes:
 
 
 def _compile(folder: Path, *names: str) -> None:
+    need("numba", "notebook")
     command = [sys.executable, "-m", "gym_passive_walker.devices.web.compile", str(folder), *names]
     path = os.pathsep.join([str(_ROOT.parents[2]), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, **_PLAIN, "PYTHONPATH": path.rstrip(os.pathsep)}
