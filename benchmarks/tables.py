@@ -32,7 +32,7 @@ SCRIPTS = {
     **{f"gpu/gpu {part}": f"gpu {part}" for part in ("strides", "ticks", "learning")},
     "benchmarks-speed/scene cost": "scene_cost",
     "benchmarks-start/cold start": "cold_start waits",
-    **{f"benchmarks-start/{part}": f"cold_start {part}" for part in ("levels", "kernels")},
+    **{f"benchmarks-start/{part}": f"cold_start {part}" for part in ("wheel", "levels", "kernels")},
     **{f"performance/{part}": f"performance {part}" for part in ("strides", "operations")},
     "design/cheap": "design cost",
     "design/steady": "design return",

@@ -83,8 +83,15 @@ def test_the_readme_is_one_page():
 
 
 def test_a_package_index_shows_the_readme_without_links_that_it_cannot_resolve(monkeypatch):
-    interface = SimpleNamespace(MetadataHookInterface=object)  # of the build's own environment
-    monkeypatch.setitem(sys.modules, "hatchling.metadata.plugin.interface", interface)
+    hook = SimpleNamespace(MetadataHookInterface=object, BuildHookInterface=object)
+    builder = SimpleNamespace(build_wheel=None, __all__=["build_wheel"])
+    for name, module in {  # of the build's own environment
+        "hatchling": SimpleNamespace(build=builder),
+        "hatchling.build": builder,
+        "hatchling.metadata.plugin.interface": hook,
+        "hatchling.builders.hooks.plugin.interface": hook,
+    }.items():
+        monkeypatch.setitem(sys.modules, name, module)
     spec = spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
