@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 import tempfile
+from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +59,9 @@ class MachineCode(BuildHookInterface):
         line = [sys.executable, "-m", "gym_passive_walker.apps.build", self.folder.name]
         path = os.pathsep.join([self.root, os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
         subprocess.run(line, check=True, cwd=self.root, env=os.environ | {"PYTHONPATH": path})
+        # Its bitcode is read by the LLVM that wrote it, and by later ones.
+        of_llvm = version_of("llvmlite").split(".")[:2]
+        build_data["dependencies"].append(f"llvmlite>={'.'.join(of_llvm)}")
         build_data["force_include"][self.folder.name] = "gym_passive_walker/built"
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
