@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import tomllib
 from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import Any
@@ -25,8 +26,8 @@ NUMBA = "numba>=0.61"
 
 def get_requires_for_build_wheel(settings: dict[str, Any] | None = None) -> list[str]:
     """Return what a wheel is built with: numba, and what the package itself imports."""
-    own = ["gymnasium>=1.1", "numpy>=2.0", "scipy>=1.13", NUMBA]
-    return [*hatchling.get_requires_for_build_wheel(settings), *own]
+    project = tomllib.loads(Path("pyproject.toml").read_text(encoding="utf-8"))["project"]
+    return [*hatchling.get_requires_for_build_wheel(settings), *project["dependencies"], NUMBA]
 
 
 def portable(text: str) -> str:

@@ -87,7 +87,7 @@ def _kernels(layout: Layout) -> Iterator[Callable[[], object]]:
 
 
 def _texts(group: str) -> dict[str, str]:
-    return machine.texts_of(pieces([group]))
+    return {name: str(write()) for name, write in machine.asked_by(pieces([group])).items()}
 
 
 def write_files(folder: Path) -> None:

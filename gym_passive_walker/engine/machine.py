@@ -120,8 +120,8 @@ def kept_code(name: str, write: Callable[[], Any], what: str) -> Any:
         what: Name of the code in notices.
     """
     if _asked:
-        _asked[-1][name] = str(write())
-        raise _Written
+        _asked[-1][name] = write
+        raise _Asked
     built = BUILT / f"{_level()}" / f"{name}.o"
     if built.exists():
         return loaded(built.read_bytes())
@@ -135,18 +135,18 @@ def kept_code(name: str, write: Callable[[], Any], what: str) -> Any:
     return loaded(data)
 
 
-class _Written(Exception):
-    """The text of code was asked for, and not the code."""
+class _Asked(Exception):
+    """The name of code was asked for, and not the code."""
 
 
-_asked: list[dict[str, str]] = []
+_asked: list[dict[str, Callable[[], Any]]] = []
 
 
-def texts_of(pieces: Iterable[Callable[[], object]]) -> dict[str, str]:
-    """Return LLVM's texts by their names, each of the first code that a function would load."""
+def asked_by(pieces: Iterable[Callable[[], object]]) -> dict[str, Callable[[], Any]]:
+    """Return what writes LLVM's text, by name, for the first code that each function would load."""
     _asked.append({})
     for piece in pieces:
-        with suppress(_Written):
+        with suppress(_Asked):
             piece()
     return _asked.pop()
 

@@ -384,8 +384,9 @@ def test_a_kernel_writes_into_arrays_of_any_type_and_releases_the_lock():
 
 def test_code_for_a_wheel_is_of_each_level_and_has_the_same_results(tmp_path, monkeypatch):
     """A kernel from bitcode, as a CPU has it for which a wheel has no objects."""
-    texts = machine.texts_of([lambda: Kernel(_twice).native(1)])
-    ((name, text),) = texts.items()
+    asked = machine.asked_by([lambda: Kernel(_twice).native(1)])
+    ((name, write),) = asked.items()
+    text = write()
     monkeypatch.setattr(machine, "BUILT", tmp_path)
     monkeypatch.setattr(cache, "cache_directory", lambda: tmp_path)
     (tmp_path / f"{name}.bc").write_bytes(machine.bitcode(text))
