@@ -173,16 +173,7 @@ def linker() -> DeviceLinker:
 
 _SCALARS = {int: types.int64, bool: types.boolean, float: types.float64}
 _OBJECT = ir.IntType(8).as_pointer()
-_OF_PYTHON = {
-    "PyLong_AsUnsignedLongLongMask": ir.FunctionType(_WORD, [_OBJECT]),
-    "PyFloat_AsDouble": ir.FunctionType(_NUMBER, [_OBJECT]),
-    "PyLong_FromLongLong": ir.FunctionType(_OBJECT, [_WORD]),
-    "PyLong_FromUnsignedLongLong": ir.FunctionType(_OBJECT, [_WORD]),
-    "PyFloat_FromDouble": ir.FunctionType(_OBJECT, [_NUMBER]),
-    "PyEval_SaveThread": ir.FunctionType(_OBJECT, []),
-    "PyEval_RestoreThread": ir.FunctionType(ir.VoidType(), [_OBJECT]),
-}
-"""Functions of Python's stable binary interface that kernels call; `jit` names them to LLVM."""
+_KINDS = {"word": _WORD, "number": _NUMBER, "object": _OBJECT, "nothing": ir.VoidType()}
 
 
 @global_compiler_lock
@@ -213,9 +204,9 @@ def text_of(function: Callable[..., Any], kinds: tuple[Any, ...]) -> str:
     builder = ir.IRBuilder(outer.append_basic_block())
 
     def python(name: str, *arguments: Any) -> Any:
-        return builder.call(
-            cgutils.get_or_insert_function(module, _OF_PYTHON[name], name), arguments
-        )
+        returns, *takes = (_KINDS[kind] for kind in jit.OF_PYTHON[name])
+        of = ir.FunctionType(returns, takes)
+        return builder.call(cgutils.get_or_insert_function(module, of, name), arguments)
 
     values = []
     for i, kind in enumerate(given):

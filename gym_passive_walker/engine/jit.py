@@ -96,12 +96,16 @@ def entry(array: Any, i: int) -> int:
 
 
 _FASTCALL = 0x80  # of Python's METH flags: an array of the arguments, and their number
-_OF_PYTHON = (
-    "PyLong_AsUnsignedLongLongMask", "PyFloat_AsDouble", "PyLong_FromLongLong",
-    "PyLong_FromUnsignedLongLong", "PyFloat_FromDouble", "PyEval_SaveThread",
-    "PyEval_RestoreThread",
-)  # fmt: skip
-"""Functions of Python's stable binary interface that kernels call."""
+OF_PYTHON = {
+    "PyLong_AsUnsignedLongLongMask": ("word", "object"),
+    "PyFloat_AsDouble": ("number", "object"),
+    "PyLong_FromLongLong": ("object", "word"),
+    "PyLong_FromUnsignedLongLong": ("object", "word"),
+    "PyFloat_FromDouble": ("object", "number"),
+    "PyEval_SaveThread": ("object",),
+    "PyEval_RestoreThread": ("nothing", "object"),
+}
+"""Functions of Python's stable binary interface that kernels call: results, and arguments."""
 
 
 class _Method(ctypes.Structure):
@@ -194,7 +198,7 @@ def _kind(argument: Any) -> Any:
 @cache
 def _prepare() -> None:
     """Name Python's functions to LLVM; check that NumPy's array object is as kernels expect it."""
-    for name in _OF_PYTHON:
+    for name in OF_PYTHON:
         found = ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p)
         machine.add_symbol(name, found.value or 0)
     array = np.zeros((2, 3))

@@ -239,22 +239,25 @@ def integrate_past_events(
                 disturbances[i].idle = 0
 
 
+def goes_on(record, disturbance):
+    """Return whether a walker's step goes on after an event."""
+    return not disturbance.idle and record.outcome == 0 and record.time < disturbance.until
+
+
 @jitted
 def apply_later_events(records, bodies, disturbances, settings, hooks):
     """Apply the events of walkers that go on with their step, and put the others aside.
 
     Returns whether there are any; else nothing has changed.
     """
-    going = 0
+    going = False
     for i in range(len(records)):
-        record, disturbance = records[i, 0], disturbances[i]
-        on = not disturbance.idle and record.outcome == 0 and record.time < disturbance.until
-        going += on
-    if going == 0:
+        going |= goes_on(records[i, 0], disturbances[i])
+    if not going:
         return False
     for i in range(len(records)):
         record, disturbance = records[i, 0], disturbances[i]
-        if not disturbance.idle and record.outcome == 0 and record.time < disturbance.until:
+        if goes_on(record, disturbance):
             apply_due_events(records, bodies, i, disturbance, settings, hooks)
         elif not disturbance.idle:
             disturbance.idle, record.outcome = _ASIDE + record.outcome, RESTING

@@ -15,6 +15,6 @@ def integrate_past_events(
     if not disturbance.idle:
         disturbance_kernels.apply_due_events(records, bodies, 0, disturbance, settings, hooks)
     integrate(records, bodies, phases, options, tiles, histories)
-    while not disturbance.idle and record.outcome == 0 and record.time < disturbance.until:
+    while disturbance_kernels.goes_on(record, disturbance):
         disturbance_kernels.apply_due_events(records, bodies, 0, disturbance, settings, hooks)
         integrate(records, bodies, phases, options, tiles, histories)
