@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from llvmlite import binding as llvm
 
+from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker._tools.progress import compiling
 from gym_passive_walker.engine import cache
 
@@ -49,10 +50,13 @@ THREADS = "NUMBA_NUM_THREADS"
 
 @lru_cache
 def default_threads() -> int:
-    """Return the number of threads: that of the environment variable, else of free CPUs."""
-    asked = os.environ.get(THREADS, "")
-    if asked.isdecimal():
-        return max(1, int(asked))
+    """Return the number of threads: that of the environment variable, else of free CPUs.
+
+    Raises:
+        ValueError: if the variable is not a whole number from 1 on.
+    """
+    if asked := os.environ.get(THREADS):
+        return whole(int(asked) if asked.isdecimal() else asked, THREADS, least=1)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -404,3 +404,16 @@ def test_a_cpu_without_fused_multiply_adds_is_warned_of(monkeypatch):
         monkeypatch.delenv(name, raising=False)
     with pytest.warns(RuntimeWarning, match="no fused multiply-add"):
         machine._machine.__wrapped__()
+
+
+@pytest.mark.parametrize(("asked", "found"), [("3", 3), ("1", 1), ("", None)])
+def test_large_batches_have_the_threads_that_are_asked_for(asked, found, monkeypatch):
+    monkeypatch.setenv(machine.THREADS, asked)
+    assert machine.default_threads.__wrapped__() == (found or len(os.sched_getaffinity(0)))
+
+
+@pytest.mark.parametrize("asked", ["0", "-1", "many", "1.5"])
+def test_a_number_of_threads_that_is_none_is_refused(asked, monkeypatch):
+    monkeypatch.setenv(machine.THREADS, asked)
+    with pytest.raises(ValueError, match="NUMBA_NUM_THREADS must be"):
+        machine.default_threads.__wrapped__()
