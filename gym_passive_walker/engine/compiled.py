@@ -18,7 +18,7 @@ from gym_passive_walker.engine.layout import (
     record_for,
     tile_for,
 )
-from gym_passive_walker.engine.machine import kept_code
+from gym_passive_walker.engine.machine import group, kept_code
 from gym_passive_walker.engine.native import Code, Function, Memory, Module, uses
 from gym_passive_walker.engine.one_lane import OneLane, first_where
 from gym_passive_walker.engine.runge_kutta import Pair
@@ -37,6 +37,7 @@ PHASE = np.dtype(
         # Addresses of native functions.
         *((name, "i8") for name in (*OF_LANE, *OF_LANES, "open", "begin", "place")),
         ("table", "i8"),
+        ("group", "i8"),  # lanes of a vector
         ("resets", "i8", (len(Outcome),)),  # addresses by outcome; 0 for a fall
         ("links", "i8"),
         ("guards", "i8"),
@@ -117,15 +118,21 @@ def compiled(system: str, *, derived: bool = False, still: bool = False) -> NDAr
         The phases, shape (phases,) of PHASE.
     """
     of, known = SYSTEMS[system], None if derived else WRITTEN.pop(system, None)
-    module = Module(still=("body",) if still else ())
+    module = Module(still=("body",) if still else (), group=group())
     name = system + "-derived" * derived + "-still" * still
     write = lambda: known or written(of, derived=derived, module=module)  # noqa: E731
     code = kept_code(name, write, f"the equations {name}")
-    return phases_of(of, code)
+    return phases_of(of, code, group())
 
 
-def phases_of(system: System, code: Any) -> NDArray:
-    """Return the PHASE data of a system's phases, from its native code, (phases,)."""
+def phases_of(system: System, code: Any, lanes: int = 1) -> NDArray:
+    """Return the PHASE data of a system's phases, (phases,).
+
+    Args:
+        system: The system.
+        code: Its native code.
+        lanes: Lanes of a vector in it.
+    """
     phases = np.zeros(len(system.phases), PHASE)
     for i, (entry, phase) in enumerate(zip(phases, system.phases, strict=True)):
         for function in (*OF_LANE, *OF_LANES, "open"):
@@ -135,6 +142,7 @@ def phases_of(system: System, code: Any) -> NDArray:
         entry["table"] = code.get_global_value_address("table")
         for outcome in phase.resets:
             entry["resets"][outcome] = code.get_function_address(f"reset{i}_{outcome.name}")
+        entry["group"] = lanes
         entry["links"], entry["guards"] = phase.links, len(phase.guards)
         entry["strike"] = 0 if phase.strike is None else phase.strike + 1
         entry["outcomes"][: len(phase.guards)] = [guard.outcome for guard in phase.guards]

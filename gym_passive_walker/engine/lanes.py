@@ -1,7 +1,7 @@
 """Integration of a batch through one phase, each walker with its own time and step size.
 
 A lane that finishes takes the next waiting record, so no lane waits for another. Lanes run in whole
-groups of `GROUP`, so every walker takes the same instructions in any lane. A trajectory is
+groups, so every walker takes the same instructions in any lane. A trajectory is
 therefore bitwise equal alone and in any batch.
 """
 
@@ -12,14 +12,12 @@ import numpy as np
 from gym_passive_walker.engine.event_location import LOST, TIME_UP, process_events
 from gym_passive_walker.engine.jit import address, call, merged, stack, view
 from gym_passive_walker.engine.layout import WIDTH
-from gym_passive_walker.engine.native import GROUP
 from gym_passive_walker.engine.step import ALERT, PLAIN, UP
 from gym_passive_walker.models.equations.hybrid import Outcome
 
 _DIVERGED, _STALLED = int(Outcome.DIVERGED), int(Outcome.STALLED)
 _FALLS = int(Outcome.FELL_FORWARD)
 _WORD = np.dtype("i8")
-_LINE = 8 * GROUP  # bytes from one group of a tile's lanes to the next
 
 CHUNK = 1024
 """Number of records that are integrated together, so that they stay in the cache."""
@@ -113,9 +111,9 @@ def integrate_phase(records, bodies, phase, number, tiles, histories, options):
         if going == 0:
             return
         # When no records wait, the last walkers move together to use fewer groups.
-        groups = (going + GROUP - 1) // GROUP
+        whole = (going + phase.group - 1) & -phase.group
         lane = 0
-        while used > groups * GROUP:
+        while used > whole:
             used -= 1
             if owner[used] < 0:
                 continue
@@ -124,9 +122,11 @@ def integrate_phase(records, bodies, phase, number, tiles, histories, options):
             source = origin + 8 * used
             call(phase.move, origin + 8 * lane, source, 0, tangents, 0.0, 0.0)
             owner[lane] = owner[used]
-        for group in range(groups):  # idle lanes compute too; their results are ignored
-            here = origin + _LINE * group
+        lane = 0
+        while lane < whole:  # idle lanes compute too; their results are ignored
+            here = origin + 8 * lane
             if fresh:
                 call(phase.first, here, phase.table, 0, tangents, 0.0, 0.0)
             call(phase.sweep, here, phase.table, 0, tangents, options.fineness, scuff)
+            lane += phase.group
         fresh = False

@@ -16,6 +16,7 @@ from llvmlite import binding as llvm
 from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker._tools.progress import compiling
 from gym_passive_walker.engine import cache
+from gym_passive_walker.engine.native import GROUP
 
 
 class Level(NamedTuple):
@@ -95,6 +96,16 @@ def _machine() -> Any:
     target = llvm.Target.from_triple(llvm.get_process_triple())
     machine = target.create_target_machine(cpu=cpu, features=features, opt=2, jit=True)
     return machine, f"{llvm.llvm_version_info}{target.triple}{cpu}{features}"
+
+
+@lru_cache
+def group() -> int:
+    """Return the lanes of a vector in code for this CPU. Bits do not depend on it.
+
+    Vectors of 128 bits have no registers for more: with eight lanes, a third of the instructions of
+    a kneed walker's sweep on ARM would store registers and load them again.
+    """
+    return GROUP if llvm.get_process_triple().startswith("x86_64") else 2
 
 
 @lru_cache

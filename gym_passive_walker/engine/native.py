@@ -16,7 +16,7 @@ import numpy as np
 from gym_passive_walker.models.expressions import Expression, Tangents, operands, read
 
 GROUP = 8
-"""Lanes of a vector: one of 512 bits, or two of 256."""
+"""Lanes of a vector on x86-64: one of 512 bits, or two of 256."""
 
 _PARAMETERS = "i64 %first, i64 %second, i64 %lane, i64 %tangents, double %x, double %y"
 _NUMBERS = ("%x", "%y")
@@ -32,7 +32,7 @@ class Module:
 
     Args:
         fuses: Whether a product that only one sum uses becomes a fused multiply-add.
-        group: Lanes of a vector; 1 for code over single numbers.
+        group: Lanes of a vector, a power of two; 1 for code over single numbers.
         still: Names of active fields with derivatives of zero. Their terms are left out, and all
             other operations are rounded as with them.
 

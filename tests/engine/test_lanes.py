@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome, stride
-from gym_passive_walker.engine.compiled import compiled
+from gym_passive_walker.engine import machine
+from gym_passive_walker.engine.compiled import compiled, phases_of, written
 from gym_passive_walker.engine.layout import HISTORY, TILE, WIDTH, aligned
-from gym_passive_walker.engine.native import GROUP
+from gym_passive_walker.engine.native import GROUP, Module
 from gym_passive_walker.engine.run import (
     advance,
     in_parts,
@@ -24,7 +25,7 @@ from gym_passive_walker.engine.run import (
     workspace,
 )
 from gym_passive_walker.gaits.flow import Walkers, flow
-from gym_passive_walker.models.equations.systems import bodies, system_of
+from gym_passive_walker.models.equations.systems import SYSTEMS, bodies, system_of
 from gym_passive_walker.models.units import units_of
 from tests.engine.machine import CPUS
 from tests.equations import statements
@@ -218,6 +219,23 @@ def test_it_does_not_matter_what_a_lane_held_before(name):
         integrate(records, bodies(walker), phases, reported, *working)
         found.append(records.tobytes())
     assert found[0] == found[1] == found[2]
+
+
+@pytest.mark.parametrize("name", ["D", pytest.param("lab", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("lanes", [2, 4])
+def test_vectors_may_be_shorter(name, lanes):
+    """Those of an ARM processor hold two numbers."""
+    slopes, states, _ = many(name, 60)
+    states, own = statements.dimensionless(WALKERS[name], states), bodies(WALKERS[name])
+    system = SYSTEMS[system_of(WALKERS[name]).name]
+    code = machine.loaded(machine.object_code(written(system, module=Module(group=lanes))))
+    found = []
+    for phases in (compiled(system.name), phases_of(system, code, lanes)):
+        records = new_records(states, slopes)
+        integrate(records, own, phases, options(1e-10, from_section=True, scuff=True), *workspace())
+        found.append(records.tobytes())
+    assert compiled(system.name)["group"][0] == machine.group() != lanes
+    assert found[0] == found[1]
 
 
 DIGEST = """

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine import compiled
+from gym_passive_walker.engine.machine import group
 from gym_passive_walker.engine.own.checks import check, check_given
 from gym_passive_walker.engine.own.mechanics import (
     Derived,
@@ -464,7 +465,8 @@ def _registered(stated: hybrid.System) -> hybrid.System:
     """Name a system by its compiled text, and make it known by this name."""
     module = compiled.written(stated)
     name = f"own-{hashlib.sha256(str(module).encode()).hexdigest()[:16]}"
-    compiled.WRITTEN[name] = module
+    if module.group == group():  # else it is written anew for this CPU
+        compiled.WRITTEN[name] = module
     return register_system(stated._replace(name=name))
 
 
