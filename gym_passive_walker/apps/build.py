@@ -3,7 +3,7 @@
     python -m gym_passive_walker.apps.build FOLDER
 
 The folder is `machine.BUILT`: objects of all equations and kernels for each of `machine.LEVELS`,
-and the bitcode of the kernels for all other CPUs.
+the bitcode of the kernels for all other CPUs, and the modules of web pages.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ import numpy as np
 
 from gym_passive_walker._tools import console
 from gym_passive_walker._tools.progress import progress
+from gym_passive_walker.devices.web.build import bookkeeping, modules
+from gym_passive_walker.devices.web.code import BOOKKEEPING
 from gym_passive_walker.engine import machine, run
 from gym_passive_walker.engine.compiled import PHASE, compiled
 from gym_passive_walker.engine.layout import NARROW, WIDE, Layout, record_for
@@ -90,6 +92,13 @@ def _texts(group: str) -> dict[str, str]:
     return {name: str(write()) for name, write in machine.asked_by(pieces([group])).items()}
 
 
+def _of_pages(folder: Path) -> dict[str, bytes]:
+    """Write the modules of web pages into a folder; return the bitcode of what they share."""
+    for name, data in modules().items():
+        (folder / name).write_bytes(data)
+    return {f"web-{name}": bookkeeping(name) for name in BOOKKEEPING}
+
+
 def write_files(folder: Path) -> None:
     """Write the files of `machine.BUILT` into a folder."""
     for name in machine.LEVELS:
@@ -97,11 +106,11 @@ def write_files(folder: Path) -> None:
     with ProcessPoolExecutor(os.cpu_count()) as pool:
         # The longest first.
         groups = {group: pool.submit(_texts, group) for group in reversed(GROUPS)}
-        asked = []
+        pages, asked, packed = pool.submit(_of_pages, folder), [], {}
         for group, found in groups.items():
             for name, text in found.result().items():
                 if group not in SYSTEMS:
-                    (folder / f"{name}.bc").write_bytes(machine.bitcode(text))
+                    packed[name] = machine.bitcode(text)
                 for level, target in machine.LEVELS.items():
                     path = folder / level / f"{name}.o"
                     asked.append((path, pool.submit(machine.object_for, target, text)))
@@ -109,6 +118,7 @@ def write_files(folder: Path) -> None:
             for path, data in asked:
                 path.write_bytes(data.result())
                 made_one()
+        machine.pack(packed | pages.result(), folder)
 
 
 if __name__ == "__main__":

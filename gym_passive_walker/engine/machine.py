@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import os
+import tarfile
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import lru_cache
 from hashlib import sha256
@@ -38,8 +40,10 @@ LEVELS = {
 """Machine code in a wheel, the better ones last."""
 
 BUILT = Path(__file__).parents[1] / "built"
-"""What a wheel has and a checkout has not: a folder of objects for each level, and the bitcode of
-kernels for all other CPUs, on which the equations are traced again."""
+"""What a wheel has and a checkout has not: a folder of objects for each level, the modules of web
+pages, and PACKED: bitcode of kernels, for all other CPUs, on which equations are traced again."""
+
+PACKED = "bitcode.tar.xz"
 
 _ALIVE: list[Any] = []
 """LLVM engines that own native code; kept so that the code lasts as long as the process."""
@@ -144,8 +148,7 @@ def kept_code(name: str, write: Callable[[], Any], what: str) -> Any:
     data = cache.found(file)
     if data is None:
         with compiling(what):
-            anywhere = BUILT / f"{name}.bc"
-            data = object_code(anywhere.read_bytes() if anywhere.exists() else write())
+            data = object_code(packed(name) or write())
         cache.keep(file, data)
     return loaded(data)
 
@@ -172,6 +175,29 @@ def object_code(module: Any) -> bytes:
     if not isinstance(module, bytes):
         return machine.emit_object(_parsed(str(module)))
     return machine.emit_object(_for(llvm.parse_bitcode(module, context()), machine))
+
+
+def packed(name: str) -> bytes | None:
+    """Return bitcode of the package; None if it has none of this name."""
+    return _packed().get(f"{name}.bc")
+
+
+@lru_cache
+def _packed() -> dict[str, bytes]:
+    """Return all bitcode of the package; modules share most of it, so it is compressed at once."""
+    if not (BUILT / PACKED).exists():
+        return {}
+    with tarfile.open(BUILT / PACKED) as files:
+        return {file.name: files.extractfile(file).read() for file in files}  # type: ignore[union-attr]
+
+
+def pack(modules: Mapping[str, bytes], folder: Path) -> None:
+    """Write bitcode, by its names, for `packed`."""
+    with tarfile.open(folder / PACKED, "w:xz", preset=9) as files:
+        for name, data in sorted(modules.items()):
+            file = tarfile.TarInfo(f"{name}.bc")
+            file.size = len(data)
+            files.addfile(file, io.BytesIO(data))
 
 
 def bitcode(text: str) -> bytes:

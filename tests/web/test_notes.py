@@ -219,7 +219,7 @@ def test_an_error_of_the_compiler_is_its_last_line(printed, said, monkeypatch, t
 
     monkeypatch.setattr(subprocess, "run", failed)
     with pytest.raises(web.WebError, match=f"cannot be compiled: {said}$"):
-        build._compile(tmp_path, "wide")
+        build._compile(tmp_path / "a.bc", "wide")
     ((command, environment),) = calls
-    assert command[-2:] == [str(tmp_path), "wide"]
+    assert command[-2:] == [str(tmp_path / "a.bc"), "wide"]
     assert environment["NUMBA_CPU_NAME"] == "generic"

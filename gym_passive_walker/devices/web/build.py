@@ -9,14 +9,14 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from gym_passive_walker._tools.arguments import shown
 from gym_passive_walker._tools.extras import need
 from gym_passive_walker._tools.progress import compiling
-from gym_passive_walker.devices.web import page_data
-from gym_passive_walker.engine import cache
+from gym_passive_walker.devices.web import code, container, page_data
+from gym_passive_walker.engine import cache, machine
 from gym_passive_walker.engine.layout import NARROW, layout_of
 from gym_passive_walker.envs.policies import TENSORS, policy_folder, shipped_policies
 from gym_passive_walker.gaits.gait import Gait
@@ -28,6 +28,7 @@ PACKAGE = _ROOT / "package"
 
 MODULES = ("kneed", "straight", "simplest")
 DATA = "data.json"
+_GIVEN = ("__linear_memory", "__stack_pointer", "__indirect_function_table")
 
 # Numba then writes code for a CPU without vector units, which becomes the smallest module.
 _PLAIN = {
@@ -54,23 +55,55 @@ def _name() -> str:
     return digest.hexdigest()[:16]
 
 
-def modules() -> dict[str, bytes]:
-    """Return the WebAssembly modules, by file name.
+def bookkeeping(name: str) -> bytes:
+    """Return the bitcode of one of `code.BOOKKEEPING`: from the package, or compiled and cached.
 
-    They are compiled in a process of their own in about twenty seconds, and cached.
+    Raises:
+        WebError: if it cannot be compiled here.
+    """
+    packed = machine.packed(f"web-{name}")
+    if packed is not None:
+        return packed
+    found = cache.found(f"web-{_name()}-{name}.bc")
+    if found is None:
+        with compiling("what web pages share"), tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "shared.bc"
+            _compile(file, name)
+            found = file.read_bytes()
+        cache.keep(f"web-{_name()}-{name}.bc", found)
+    return found
+
+
+def _object(texts: Sequence[str], exported: Collection[str], name: str) -> bytes:
+    made = code.wasm_object(texts, exported, bookkeeping(name))
+    if strange := set(container.imports(made)) - set(_GIVEN):
+        raise WebError(f"a module for web pages would need {', '.join(sorted(strange))}")
+    return made
+
+
+def modules() -> dict[str, bytes]:
+    """Return the WebAssembly modules, by file name: from the package, or compiled and cached.
 
     Raises:
         WebError: if they cannot be compiled here.
     """
-    names = [f"{kind}.wasm" for kind in MODULES]
-    made = {name: cache.found(f"web-{_name()}-{name}") for name in names}
-    if any(content is None for content in made.values()):
-        with compiling("the walkers for web pages"), tempfile.TemporaryDirectory() as folder:
-            _compile(Path(folder))
-            made = {name: (Path(folder) / name).read_bytes() for name in names}
-        for name, content in made.items():
-            cache.keep(f"web-{_name()}-{name}", content)  # type: ignore[arg-type]
-    return made  # type: ignore[return-value]
+    made = {}
+    for kind in MODULES:
+        name = f"{kind}.wasm"
+        if (machine.BUILT / name).exists():
+            made[name] = (machine.BUILT / name).read_bytes()
+            continue
+        found = cache.found(f"web-{_name()}-{name}")
+        if found is None:
+            with compiling(f"the {kind} walkers for web pages"):
+                data = _object(code.of_kind(kind), code.EXPORTED, "walkers")
+            content = page_data.of_module(
+                code.SYSTEMS_OF[kind], code.VARIANTS, container.data_end(data)
+            )
+            found = container.module(data, code.EXPORTED, {page_data.SECTION: content})
+            cache.keep(f"web-{_name()}-{name}", found)
+        made[name] = found
+    return made
 
 
 def data() -> bytes:
@@ -93,29 +126,21 @@ def system_module(system: Mechanism, gait: Gait | None = None) -> bytes:
     Raises:
         WebError: if the module cannot be compiled here.
     """
-    from gym_passive_walker.devices.web import (  # numba is imported where it is needed
-        code,
-        container,
-    )
-
-    name = "narrow" if layout_of(system.hybrid) == NARROW else "wide"
     texts = code.code_of_system(system)
     digest = hashlib.sha256("".join(texts).encode()).hexdigest()[:16]
     made = cache.found(f"web-{_name()}-{digest}.o")
     if made is None:
-        with compiling("a system for web pages"), tempfile.TemporaryDirectory() as folder:
-            for i, text in enumerate(texts):
-                (Path(folder) / f"{name}-{i}.ll").write_text(text, encoding="utf-8")
-            _compile(Path(folder), name)
-            made = (Path(folder) / f"{name}.o").read_bytes()
+        with compiling("a system for web pages"):
+            name = "narrow" if layout_of(system.hybrid) == NARROW else "wide"
+            made = _object(texts, code.EXPORTED_OF_SYSTEM, name)
         cache.keep(f"web-{_name()}-{digest}.o", made)
     section = page_data.of_system(system, container.data_end(made), code.variants(system), gait)
     return container.module(made, code.EXPORTED_OF_SYSTEM, {page_data.SECTION: section})
 
 
-def _compile(folder: Path, *names: str) -> None:
+def _compile(file: Path, name: str) -> None:
     need("numba", "notebook")
-    command = [sys.executable, "-m", "gym_passive_walker.devices.web.compile", str(folder), *names]
+    command = [sys.executable, "-m", "gym_passive_walker.devices.web.bookkeeping", str(file), name]
     path = os.pathsep.join([str(_ROOT.parents[2]), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, **_PLAIN, "PYTHONPATH": path.rstrip(os.pathsep)}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)

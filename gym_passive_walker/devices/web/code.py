@@ -1,33 +1,23 @@
-"""LLVM text of a module: equations, bookkeeping and elementary functions for wasm32.
-
-This module expects numba to write code for a plain CPU without vector units, so it runs in a
-process of its own; see `build`.
-"""
+"""Code of a module for wasm32: the equations of a walker, linked with `bookkeeping`."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import lru_cache, partial
 from types import FunctionType, SimpleNamespace
 from typing import Any
 
-import numba
 import numpy as np
 from llvmlite import binding as llvm
-from numba import types
 from numpy.typing import NDArray
 
-from gym_passive_walker.devices.web import elementary, kernels, system_kernels
-from gym_passive_walker.engine import jit, lanes, one_walker
+from gym_passive_walker.devices.web import kernels
 from gym_passive_walker.engine.compiled import OF_LANE, OF_LANES, phases_of, written
-from gym_passive_walker.engine.compiler import NUMBA_OPTIONS, PRIMITIVES, linker, untargeted
-from gym_passive_walker.engine.device_linker import DeviceLinker
-from gym_passive_walker.engine.layout import Layout
+from gym_passive_walker.engine.layout import NARROW, WIDE, Layout
+from gym_passive_walker.engine.machine import context
 from gym_passive_walker.engine.native import Emitter, Function, Memory, Module
 from gym_passive_walker.engine.own.stated import StatementError
-from gym_passive_walker.envs import disturbance_kernels
-from gym_passive_walker.envs import one_walker as one_episode
 from gym_passive_walker.envs.constraints import HOOK, equipped, push_code
 from gym_passive_walker.models.equations import bodies, kneed, simplest, straight
 from gym_passive_walker.models.equations.hybrid import System
@@ -46,76 +36,19 @@ EXPORTED_OF_SYSTEM = ("run", "phases", "hooks", "pose")
 
 TRIPLE = "wasm32-unknown-unknown"
 _FEATURES = "+bulk-memory,+nontrapping-fptoint,+sign-ext,+mutable-globals"
-_FUNCTIONS = {
-    "fma": (elementary.fused, 3),
-    "sin": (elementary.sine, 1),
-    "cos": (elementary.cosine, 1),
-    "log": (elementary.logarithm, 1),
-    "asin": (elementary.arcsine, 1),
-    "exp": (elementary.exponential, 1),
-    "tanh": (elementary.hyperbolic_tangent, 1),
-}
-"""Elementary functions of one or three numbers, by the names that LLVM's text has for them."""
+OWN_FUNCTIONS = ("fma", "sin", "cos", "log", "asin", "exp", "tanh")
+"""Elementary functions of the package, by the names that LLVM's text has for them."""
+
+BOOKKEEPING: dict[str, Layout | None] = {"walkers": None, "narrow": NARROW, "wide": WIDE}
+"""What `bookkeeping` is compiled for: the package's walkers, and layouts of a user's systems."""
 
 
-def _jitted(function: FunctionType) -> Any:
-    return numba.njit(**NUMBA_OPTIONS)(function)
-
-
-_LINKER = DeviceLinker(PRIMITIVES, _jitted)
-
-
-def _compiled(function: FunctionType, *kinds: Any) -> tuple[str, str]:
-    """Compile a function by numba; return its LLVM text and its name there."""
-    dispatcher = _jitted(function)
-    dispatcher.compile(types.void(*kinds) if kinds[0] != types.float64 else kinds)
-    (result,) = dispatcher.overloads.values()
-    text = re.sub(
-        r"= linkonce_odr (local_unnamed_addr |hidden )*constant", "= internal constant",
-        untargeted(result.library.get_llvm_str()),
-    )  # fmt: skip
-    return _with_own_functions(text), result.fndesc.llvm_func_name
-
-
-def _with_own_functions(text: str) -> str:
+def with_own_functions(text: str) -> str:
     """Return text that calls this package's elementary functions instead of a library's."""
-    for name in _FUNCTIONS:
+    for name in OWN_FUNCTIONS:
         text = re.sub(rf"@(llvm\.)?{name}(\.f64)?\(", f"@own_{name}(", text)
     text = re.sub(r"^declare [^\n]*@llvm\.x86[^\n]*\n", "", text, flags=re.M)
     return text.replace("@sqrt(", "@llvm.sqrt.f64(")
-
-
-@lru_cache
-def bookkeeping(layout: Layout | None = None) -> list[str]:
-    """Return the texts of the bookkeeping and of the elementary functions.
-
-    Args:
-        layout: Layout of the records of a user's system; None for the package's walkers.
-    """
-    run = kernels.run if layout is None else system_kernels.run_for(layout)
-    bound = _LINKER.instead({
-        lanes.integrate_phase: one_walker.integrate_phase,
-        jit.entry: one_walker.entry,
-        disturbance_kernels.integrate_past_events: one_episode.integrate_past_events,
-    })  # fmt: skip
-    text, name = _compiled(bound.rebound(run), types.int64, types.int64)
-    call = (
-        "define void @run(i32 %what, i32 %base) {\n"
-        "%result = alloca ptr\n%error = alloca ptr\n"
-        "%a = zext i32 %what to i64\n%b = zext i32 %base to i64\n"
-        f'call i32 @"{name}"(ptr %result, ptr %error, i64 %a, i64 %b)\nret void\n}}\n'
-    )
-    texts = [f"{text}\n{call}"]
-    for symbol, (function, count) in _FUNCTIONS.items():
-        text, name = _compiled(linker().rebound(function), *[types.float64] * count)
-        given = ", ".join(f"double %x{i}" for i in range(count))
-        texts.append(
-            f"{text}\ndefine linkonce_odr double @own_{symbol}({given}) noinline {{\n"
-            "%result = alloca double\n%error = alloca ptr\n"
-            f'call i32 @"{name}"(ptr %result, ptr %error, {given})\n'
-            "%value = load double, ptr %result\nret double %value\n}\n"
-        )
-    return texts
 
 
 class _Addresses:
@@ -195,7 +128,7 @@ def _prefixed(module: Module, prefix: str) -> str:
     text = re.sub(r"^@table = [^\n]*\n?", "", str(module), flags=re.M)
     text = re.sub(r"^define void @(?!\w*move\d)", f"define void @{prefix}", text, flags=re.M)
     text = re.sub(r"^define void @move", f"define internal void @{prefix}move", text, flags=re.M)
-    return _with_own_functions(text)
+    return with_own_functions(text)
 
 
 class _Geometry(Module):
@@ -341,26 +274,29 @@ def of_kind(kind: str) -> list[str]:
     ]
 
 
-def wasm_object(
-    texts: Sequence[str], exported: Sequence[str], layout: Layout | None = None
-) -> bytes:
+def linked(parts: Iterable[str | bytes]) -> Any:
+    """Return a module of LLVM for wasm32, from texts and bitcode."""
+    whole = None
+    for part in parts:
+        parse = llvm.parse_assembly if isinstance(part, str) else llvm.parse_bitcode
+        found = parse(part, context())
+        found.triple, found.data_layout = TRIPLE, str(machine().target_data)
+        if whole is None:
+            whole = found
+        else:
+            whole.link_in(found)
+    return whole
+
+
+def wasm_object(texts: Iterable[str], exported: Collection[str], bookkeeping: bytes) -> bytes:
     """Return the object file of a walker's texts, with all other code that it needs.
 
     Args:
         texts: LLVM's texts of its equations.
         exported: Names of the functions that a page calls.
-        layout: Layout of the records of a user's system; None for the package's walkers.
+        bookkeeping: Bitcode of one of BOOKKEEPING.
     """
-    context = llvm.create_context()
-
-    def parsed(text: str) -> Any:
-        found = llvm.parse_assembly(text, context)
-        found.triple, found.data_layout = TRIPLE, str(machine().target_data)
-        return found
-
-    whole = parsed("")
-    for text in (*texts, *bookkeeping(layout)):
-        whole.link_in(parsed(text))
+    whole = linked([*texts, bookkeeping])
     for function in whole.functions:
         if not function.is_declaration and function.name not in exported:
             function.linkage = "internal"
