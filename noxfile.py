@@ -4,7 +4,13 @@
 Learning is left out too: its libraries are large, and its tests run with the pinned ones.
 """
 
+import json
+import math
+import shutil
+import time
+from pathlib import Path
 from tempfile import gettempdir
+from typing import Any
 
 import nox
 
@@ -17,7 +23,10 @@ QUIET = {"SDL_VIDEODRIVER": "dummy", "MPLBACKEND": "Agg"}
 @nox.session
 @nox.parametrize(
     "python,resolution",
-    [("3.11", "lowest-direct"), ("3.11", "highest"), ("3.12", "highest"), ("3.13", "highest")],
+    [
+        ("3.11", "lowest-direct"),
+        *((python, "highest") for python in ("3.11", "3.12", "3.13", "3.14")),
+    ],
 )
 def tests(session: nox.Session, resolution: str) -> None:
     """Walk in an environment of its own, and compile its kernels again."""
@@ -38,15 +47,102 @@ def cpus(session: nox.Session) -> None:
 
 
 @nox.session
-def base(session: nox.Session) -> None:
-    """Walk with a wheel and what it cannot do without: by its objects, and by its bitcode."""
-    session.install(".")
-    session.run("python", "-c", "import importlib.util as u; assert u.find_spec('numba') is None")
-    session.chdir(session.create_tmp())  # away from the sources
-    for cpu in ({}, {"NUMBA_CPU_NAME": "x86-64-v3"}):  # a name that is given has no objects
-        kernels = {"XDG_CACHE_HOME": session.create_tmp(), **cpu}
-        session.run("passive-walker", "evaluate", "level-ppo", "--episodes", "2", env=kernels)
-        session.run("passive-walker", "gait", "lab", "0.036", env=kernels)
+@nox.parametrize("numba", ["==0.61.*", ">=0.61"])
+def base(session: nox.Session, numba: str) -> None:
+    """Walk with a wheel and what it cannot do without: by its objects, and by its bitcode.
+
+    The oldest numba that may build one, and the newest; the oldest LLVM that may read it, and the
+    newest.
+    """
+    place = Path(session.create_tmp()).resolve()
+    wheel, programs = _wheel(session, place, numba), _programs(place)
+    session.chdir(place)  # away from the sources
+    found = set()
+    for resolution in ("lowest-direct", "highest"):
+        session.install(f"--resolution={resolution}", "--upgrade", str(wheel), "llvmlite")
+        session.run("python", "-c", "import importlib.util as u; assert not u.find_spec('numba')")
+        for cpu in ({}, {"NUMBA_CPU_NAME": "x86-64-v3"}):  # a name that is given has no objects
+            shutil.rmtree(place / "kernels", ignore_errors=True)
+            kernels = {"XDG_CACHE_HOME": str(place / "kernels"), "PYTHONPATH": str(programs)}
+            told = session.run("python", *EVERYWHERE, env=kernels | cpu, silent=True, stderr=None)
+            found.add("".join(line for line in told.splitlines() if "gait of" not in line))
+            session.run(
+                "passive-walker", "evaluate", "level-ppo", "--episodes=2", env=kernels | cpu
+            )
+    if len(found) > 1:
+        session.error("walks have other bytes by another LLVM")
+
+
+EVERYWHERE = "-m", "tests.everywhere"
+"""Prints digests of walks."""
+
+
+def _wheel(session: nox.Session, place: Path, numba: str = ">=0.61") -> Path:
+    """Build a wheel, and return its path."""
+    bounds, folder = place / "bounds.txt", place / "dist"
+    bounds.write_text(f"numba{numba}\n")
+    shutil.rmtree(folder, ignore_errors=True)
+    session.run("uv", "build", "--wheel", f"--build-constraints={bounds}", f"--out-dir={folder}")
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+def _programs(place: Path) -> Path:
+    """Return a folder with the tests, beside which there are no sources of the package."""
+    for folder in ("tests", "examples"):
+        shutil.copytree(folder, place / "programs" / folder, dirs_exist_ok=True)
+    return place / "programs"
+
+
+@nox.session(default=False, python="3.11")
+def arm(session: nox.Session) -> None:
+    """Walk on emulated ARM processors, by wheels, and compare the bytes with those of this one.
+
+    Needs Debian's packages qemu-user and mmdebstrap, which bring Debian 12 for ARM.
+    """
+    if missing := [name for name in ("qemu-aarch64", "mmdebstrap") if not shutil.which(name)]:
+        session.error(f"{' and '.join(missing)} missing: install qemu-user and mmdebstrap")
+    place = Path(session.create_tmp()).resolve()
+    debian, site, outside = place / "debian", place / "site", {"external": True}
+    shutil.rmtree(debian, ignore_errors=True)
+    shutil.rmtree(site, ignore_errors=True)
+    session.run(
+        "mmdebstrap", "--variant=extract", "--architectures=arm64",
+        "--include=python3.11,libgcc-s1,libstdc++6", "bookworm", str(debian), **outside,
+    )  # fmt: skip
+    wheel, programs = _wheel(session, place), _programs(place)
+    session.install(str(wheel))
+    session.run(
+        "uv", "pip", "install", "--target", str(site), "--only-binary=:all:",
+        "--python-platform=aarch64-manylinux_2_28", str(wheel),
+    )  # fmt: skip
+    session.chdir(place)  # away from the sources
+    to_text: dict[str, Any] = {"silent": True, "stderr": None}
+    caches = {"XDG_CACHE_HOME": str(place / "here"), "PYTHONPATH": str(programs)}
+    expected = session.run("python", *EVERYWHERE, env=caches, **to_text)
+    for cpu in ("neoverse-n1", "max"):  # vectors of 128 bits, and longer ones
+        began, kernels = time.monotonic(), place / cpu
+        shutil.rmtree(kernels, ignore_errors=True)
+        found = session.run(
+            "qemu-aarch64", "-cpu", cpu, "-L", str(debian), "-E", f"XDG_CACHE_HOME={kernels}",
+            "-E", f"PYTHONPATH={site}:{programs}", str(debian / "usr/bin/python3.11"), *EVERYWHERE,
+            **outside, **to_text,
+        )  # fmt: skip
+        _compare(session, cpu, expected, found)
+        session.log(f"{cpu}: all walks have the same bytes; {time.monotonic() - began:.0f} s")
+
+
+def _compare(session: nox.Session, cpu: str, expected: str, found: str) -> None:
+    """Compare lines of `tests.everywhere`: digests, or numbers."""
+    ours, theirs = (dict(map(json.loads, text.splitlines())) for text in (expected, found))
+    for name, value in ours.items():
+        if isinstance(value, str):
+            same = theirs[name] == value
+        else:
+            pairs = zip(theirs[name], value, strict=True)
+            same = all(math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-9) for a, b in pairs)
+        if not same:
+            session.error(f"on {cpu}, {name} is {theirs[name]} and not {value}")
 
 
 @nox.session(default=False)

@@ -13,7 +13,6 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from gym_passive_walker._tools.arguments import shown
-from gym_passive_walker._tools.extras import need
 from gym_passive_walker._tools.progress import compiling
 from gym_passive_walker.devices.web import code, container, page_data
 from gym_passive_walker.engine import cache, machine
@@ -139,7 +138,6 @@ def system_module(system: Mechanism, gait: Gait | None = None) -> bytes:
 
 
 def _compile(file: Path, name: str) -> None:
-    need("numba", "notebook")
     command = [sys.executable, "-m", "gym_passive_walker.devices.web.bookkeeping", str(file), name]
     path = os.pathsep.join([str(_ROOT.parents[2]), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, **_PLAIN, "PYTHONPATH": path.rstrip(os.pathsep)}
