@@ -26,6 +26,7 @@ from gym_passive_walker.engine.compiled import PHASE, compiled
 from gym_passive_walker.engine.layout import NARROW, WIDE, Layout, record_for
 from gym_passive_walker.envs import constraints, disturbance_kernels, task, ticks, transitions
 from gym_passive_walker.gaits import terrain
+from gym_passive_walker.gaits.find import newton
 from gym_passive_walker.gaits.scenes import starts
 from gym_passive_walker.models.equations.systems import SYSTEMS
 
@@ -71,6 +72,7 @@ def _kernels(layout: Layout) -> Iterator[Callable[[], object]]:
         (transitions.enter, records, ledger, notes, True, True, numbers, truths),
         (transitions.look, notes, 0, table),
         (ticks.draw_numbers, 0, lanes, table),
+        (newton.eliminate, cube, table),
         (starts.between, numbers, table, numbers, table),
         (terrain.grounds, *ground, keys, lanes, table),
     ]  # fmt: skip

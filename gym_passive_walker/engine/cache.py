@@ -23,6 +23,7 @@ _SOURCES = (
     "models/math",
     "engine/*",
     "gaits/look/forces",
+    "gaits/find/newton",
     "gaits/terrain",
     "gaits/scenes/checks",
     "gaits/scenes/rules",

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker._tools.arguments import shown
+from gym_passive_walker.models.equations.numbers import exponential, logarithm
 from gym_passive_walker.models.units import Units, units_of
 from gym_passive_walker.models.walkers import Mechanism, Walker, state_size, varied
 
@@ -126,7 +127,7 @@ class Section:
         """Return the points with coordinates `u` (n, m) of the chart."""
         if self.own:
             return Points(self, np.array(u))
-        angle = np.exp(u[:, :1])
+        angle = exponential(u[:, :1])
         points = Points(self, np.concatenate([angle, u[:, 1:] * angle], axis=1))
         points.__dict__["chart"] = u  # the logarithm would round it
         return points
@@ -163,7 +164,7 @@ class Points:
         values = self.values
         if self.section.own:
             return np.array(values)
-        return np.concatenate([np.log(values[:, :1]), values[:, 1:] / values[:, :1]], axis=1)
+        return np.concatenate([logarithm(values[:, :1]), values[:, 1:] / values[:, :1]], axis=1)
 
     @property
     def by_chart(self) -> NDArray[np.float64]:

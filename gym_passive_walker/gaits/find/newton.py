@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from gym_passive_walker.engine.jit import Kernel
 
 _ROUNDING = 1e-9
 """Violations below this may be as small as rounding lets them be."""
@@ -120,13 +121,45 @@ def _size(values: NDArray) -> NDArray:
 
 
 def solved(derivatives: NDArray, values: NDArray) -> NDArray:
-    """Solutions of the linear systems of all points; NaN where there is none."""
-    with suppress(np.linalg.LinAlgError):  # raised if only one of them is singular
-        return np.linalg.solve(derivatives, values[:, :, None])[:, :, 0]
-    solutions = np.full(values.shape, np.nan)
-    for i, (derivative, value) in enumerate(zip(derivatives, values, strict=True)):
-        try:
-            solutions[i] = np.linalg.solve(derivative, value)
-        except np.linalg.LinAlgError:
-            continue
+    """Solutions (n, k) of the linear systems of all points; NaN where there is none."""
+    solutions = np.array(values, float)
+    eliminate(np.array(derivatives, float), solutions)
     return solutions
+
+
+@Kernel
+def eliminate(matrices, values):
+    """Solve linear systems by Gaussian elimination, in place; LAPACK's bits depend on the CPU.
+
+    Args:
+        matrices: (n, k, k); overwritten.
+        values: Right sides, (n, k); they become the solutions.
+    """
+    count, size = values.shape
+    for i in range(count):
+        for column in range(size):
+            pivot = column
+            for row in range(column + 1, size):
+                if abs(matrices[i, row, column]) > abs(matrices[i, pivot, column]):
+                    pivot = row
+            for k in range(column, size):
+                kept = matrices[i, pivot, k]
+                matrices[i, pivot, k] = matrices[i, column, k]
+                matrices[i, column, k] = kept
+            kept = values[i, pivot]
+            values[i, pivot] = values[i, column]
+            values[i, column] = kept
+            for row in range(column + 1, size):
+                part = matrices[i, row, column] / matrices[i, column, column]
+                for k in range(column + 1, size):
+                    matrices[i, row, k] -= part * matrices[i, column, k]
+                values[i, row] -= part * values[i, column]
+        solvable = True
+        for column in range(size - 1, -1, -1):
+            solvable = solvable and matrices[i, column, column] != 0.0
+            for k in range(column + 1, size):
+                values[i, column] -= matrices[i, column, k] * values[i, k]
+            values[i, column] /= matrices[i, column, column]
+        for k in range(size):
+            if not solvable:
+                values[i, k] = np.nan

@@ -29,6 +29,7 @@ from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import SMOOTH, Outcome
+from gym_passive_walker.models.equations.numbers import exponential, logarithm
 from gym_passive_walker.models.equations.systems import body_of, system_of
 from gym_passive_walker.models.walkers import Walker
 
@@ -44,17 +45,22 @@ _LARGEST = 1.4  # stance angle of a gait, in rad
 _ROUGHLY, _FINELY = 1e-6, 1e-14  # tolerances
 _ALIKE, _NEARLY = 1e-6, 1e-3  # gaits closer than this are one: exact derivatives, differences
 
+
+def _geometric(low: float, high: float, count: int) -> NDArray:
+    return exponential(np.linspace(logarithm(low), logarithm(high), count))
+
+
 # Ratios to the step angle, just before heelstrike: of the stance leg's angular velocity, and of
 # the swing leg's angular velocity in excess of it (zero where the foot lands without sliding).
 # Excesses far from zero belong to slow gaits of untuned walkers and to short steps on steep slopes.
 # The simplest walker's swing leg needs no excess, as a heelstrike sets its angular velocity.
 _EXCESSES = (-6.0, -4.0, -2.8, -2.0, -1.5, -1.0, -0.7, -0.45, -0.25, -0.1)
 _EXCESSES += (0.0, 0.1, 0.3, 0.6, 1.0, 1.6, 2.2, 2.8)
-_RATIOS = -np.geomspace(1.005, 2.0, 16), np.array(_EXCESSES)
-_RATIOS_OF_THE_SIMPLEST = -np.geomspace(1.005, 2.0, 200), np.zeros(1)
+_RATIOS = -_geometric(1.005, 2.0, 16), np.array(_EXCESSES)
+_RATIOS_OF_THE_SIMPLEST = -_geometric(1.005, 2.0, 200), np.zeros(1)
 _LOSS_SHARES = (1.0, 0.6, 0.3)  # of the energy supplied, lost at heelstrike; 1 without knees
-_ANGLES = np.geomspace(1e-10, 0.7, 80)
-_PUSHED_ANGLES = np.geomspace(1e-4, 0.7, 120)  # no tiny steps with a push-off
+_ANGLES = _geometric(1e-10, 0.7, 80)
+_PUSHED_ANGLES = _geometric(1e-4, 0.7, 120)  # no tiny steps with a push-off
 _LEAST = 1e-300  # smallest energy, so that logarithms are finite
 
 _WALKERS, _SETTLING, _KEPT = 48, 100, 12  # number of walks, transient strides, recorded strides
@@ -107,14 +113,14 @@ def _starts(stride_map: StrideMap, slope: float) -> NDArray:
     supply = math.sin(slope) + given + pushed
     if stride_map.terrain is not None:
         rise = float(stride_map.ground[:, 1].mean())
-        angles = np.exp(u[0, :, 0])
+        angles = exponential(u[0, :, 0])
         lengths = legs.step_length(body_of(stride_map.walker), angles, angles)
         supply = supply - rise * math.cos(slope) / lengths
     if not np.any(supply > 0.0):
         return np.empty((0, stride_map.dimension))
     found = []
     for share in _LOSS_SHARES if stride_map.walker.knees else _LOSS_SHARES[:1]:
-        excess = loss - np.log(np.maximum(share * supply, _LEAST))
+        excess = loss - logarithm(np.maximum(share * supply, _LEAST))
         short = excess < 0.0
         # With a push-off uphill, steps of two sizes are in balance.
         rows, above = np.nonzero(short[:, :-1] != short[:, 1:])
@@ -145,7 +151,7 @@ def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray, NDArray | 
     shape, lengths = (len(stance), len(angles)), legs.step_length(body_of(walker), angle, angle)
     lost, pushed = ((energy / lengths).reshape(shape) for energy in energies)
     u = stride_map.at(points).chart.reshape(*shape, -1)
-    loss = np.log(np.maximum(lost, _LEAST))
+    loss = logarithm(np.maximum(lost, _LEAST))
     return u, loss, pushed if push_off else 0.0
 
 

@@ -10,6 +10,7 @@ functions here. Other modules can register further kinds:
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import singledispatch
 from typing import Any
 
@@ -25,16 +26,30 @@ def sine_cosine(x: Any) -> tuple[Any, Any]:
     return np.sin(x), np.cos(x)
 
 
-_INVERSE_SINE = np.frompyfunc(lambda x: math.asin(x) if -1.0 <= x <= 1.0 else math.nan, 1, 1)
+def _of_library(function: Callable[[float], float], low: float, high: float) -> Any:
+    """Return a function of the C library for real arrays; NaN outside its domain."""
+
+    def alone(x: float) -> float:
+        if math.isnan(x):  # to compare it could be an error
+            return x
+        return function(x) if low <= x <= high else math.nan
+
+    each = np.frompyfunc(alone, 1, 1)
+    return lambda x: np.asarray(each(x), dtype=float)[()]
+
+
+# NumPy has algorithms of its own for AVX-512, with other last bits; the bits of walks depend on
+# these.
+_INVERSE_SINE = _of_library(math.asin, -1.0, 1.0)
+logarithm = _of_library(math.log, 5e-324, math.inf)
+"""Logarithm of a positive number, or of an array of them."""
+exponential = _of_library(math.exp, -math.inf, 709.0)
+"""Exponential of a number up to 709, or of an array of them."""
 
 
 def inverse_sine(x: Any) -> Any:
-    """Inverse sine of a number, real or complex, or of an array of them.
-
-    NumPy has an algorithm of its own for AVX-512, with other last bits; the bits of walks depend on
-    this one.
-    """
-    return np.arcsin(x) if np.iscomplexobj(x) else np.asarray(_INVERSE_SINE(x), dtype=float)[()]
+    """Inverse sine of a number, real or complex, or of an array of them."""
+    return np.arcsin(x) if np.iscomplexobj(x) else _INVERSE_SINE(x)
 
 
 @singledispatch
