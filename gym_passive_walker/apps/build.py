@@ -47,6 +47,11 @@ def pieces(groups: Iterable[str] = GROUPS) -> Iterator[Callable[[], object]]:
         yield partial(constraints.hooks, group, pushed=False, watched=True)
 
 
+def compile_piece(number: int) -> None:
+    """Compile and cache one of `pieces`, in a process of a pool, by its number."""
+    list(pieces())[number]()
+
+
 def _kernels(layout: Layout) -> Iterator[Callable[[], object]]:
     records, notes = (
         np.zeros((0, 1), record_for(layout)),

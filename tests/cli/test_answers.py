@@ -3,7 +3,9 @@
 import importlib
 import json
 import shlex
+from contextlib import nullcontext
 from dataclasses import replace
+from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
@@ -273,8 +275,11 @@ def test_the_warm_up_compiles_each_piece_once_and_counts_them(monkeypatch, capsy
             pass
 
     now = iter([10.0, 12.25, 20.0, 21.0])
-    pieces = [lambda n=n: done.append(n) for n in range(3)]
-    monkeypatch.setattr(warmup, "pieces", lambda: iter(pieces))
+    monkeypatch.setattr(warmup, "pieces", lambda: iter("abc"))
+    monkeypatch.setattr(warmup, "compile_piece", done.append)
+    monkeypatch.setattr(
+        warmup, "ProcessPoolExecutor", lambda: nullcontext(SimpleNamespace(map=map))
+    )
     monkeypatch.setattr(warmup, "progress", Counted)
     monkeypatch.setattr(warmup.time, "monotonic", lambda: next(now))
     assert main(["warmup"]) == 0

@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 
 from gym_passive_walker._tools.progress import progress
-from gym_passive_walker.apps.build import pieces
+from gym_passive_walker.apps.build import compile_piece, pieces
 from gym_passive_walker.apps.cli.report import Report
 from gym_passive_walker.engine.machine import is_built
 
@@ -24,10 +25,9 @@ def warmup(command: ArgumentParser) -> Callable[[Namespace], Report]:
         if is_built():
             said = "there is nothing to compile: the package has machine code for this CPU"
             return Report(said, {"seconds": 0.0})
-        begun, every = time.monotonic(), list(pieces())
-        with progress("pieces compiled", len(every)) as compiled_one:
-            for compile_it in every:
-                compile_it()
+        begun, every = time.monotonic(), range(len(list(pieces())))
+        with ProcessPoolExecutor() as pool, progress("pieces compiled", len(every)) as compiled_one:
+            for _ in pool.map(compile_piece, every):
                 compiled_one()
         took = time.monotonic() - begun
         return Report(f"everything is compiled, after {took:.1f} s", {"seconds": took})
