@@ -79,7 +79,8 @@ class Figure {
   ready(first) {
     this.first = first;
     this.reset();
-    new ResizeObserver(() => this.redraw()).observe(this.canvas);
+    // Drawing changes the height; within an observer that is an error of the page.
+    new ResizeObserver(() => requestAnimationFrame(() => this.redraw())).observe(this.canvas);
     new MutationObserver(() => this.redraw()).observe(document.body, { attributes: true, attributeFilter: ["data-theme"] });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.redraw());
   }

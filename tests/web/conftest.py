@@ -14,7 +14,7 @@ from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
 from gym_passive_walker.devices.web.build import build
 from tests.own.statements import DRIVEN, PROGRESSIVE
-from tests.web.browser import Browser
+from tests.web.browser import BROWSERS, Browser
 
 
 @pytest.fixture(scope="session")
@@ -49,13 +49,16 @@ def run(node: str, package: Path) -> Callable[..., list[Any]]:
     return jobs
 
 
-@pytest.fixture(scope="session")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    """A headless Chromium."""
-    names = ("chromium", "chromium-browser", "google-chrome", "chrome")
-    program = next(filter(None, map(shutil.which, names)), None)
-    if program is None:
-        pytest.skip("Chromium is not installed, in which the page is tried")
-    made = Browser(program, tmp_path_factory.mktemp("browser"))
+@pytest.fixture(scope="session", params=BROWSERS)
+def browser(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Browser]:
+    """Each browser, without a window."""
+    kind = BROWSERS[request.param]
+    programs = kind.programs()
+    if programs is None:
+        needed = " and ".join(names[0] for names in kind.NEEDS)
+        pytest.skip(f"{needed} is not installed, by which the page is tried")
+    made = kind(programs, tmp_path_factory.mktemp(request.param))
     yield made
     made.close()

@@ -19,7 +19,7 @@ from pathlib import Path
 import gym_passive_walker as gpw
 from gym_passive_walker.devices.web.build import MODULES, build
 from gym_passive_walker.engine.run import new_records
-from tests.web.browser import Browser, served
+from tests.web.browser import Browser, Chromium, served
 from tests.web.test_package import COMPRESSED
 from tests.web.test_page import FRAMES, PAGE, READY
 from tests.web.test_walks import _job, _near
@@ -60,24 +60,23 @@ def page(browser: Browser, address: str) -> list[tuple[str, str, str]]:
 
 def main() -> None:
     """Print the table."""
-    program = shutil.which("chromium") or shutil.which("chromium-browser")
-    if program is None or shutil.which("node") is None:
+    programs = Chromium.programs()
+    if programs is None or shutil.which("node") is None:
         raise SystemExit("this needs Node.js and Chromium")
     with tempfile.TemporaryDirectory() as folder:
         made = build(Path(folder, "page"))
         (made / "index.html").write_text(PAGE)
         shutil.copy(Path(__file__).parent / "jobs.mjs", made)
-        rows, browser = sizes(made), Browser(program, Path(folder, "profile"))
+        rows, browser = sizes(made), Chromium(programs, Path(folder, "profile"))
         try:
             with served(made) as address:
                 rows += page(browser, address)
-            version = browser.ask("Browser.getVersion")["product"]
         finally:
             browser.close()
     print("| quantity | measured | limit |\n|---|---|---|")
     for row in rows:
         print(f"| {' | '.join(row)} |")
-    print(f"\n{version}, {platform.machine()}, gym_passive_walker {gpw.__version__}")
+    print(f"\n{browser.version}, {platform.machine()}, gym_passive_walker {gpw.__version__}")
 
 
 if __name__ == "__main__":

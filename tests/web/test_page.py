@@ -1,4 +1,4 @@
-"""The player in a page, in a headless Chromium."""
+"""The player in a page, in Chromium, Firefox and WebKitGTK without a window."""
 
 import json
 import shutil
@@ -14,7 +14,7 @@ from examples.torso import TORSO
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.envs.policies import shipped_policies
 from gym_passive_walker.models.equations.systems import bodies, system_of
-from tests.web.browser import served
+from tests.web.browser import LISTEN, Chromium, served
 from tests.web.test_walks import SIX, _job, _near, _unlike
 
 PAGE = """<!doctype html>
@@ -83,7 +83,7 @@ _WIDGET = """(async () => {
 
 @pytest.fixture(scope="module")
 def address(package):
-    (package / "index.html").write_text(PAGE)
+    (package / "index.html").write_text(PAGE.replace("<head>", f"<head>{LISTEN}"))
     shutil.copy(Path(__file__).parent / "jobs.mjs", package)
     with served(package) as address:
         yield address
@@ -92,7 +92,7 @@ def address(package):
 @pytest.fixture
 def page(browser, address):
     """The page, opened afresh; a message of its console is an error."""
-    browser.said.clear()
+    browser.heard()
     browser.open("about:blank")
 
     def opened(settings=""):
@@ -103,7 +103,7 @@ def page(browser, address):
         return browser
 
     yield opened
-    assert browser.said == []
+    assert browser.heard() == []
 
 
 def test_the_first_frame_comes_within_a_second(page):
@@ -111,8 +111,20 @@ def test_the_first_frame_comes_within_a_second(page):
 
 
 def test_the_picture_moves_while_a_slider_does(page):
-    assert page().run(FRAMES) > 30
-    assert page().run("player.walk.over") is False
+    there = page()
+    assert any(there.run(FRAMES) > 30 for _ in range(3))  # other processes may take their turn
+    assert there.run("player.walk.over") is False
+
+
+def done_in(there, jobs):
+    """Do jobs of `jobs.mjs` in a page; return their results."""
+    return there.run(f"""(async () => {{
+        const {{ run }} = await import("./jobs.mjs");
+        const walkers = await import("./passive-walker.js");
+        const results = [];
+        for (const job of {json.dumps(jobs)}) results.push(await run(walkers, job));
+        return results;
+    }})()""")
 
 
 def test_strides_in_a_page_are_the_cpus_byte_for_byte(page):
@@ -122,14 +134,22 @@ def test_strides_in_a_page_are_the_cpus_byte_for_byte(page):
         records = new_records(_near(walker, 0.03, 100), 0.03)
         jobs.append(_job(walker, name, records))
         there.append(advance(system_of(walker), bodies(walker), records, tolerance=1e-8))
-    found = page().run(f"""(async () => {{
-        const {{ run }} = await import("./jobs.mjs");
-        const walkers = await import("./passive-walker.js");
-        const results = [];
-        for (const job of {json.dumps(jobs)}) results.push(await run(walkers, job));
-        return results;
-    }})()""")
+    found = done_in(page(), jobs)
     assert [_unlike(*pair) for pair in zip(found, there, strict=True)] == [0] * len(SIX)
+
+
+@pytest.mark.parametrize("terrain", ["waves", "rough"])
+def test_walks_on_uneven_ground_are_alike_in_every_browser_and_in_node(page, run, terrain):
+    uneven = {"waves": {"height": 0.004, "strides": 6}, "rough": {"height_std": 0.002}}
+    scene = {
+        "slope": 0.03,
+        "terrain": {terrain: uneven[terrain]},
+        "pushes": {"rate": 0.3, "impulse": [-0.01, 0.01]},
+    }
+    starts = [{"key": str(key), "state": None, "actions": [[0.0]] * 100} for key in range(3)]
+    jobs = [{"what": "episodes", "walker": "C", "scene": scene, "starts": starts}]
+    found = done_in(page(), jobs)
+    assert found == run(*jobs) and sum(map(len, found[0])) > 150
 
 
 def test_every_walker_and_every_policy_walks(page):
@@ -225,15 +245,20 @@ def test_an_address_keeps_the_settings(page):
     assert settings["changes"] == {"foot_radius": 0.21} and settings["speed"] == 0.5
     there.run("player.toggle()")
     there.run("player.sliders.torque.input.value = 0.001")
-    there.run("globalThis.written = 0")
-    there.run("""history.replaceState = ((write) => function (...given) {
-        written += 1;
-        return write.apply(history, given);
-    })(history.replaceState)""")
-    for _ in range(20):  # WebKit allows 100 changes of the address in ten seconds
-        there.run('player.sliders.torque.input.dispatchEvent(new Event("input"))')
-    time.sleep(0.8)
-    assert there.run("written") < 20
+    written = there.run("""(async () => {
+        const written = [], pause = (ms) => new Promise((done) => setTimeout(done, ms));
+        history.replaceState = ((write) => function (...given) {
+            written.push(performance.now());
+            return write.apply(history, given);
+        })(history.replaceState);
+        for (let i = 0; i < 40; i++) {
+            player.sliders.torque.input.dispatchEvent(new Event("input"));
+            await pause(i === 20 ? 400 : 5);
+        }
+        await pause(800);
+        return written;
+    })()""")
+    assert len(written) >= 2 and min(np.diff(written)) >= 290.0  # WebKit allows 100 in ten seconds
     assert "torque=0.001" in there.run("location.hash") and "foot_radius" in there.run(
         "location.hash"
     )
@@ -252,6 +277,8 @@ def test_keys_pause_and_push(page):
 
 
 def test_a_reader_who_prefers_reduced_motion_begins_in_pause(page, browser):
+    if not isinstance(browser, Chromium):
+        pytest.skip("only Chromium's protocol sets what a reader prefers")
     browser.ask(
         "Emulation.setEmulatedMedia",
         features=[{"name": "prefers-reduced-motion", "value": "reduce"}],

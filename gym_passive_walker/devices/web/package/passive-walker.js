@@ -440,7 +440,7 @@ export function terrainFrom(value) {
   if (name === "waves") {
     const count = whole("strides", given.strides, 2, FOOTHOLDS);
     const height = number("height", given.height, 1e3);
-    const heights = Array.from({ length: count + 1 }, (_, i) => height * Math.sin(((2 * Math.PI) / count) * i));
+    const heights = Array.from({ length: count + 1 }, (_, i) => height * sine(((2 * Math.PI) / count) * i));
     const rises = heights.slice(1).map((x, i) => x - heights[i]);
     return { ...full, rises, slopes: rises.map(() => 0) };
   }
@@ -451,6 +451,17 @@ export function terrainFrom(value) {
   }
   const rises = [...heights.slice(1).map((x, i) => x - heights[i]), 0];
   return room({ ...full, rises, slopes: [...slopes], repeats: false });
+}
+
+/** The nearest number to the sine of an angle from 0 to 7 rad; browsers have other bits in `Math.sin`. */
+function sine(angle) {
+  const bits = 160n, x = BigInt(angle * 2 ** 64) << (bits - 64n), square = (x * x) >> bits;
+  let sum = 0n, term = x;
+  for (let i = 2n; term; i += 2n) {
+    sum += term;
+    term = (-term * square) / ((i * (i + 1n)) << bits);
+  }
+  return Number(sum) * 2 ** -Number(bits);
 }
 
 function room(terrain) {
