@@ -7,6 +7,7 @@ So Ctrl-C ends a program with one line also during imports.
 from __future__ import annotations
 
 import codecs
+import errno
 import io
 import os
 import signal
@@ -96,10 +97,10 @@ def run(
         if sys.stdout is not None:
             sys.stdout.flush()
         return status
-    except BrokenPipeError:  # the reader closed the pipe
-        forget_output()
-        return 0
-    except tuple(refusals) as error:
+    except (BrokenPipeError, *refusals) as error:
+        if _is_closed_pipe(error):
+            forget_output()
+            return 0
         try:
             if sys.stdout is not None:
                 sys.stdout.flush()  # results before the message
@@ -110,6 +111,14 @@ def run(
     except KeyboardInterrupt:
         print(f"\n{name}{stopped}", file=sys.stderr)
         return INTERRUPTED
+
+
+def _is_closed_pipe(error: BaseException) -> bool:
+    """Return whether the reader closed the pipe of the output, which on Windows is EINVAL too."""
+    if isinstance(error, BrokenPipeError):
+        return True
+    unnamed = isinstance(error, OSError) and error.filename is None
+    return unnamed and os.name == "nt" and error.errno == errno.EINVAL
 
 
 def _stop(number: int, frame: object) -> NoReturn:

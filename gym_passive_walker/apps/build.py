@@ -95,6 +95,11 @@ def _kernels(layout: Layout) -> Iterator[Callable[[], object]]:
         yield partial(kernel.native, *arguments)
 
 
+def processes(wanted: int) -> int:
+    """Return how many processes to start; Windows waits for at most 61 at once."""
+    return min(wanted, 61) if os.name == "nt" else wanted
+
+
 def _texts(group: str) -> dict[str, str]:
     return {name: str(write()) for name, write in machine.asked_by(pieces([group])).items()}
 
@@ -110,7 +115,7 @@ def write_files(folder: Path) -> None:
     """Write the files of `machine.BUILT` into a folder."""
     for name in machine.LEVELS:
         (folder / name).mkdir(parents=True, exist_ok=True)
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
+    with ProcessPoolExecutor(processes(os.cpu_count() or 1)) as pool:
         # The longest first.
         groups = {group: pool.submit(_texts, group) for group in reversed(GROUPS)}
         pages, asked, packed = pool.submit(_of_pages, folder), [], {}

@@ -153,6 +153,8 @@ def keep(name: str, data: bytes) -> None:
     except OSError as error:
         with suppress(OSError):
             aside.unlink()
+        if os.name == "nt" and (directory / name).exists():
+            return  # another process kept the same code, and Windows replaces no open file
         _warn(
             f"compiled code cannot be kept in {directory} ({error.strerror}), so that every "
             "process compiles it again: free some space, or set NUMBA_CACHE_DIR to another folder"

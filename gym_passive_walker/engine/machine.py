@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import io
 import os
 import tarfile
@@ -49,6 +50,10 @@ _ALIVE: list[Any] = []
 """LLVM engines that own native code; kept so that the code lasts as long as the process."""
 
 
+_MATHEMATICS = ("cos", "exp", "fma", "log", "sin", "tanh")
+"""Functions of the C library that machine code may call. A process of Windows may have several
+C libraries with other bits, so these are named to LLVM from the one that Python uses."""
+
 THREADS = "NUMBA_NUM_THREADS"
 """Environment variable with the number of threads of large batches."""
 
@@ -82,6 +87,10 @@ def _machine() -> Any:
     """Return the target machine and its description: this CPU, or that of NUMBA_CPU_NAME."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
+    if os.name == "nt":
+        runtime = ctypes.CDLL("ucrtbase")
+        for name in _MATHEMATICS:
+            add_symbol(name, ctypes.cast(getattr(runtime, name), ctypes.c_void_p).value or 0)
     cpu = os.environ.get("NUMBA_CPU_NAME") or llvm.get_host_cpu_name()
     features = os.environ.get("NUMBA_CPU_FEATURES")
     if features is None:

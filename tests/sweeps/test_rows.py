@@ -2,14 +2,18 @@
 
 import json
 import math
+import sys
+import threading
+import time
 from collections import deque
 from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.apps.sweeps import run, store, workers
+from gym_passive_walker.apps.sweeps import node, run, store, workers
 from gym_passive_walker.apps.sweeps.description import RESERVED, Description
 from gym_passive_walker.apps.sweeps.node import locked
 from gym_passive_walker.apps.sweeps.quantities import label, sizes
@@ -164,7 +168,35 @@ def test_what_failed_in_any_way_is_left_for_another_try_alone(failed, retry, tmp
     again.close()
 
 
-def test_a_folder_is_locked_until_its_sweep_ends(tmp_path):
+@pytest.fixture(params=["POSIX", "Windows"])
+def locks(request, monkeypatch):
+    """The locks of a system; those of Windows by a stand-in for its module."""
+    if request.param == "POSIX":
+        return
+    flock, exclusive = node.fcntl.flock, node.fcntl.LOCK_EX | node.fcntl.LOCK_NB
+
+    def locking(number, way, count):
+        assert (way, count) == ("at once", 1)
+        try:
+            flock(number, exclusive)
+        except BlockingIOError:
+            raise PermissionError(13, "Permission denied") from None
+
+    monkeypatch.setattr(node, "fcntl", None)
+    windows = SimpleNamespace(locking=locking, LK_NBLCK="at once")
+    monkeypatch.setitem(sys.modules, "msvcrt", windows)
+
+
+def test_a_lock_is_waited_for(tmp_path, locks):
+    held = locked(tmp_path / "one")
+    held.__enter__()
+    threading.Timer(0.2, held.__exit__, (None, None, None)).start()
+    began = time.monotonic()
+    with locked(tmp_path / "one"):
+        assert time.monotonic() - began > 0.1
+
+
+def test_a_folder_is_locked_until_its_sweep_ends(tmp_path, locks):
     first = Store(tmp_path / "out", FOUR, "1")
     with pytest.raises(ValueError, match="another process uses the sweep"):
         Store(tmp_path / "out", FOUR, "1")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,24 +11,43 @@ from gym_passive_walker.apps.build import GROUPS, pieces
 from gym_passive_walker.engine.cache import cache_directory
 from gym_passive_walker.engine.machine import is_built
 
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+_BETWEEN = 0.05  # s between two tries to lock
+
 
 @contextmanager
 def locked(path: Path, *, wait: bool = True) -> Iterator[None]:
     """Hold an exclusive lock on a file, which is created if necessary.
 
-    The operating system releases the lock when a process ends. On Windows there is no lock.
+    The operating system releases the lock when a process ends.
 
     Raises:
         BlockingIOError: if another process holds the lock and `wait` is False.
     """
     with path.open("a", encoding="utf-8") as file:
-        try:
-            import fcntl
-        except ImportError:  # Windows: no lock
-            pass
-        else:
+        if fcntl is not None:
             fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        else:
+            while not _locked_on_windows(file.fileno()):
+                if not wait:
+                    raise BlockingIOError(f"another process holds {path}")
+                time.sleep(_BETWEEN)
         yield
+
+
+def _locked_on_windows(number: int) -> bool:
+    """Lock the first byte of a file, which may be empty; return whether that succeeded."""
+    import msvcrt
+
+    try:
+        msvcrt.locking(number, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+    except PermissionError:
+        return False
+    return True
 
 
 def compile_once() -> None:

@@ -16,6 +16,7 @@ from gym_passive_walker._tools.arguments import boolean, whole
 from gym_passive_walker._tools.loading import is_file, read_content
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker._tools.shown import Table
+from gym_passive_walker.apps.build import processes
 from gym_passive_walker.apps.sweeps.cluster import Cluster
 from gym_passive_walker.apps.sweeps.description import Description
 from gym_passive_walker.apps.sweeps.store import (
@@ -164,7 +165,7 @@ def _create_workers(
     analysis, time_out = description.analysis, description.time_out
     if ray is not None:
         return Cluster(analysis, workers, time_out, ray, computing)
-    return Workers(analysis, min(workers or os.cpu_count() or 1, tasks), time_out)
+    return Workers(analysis, min(processes(workers or os.cpu_count() or 1), tasks), time_out)
 
 
 def _work(workers: Workers | Cluster, store: Store, left: list[Task]) -> None:
