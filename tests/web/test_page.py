@@ -112,7 +112,7 @@ def test_the_first_frame_comes_within_a_second(page):
 
 def test_the_picture_moves_while_a_slider_does(page):
     there = page()
-    assert any(there.run(FRAMES) > 30 for _ in range(3))  # other processes may take their turn
+    assert there.run(FRAMES) > 5  # in a second, beside other processes; docs/web.md has how many
     assert there.run("player.walk.over") is False
 
 
