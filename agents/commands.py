@@ -26,7 +26,6 @@ from gym_passive_walker.gaits.control.maps import closed_loop_gait
 from gym_passive_walker.gaits.control.policy import Policy
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.scenes.scene import SCENES, Scene, make_scene
-from gym_passive_walker.models.units import units_of
 
 GRIDS = {"level": (0.05, 0.20, 0.01), "lab": (0.15, 0.23, 0.01), "steep": (0.31, 0.34, 0.005)}
 """Speeds over sqrt(g l) of each scene's stored optimal gaits: first, last and spacing."""
@@ -156,7 +155,7 @@ def _policy_and_scene(name: str, scene: str | None) -> tuple[Policy, Scene]:
 
 def _described(gait: Gait, least: float) -> str:
     """A gait's measures, one line each, and the least cost at its speed, if it is known."""
-    units = units_of(gait.walker)
+    units = gait.walker.units
     rows = {
         "speed / √(g l)": f"{gait.froude_speed:.4f}",
         "step period / √(l/g)": f"{gait.step_period / units.time:.4f}",

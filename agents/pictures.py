@@ -16,7 +16,6 @@ from gym_passive_walker._tools.files import replacing
 from gym_passive_walker.envs.evaluation.walks import evaluate
 from gym_passive_walker.gaits.control.baselines import Passive
 from gym_passive_walker.gaits.control.policy import Policy
-from gym_passive_walker.models.units import units_of
 from gym_passive_walker.pictures import strobe, strobe_of
 from gym_passive_walker.pictures.axes import GREY, OWN, figure_of, legend, panels, save, series
 
@@ -85,7 +84,7 @@ def gait(path: Path, policy: Policy, world: gymnasium.Env, *, seed: int, title: 
     begun = strides.index(max(0, strides[-1] + 1 - _SHOWN))
     shown = slice(begun, None)
     if walker.scene.control == "stride":
-        scale = units_of(walker.walker).torque * walker.scene.max_hip_torque
+        scale = walker.walker.units.torque * walker.scene.max_hip_torque
         torque = scale * np.array(torques[shown])
         ax = strobe(
             walker.walker, walker.slope, states[begun], strides=len(torque), hip_torque=torque,

@@ -37,7 +37,7 @@ from gym_passive_walker.gaits.control.policy import Policy
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts
-from gym_passive_walker.models.equations.systems import bodies
+from gym_passive_walker.models.model import bodies
 
 POOLS = (10, 100, 1000, 10_000, 0)
 """Numbers of training bodies; 0 is a new body at each reset."""

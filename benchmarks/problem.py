@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from gym_passive_walker import WALKERS, find_gait
 from gym_passive_walker.models.equations.hybrid import Ground, System
-from gym_passive_walker.models.equations.systems import body_of, system_of
-from gym_passive_walker.models.units import units_of
 
 STARTS = 64
 
@@ -47,13 +45,13 @@ WALKS = {"simplest": ("D", 0.009), "straight": ("A", 0.03), "kneed": ("lab", 0.0
 def problem(name: str) -> Problem:
     """A problem by name: "simplest", "straight" or "kneed"."""
     walker, slope = WALKERS[WALKS[name][0]], WALKS[name][1]
-    state = np.round(units_of(walker).to_dimensionless(find_gait(walker, slope).state), _DIGITS)
+    state = np.round(walker.units.to_dimensionless(find_gait(walker, slope).state), _DIGITS)
     random = np.random.default_rng(1)
     starts = state * (1.0 + 0.01 * random.uniform(-1.0, 1.0, (STARTS, 6)))
     starts[:, 1] = starts[:, 2] = -starts[:, 0]
     if not walker.knees:
         starts[:, 5] = starts[:, 4]
-    system, body = system_of(walker), body_of(walker)
+    system, body = walker.equations(), walker.body
     return Problem(name, system, type(body)(*map(float, body)), slope, starts)
 
 

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 import gym_passive_walker as gpw
-from gym_passive_walker.models.units import units_of
 
 IMAGES = Path(__file__).resolve().parent / "images"
 FINEST = 2**16 - 1
@@ -39,7 +38,7 @@ def family() -> gpw.GaitFamily:
 def basin(resolution: int = 400) -> gpw.Basin:
     """The basin of the simplest walker's gait, where it is wide enough to be seen."""
     angles, rates = (np.linspace(*ends, resolution) for ends in (BASIN_ANGLES, BASIN_RATES))
-    own = rates / units_of(gpw.WALKERS["D"]).time
+    own = rates / gpw.WALKERS["D"].units.time
     return gpw.basin_of_attraction("D", BASIN_SLOPE, stance_angles=angles, stance_rates=own)
 
 
@@ -76,7 +75,7 @@ def of_family(found: gpw.GaitFamily) -> dict[str, Any]:
         "speed": found.froude_speed.tolist(),
         "multiplier": np.abs(found.multipliers[:, 0]).tolist(),
         "stable": found.stable.tolist(),
-        "state": units_of(found.walker).to_dimensionless(found.state).tolist(),
+        "state": found.walker.units.to_dimensionless(found.state).tolist(),
         "marks": marks
         + [[end.reason, place] for end, place in zip(found.ends, (0, -1), strict=True)],
     }
@@ -86,7 +85,7 @@ def of_basin(found: gpw.Basin) -> dict[str, Any]:
     """Entries of the figure of a basin; a code is 32 times the kind of the end, plus strides."""
     kinds = [gpw.Outcome.HEELSTRIKE, gpw.Outcome.FELL_FORWARD, gpw.Outcome.FELL_BACKWARD]
     kind = np.select([found.outcome == each for each in kinds], range(len(kinds)), len(kinds))
-    units, (gait,) = units_of(found.walker), found.gaits
+    units, (gait,) = found.walker.units, found.gaits
     return {
         "walker": "D",
         "slope": found.slope,
@@ -113,7 +112,7 @@ def of_bifurcation(found: gpw.BifurcationDiagram) -> dict[str, Any]:
         "count": angles.shape[1],
         "angles": _text(np.rint((angles - low) / (high - low) * FINEST).astype("<u2")),
         "period": found.period[walks].tolist(),
-        "state": units_of(found.walker).to_dimensionless(found.state[walks]).tolist(),
+        "state": found.walker.units.to_dimensionless(found.state[walks]).tolist(),
     }
 
 

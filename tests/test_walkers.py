@@ -27,7 +27,7 @@ from gym_passive_walker import (
 )
 from gym_passive_walker.models.walkers import as_walker, combine, describe, name_of
 from gym_passive_walker.models.walkers.presets import is_walker
-from gym_passive_walker.models.walkers.walker import changed, varied
+from gym_passive_walker.models.walkers.walker import varied
 from tests.equations.bodies import Bodies
 from tests.equations.examples import random_walker
 
@@ -631,13 +631,13 @@ def test_a_walker_with_other_values_has_all_its_own_besides():
     walker = anything(7)
     for name in NUMBERS:
         value = 1.01 * getattr(walker, name)
-        other = changed(walker, **{name: value})
+        other = walker.with_parameters(**{name: value})
         assert asdict(other) == asdict(walker) | {name: value}
         attributes = vars(varied(walker, {name: value}))
         assert attributes == asdict(walker) | {name: value, "massless_legs": False}
     assert varied(WALKERS["D"], {}).massless_legs
     with pytest.raises(WalkerError, match="hip_stiffness"):
-        changed(walker, hip_stiffness=-1.0)
+        walker.with_parameters(hip_stiffness=-1.0)
 
 
 def test_the_massless_and_those_whose_mass_is_in_one_segment():

@@ -12,7 +12,7 @@ from gym_passive_walker.envs.interface import OUTCOMES
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
 from gym_passive_walker.gaits.scenes.rules import ENERGIES
 from gym_passive_walker.gaits.scenes.scene import CONTROLS
-from gym_passive_walker.models.equations.systems import bodies, system_of
+from gym_passive_walker.models.model import bodies
 
 TOPIC = "Anything at all"
 _SHAPES, _THROWS = 200, 50  # shapes of a portion; initial states of each shape
@@ -25,7 +25,7 @@ def random_flock(rng: np.random.Generator, kind: int) -> Flock:
     if kind == 2:
         return flock(WALKERS["D"])
     walkers = random_shapes(rng, _SHAPES, knees=kind == 0)
-    return Flock(system_of(walkers[0]), np.repeat(bodies(*walkers), _THROWS, axis=0))
+    return Flock(walkers[0].equations(), np.repeat(bodies(*walkers), _THROWS, axis=0))
 
 
 @case(

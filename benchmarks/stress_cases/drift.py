@@ -9,7 +9,7 @@ from benchmarks.stress_cases.flight import flock, flock_of
 from benchmarks.stress_cases.gaits import every_gait, start
 from gym_passive_walker import Outcome, Walker
 from gym_passive_walker.engine.run import new_records
-from gym_passive_walker.models.equations.systems import SYSTEMS, system_of
+from gym_passive_walker.models.equations.systems import SYSTEMS
 
 TOPIC = "Drift"
 TICK = 50.0  # time in sqrt(l/g) of one call for a swinging walker
@@ -81,9 +81,9 @@ def million_strides(count: int, rng: np.random.Generator) -> Finding:
     """Test all stable gaits of the presets, in batches."""
     stable = [gait for _, gait in every_gait() if gait.stable]
     tried, failed, worst = 0, 0, 0.0
-    kinds = {system_of(gait.walker).name for gait in stable}
+    kinds = {gait.walker.equations().name for gait in stable}
     for system in (SYSTEMS[name] for name in sorted(kinds)):
-        own = [gait for gait in stable if system_of(gait.walker) is system]
+        own = [gait for gait in stable if gait.walker.equations() is system]
         mine = flock_of([gait.walker for gait in own])
         points = np.array([start(gait) for gait in own])
         records = new_records(points, [gait.slope for gait in own])[:, 0]

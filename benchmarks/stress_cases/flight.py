@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker import WALKERS, Walker
 from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
 from gym_passive_walker.models.equations.hybrid import Ground, Outcome, State, System
-from gym_passive_walker.models.equations.systems import bodies, system_of
+from gym_passive_walker.models.model import bodies
 
 FREE = 0
 """The phase in which a kneed walker's stride begins."""
@@ -138,7 +138,7 @@ class Flock(NamedTuple):
 
 def flock(walker: Walker, *, using: tuple[str, ...] = ()) -> Flock:
     """Any number of equal walkers; `using` names items of `EXTRAS` and `UNEVEN`."""
-    return Flock(system_of(walker, using=using), bodies(walker))
+    return Flock(walker.equations(using), bodies(walker))
 
 
 def random_shapes(rng: np.random.Generator, count: int, *, knees: bool) -> list[Walker]:
@@ -171,7 +171,7 @@ def random_shapes(rng: np.random.Generator, count: int, *, knees: bool) -> list[
 
 def flock_of(walkers: list[Walker]) -> Flock:
     """Walkers of one kind, each with its own shape."""
-    return Flock(system_of(walkers[0]), bodies(*walkers))
+    return Flock(walkers[0].equations(), bodies(*walkers))
 
 
 def mirrored(walker: Walker) -> Walker:

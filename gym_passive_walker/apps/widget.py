@@ -16,7 +16,6 @@ from gym_passive_walker.devices.web.build import DATA, PACKAGE, files, system_mo
 from gym_passive_walker.envs.policies import TENSORS, TrainedPolicy
 from gym_passive_walker.gaits.scenes.checks import bounded
 from gym_passive_walker.gaits.scenes.starts import checked_state
-from gym_passive_walker.models.equations.systems import kind_of
 from gym_passive_walker.models.walkers import PARAMETERS, WALKERS, Mechanism, Walker
 
 with extra("notebook"):
@@ -46,7 +45,7 @@ def _as_changes(walker: Walker) -> tuple[str, dict[str, float]]:
             if getattr(walker, parameter) != getattr(preset, parameter)
         }
         for name, preset in WALKERS.items()
-        if kind_of(preset) == kind_of(walker)
+        if preset.kind == walker.kind
     }
     return min(found.items(), key=lambda entry: len(entry[1]))
 

@@ -26,8 +26,10 @@ from gym_passive_walker.models.expressions import (
 LAST_STAGES = 5
 """Number of a step's last stages through which the extrapolating polynomial passes."""
 
-LEAST = 1e-6
-"""Share of a step by which its end may always be moved: the error is below rounding."""
+LEAST, SHORT = 1e-6, 1e-3
+"""Share of a step by which its end may always be moved, as the error is below rounding; and the
+length as which a shorter step counts then: the last step to an event may be as short as rounding.
+"""
 
 
 class OneLane(Equations):
@@ -112,7 +114,8 @@ class OneLane(Equations):
             value, rate = choose(number < i + 1.5, g, value), choose(number < i + 1.5, v, rate)
         rest = -value / rate
         # Newton's method fails where the guard's rate is small: limit the step to `late`.
-        rest = choose((event > 0.5) & (abs(rest) <= abs(late) + LEAST * tile["h"]), rest, 0.0)
+        most = abs(late) + LEAST * larger(tile["h"], SHORT)
+        rest = choose((event > 0.5) & (abs(rest) <= most), rest, 0.0)
         late = late + rest
         half = 0.5 * rest
         end = self.as_state(

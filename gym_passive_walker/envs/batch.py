@@ -27,9 +27,10 @@ from gym_passive_walker.gaits.scenes.rules import ENERGIES, proportion
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError
 from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts, as_recorded, checked_state
 from gym_passive_walker.models.equations.hybrid import System
-from gym_passive_walker.models.equations.systems import UNEVEN, bodies, kind_of, system_of
+from gym_passive_walker.models.equations.systems import FITTINGS, UNEVEN
+from gym_passive_walker.models.model import bodies
 from gym_passive_walker.models.units import proportions
-from gym_passive_walker.models.walkers import Walker, state_size
+from gym_passive_walker.models.walkers import Walker
 
 RESET_OPTIONS = ("state", "slope")
 """Options of `reset`."""
@@ -43,7 +44,6 @@ UNFINISHED = "no episode has begun, or an error interrupted the last step: reset
 def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
     """Return the rules of a scene as kernels read them, (1,) of `task.RULES`."""
     rules = np.zeros(1, task.rules_for(layout_of(system)))
-    own = scene.own_system
     rules["tick"] = scene.tick if scene.control == "tick" else math.inf
     rules["max_stride_time"] = scene.max_stride_time
     rules["actions"] = len(scene.actions)
@@ -53,7 +53,7 @@ def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
     rules["energy_weight"] = scene.energy_weight
     rules["charged"] = ENERGIES.index(scene.energy)
     rules["step_limit"] = step_limit
-    rules["weight"] = 1.0 if own is None else own.total_mass
+    rules["weight"] = scene.walker.weight / scene.walker.units.force
     rules["works"][0, : len(system.works)] = np.divide(system.works, rules["weight"])
     rules["works"][0, -1] = 1.0
     return rules
@@ -61,8 +61,9 @@ def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
 
 def system_in(scene: Scene, *walkers: Walker) -> System:
     """Return the system of equations of walkers of one kind in a scene."""
-    using = {*scene.domain_randomization, *scene.actions, *(UNEVEN if scene.terrain else ())}
-    return system_of(*walkers, using=using)
+    fitted = {name for name in FITTINGS for walker in walkers if getattr(walker, name, 0.0)}
+    using = {*fitted, *scene.domain_randomization, *scene.actions}
+    return walkers[0].equations({*using, *(UNEVEN if scene.terrain else ())})
 
 
 def _radii(walkers: Sequence[Walker]) -> NDArray[np.float64]:
@@ -139,7 +140,7 @@ class Batch:
         self.step_limit = step_limit
         self.threads = None if threads is None else whole(threads, "threads")
         self.walkers = [scene.walker] * count if walkers is None else list(walkers)
-        if len({kind_of(walker) for walker in self.walkers}) > 1:
+        if len({walker.kind for walker in self.walkers}) > 1:
             raise SceneError(
                 "walkers of one batch must be of one kind: all with knees, all with straight legs, "
                 "all with legs without mass, or all one system"
@@ -327,7 +328,7 @@ class Batch:
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
         """Return the states and slopes in options, one for each walker; None if not given."""
         found: list[NDArray[np.float64] | None] = []
-        numbers = state_size(self.walkers[0])
+        numbers = self.walkers[0].size
         for name, check, size in (
             ("state", partial(check_state, size=numbers), (numbers,)),
             ("slope", check_slope, ()),
@@ -573,7 +574,7 @@ class Batch:
     @property
     def states(self) -> NDArray[np.float64]:
         """States in the walkers' units, (count, 6), or (count, 2 m) of a `System`."""
-        half = state_size(self.walkers[0]) // 2
+        half = self.walkers[0].size // 2
         states = states_in(self.records[:, 0], half).copy()
         states[:, half:] /= np.array([walker.time_unit for walker in self.walkers])[:, None]
         return states

@@ -14,7 +14,6 @@ from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.checks import CHECKS
 from gym_passive_walker.gaits.scenes.scene import UNDISTURBED, Scene
 from gym_passive_walker.gaits.terrain import Terrain
-from gym_passive_walker.models.walkers import state_size
 
 
 class Contact(NamedTuple):
@@ -137,7 +136,7 @@ class Disturbances:
 
 def _noise(scene: Scene) -> NDArray[np.float64]:
     """Return the standard deviation of the noise on each observed number except the command."""
-    noise, size = scene.observation_noise, state_size(scene.walker)
+    noise, size = scene.observation_noise, scene.walker.size
     rest = (rules.SIZE if scene.own_system is None else size + 1) - size
     given = noise if isinstance(noise, tuple) else [noise] * size + [0.0] * rest
     return np.array(given, dtype=float)

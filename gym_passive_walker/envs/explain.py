@@ -17,7 +17,6 @@ from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.gaits.scenes.rewards import ABOUT_TERMS
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.gaits.terrain import Terrain
-from gym_passive_walker.models.equations.systems import kind_of
 from gym_passive_walker.models.walkers import Mechanism, Walker, describe
 
 _ANGLES = "stance leg angle", "swing thigh angle", "swing shank angle"
@@ -194,7 +193,7 @@ def _ends(scene: Scene, limit: float | None) -> Rows:
         "stalled": f"no heelstrike within {scene.max_stride_time:g} sqrt(l/g)",
         "diverged": "the motion is no longer finite",
     }
-    if kind_of(scene.walker) == "kneed":
+    if scene.walker.kind == "kneed":
         found["knee_not_locked"] = "the foot lands before the knee has locked"
     if scene.end_on_toe_stub:
         found["stubbed_toe"] = "the locked swing leg is below the ground"

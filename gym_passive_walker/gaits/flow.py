@@ -28,14 +28,9 @@ from gym_passive_walker.gaits.actuation import USES
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.models.equations.hybrid import Ground, Outcome, Phase, State, System
 from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
-from gym_passive_walker.models.equations.systems import (
-    UNEVEN,
-    bodies,
-    bodies_by,
-    system_of,
-    varied_bodies,
-)
-from gym_passive_walker.models.walkers import Mechanism, Walker
+from gym_passive_walker.models.equations.systems import UNEVEN
+from gym_passive_walker.models.model import bodies, constants_by
+from gym_passive_walker.models.walkers import Walker
 
 _SIZE = len(State._fields)
 _STRUCK = int(Outcome.HEELSTRIKE)  # greater outcomes are falls: no strike but this ends a flow
@@ -154,7 +149,7 @@ def _tangents(walker: Walker, by: tuple[str, ...], directions: int | None = None
     def by_each(*wanted: str) -> NDArray:
         return np.array([[float(x == name) for name in wanted] for x in names])
 
-    controls = controls_of(walker)
+    controls = tuple(name for name in walker.inputs if name != "push_off")
     began = np.zeros((len(names), size // 2))
     began[[i for i, name in enumerate(names) if name == "start"]] = starts[: names.count("start")]
     inputs = (
@@ -168,13 +163,6 @@ def _tangents(walker: Walker, by: tuple[str, ...], directions: int | None = None
         names, np.concatenate([np.zeros((0, size)), *states]), by_each("slope").ravel(),
         tuple(entry for entry in inputs if entry[2].any()),
     )  # fmt: skip
-
-
-def controls_of(walker: Walker) -> tuple[str, ...]:
-    """Names of tangents by a walker's controls, in order."""
-    if isinstance(walker, Mechanism):
-        return tuple(f"control {name}" for name in walker.controls)
-    return "hip_torque", "ankle_torque"
 
 
 @dataclass(kw_only=True, eq=False)  # not frozen: one walker's stride waits for each of these
@@ -198,9 +186,9 @@ class Walkers:
     def system(self, moving: Collection[str] = ()) -> System:
         """Return the system of the walkers, in which the named quantities can change too."""
         if not (self.parameters or self.using or moving):
-            return system_of(self.walker)
+            return self.walker.equations()
         using = {*self.parameters, *self.using, *moving}
-        return system_of(self.walker, using={USES.get(name, name) for name in using})
+        return self.walker.equations({USES.get(name, name) for name in using})
 
     @cached_property
     def section(self) -> Section:
@@ -212,7 +200,7 @@ class Walkers:
         """The walkers' constants, (1 or n, 1, constants): one for all, or each."""
         if not self.parameters:
             return bodies(self.walker)
-        return varied_bodies(self.walker, self.parameters)[:, None]
+        return self.walker.constants(**self.parameters)[:, None]
 
     @cached_property
     def _changes(self) -> dict[str, NDArray[np.float64]]:
@@ -227,15 +215,14 @@ class Walkers:
         if not names:
             return own
         walker: Any = self.walker
-        parameters = walker.body._fields if self.section.own else vars(walker)
-        moving = [name for name in names if name in parameters]
+        moving = [name for name in names if name in walker.parameters]
         if not moving:
             return own
         planes = np.zeros((len(own), 1 + len(names), own.shape[2]))
         planes[:, :1] = own
         for name in moving:
             if name not in self._changes:
-                self._changes[name] = bodies_by(self.walker, self.parameters, name)
+                self._changes[name] = constants_by(self.walker, self.parameters, name)
             change = self._changes[name]
             planes[:, 1 + names.index(name)] = change if len(change) == 1 else change[lanes]
         return planes
@@ -503,7 +490,7 @@ def go_on(
             "hip_torque", "ankle_torque", "push_off", "height_change" and "slope_change" of the next
             foothold, a parameter of the walker, "start" and "end". "start" is the stance angle at
             the beginning of the stride (legs mirrored), "end" the time to stop. Of a user's system,
-            "start" gives one tangent for each coordinate; its controls are `controls_of`.
+            "start" gives one tangent for each coordinate; its controls are among `Model.inputs`.
         lanes: Indices of these walkers, if parameters are given for more.
         on_section: Whether a stride begins here.
     """

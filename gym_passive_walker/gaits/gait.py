@@ -17,8 +17,6 @@ from gym_passive_walker.gaits.section import Points
 from gym_passive_walker.gaits.stride import Stride, together
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.equations.systems import body_of
-from gym_passive_walker.models.units import units_of
 from gym_passive_walker.models.walkers import Walker, name_of
 
 GaitKind = Literal["long", "short"]
@@ -121,7 +119,7 @@ class Gait(Shown):
     @property
     def froude_speed(self) -> float:
         """Speed over sqrt(g l), the square root of the Froude number (Eq. 4.6)."""
-        return self.speed / units_of(self.walker).speed
+        return self.speed / self.walker.units.speed
 
     def _cost(self, energies: NDArray) -> float:
         """Mean energy of a stride over weight times distance."""
@@ -293,7 +291,7 @@ def _half_swing(walker: Walker) -> float:
     """Half a period, in sqrt(l/g), of the straight leg that hangs from a hip at rest."""
     if walker.massless_legs:
         return math.pi
-    body = body_of(walker)
+    body = walker.body
     weight = math.hypot(body.swing_along, body.swing_across)
     return math.pi * (math.sqrt(body.swing_inertia / weight) if weight > 0.0 else 1.0)
 

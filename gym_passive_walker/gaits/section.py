@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker._tools.arguments import shown
 from gym_passive_walker.models.equations.numbers import exponential, logarithm
-from gym_passive_walker.models.units import Units, units_of
-from gym_passive_walker.models.walkers import Mechanism, Walker, state_size, varied
+from gym_passive_walker.models.units import Units
+from gym_passive_walker.models.walkers import Mechanism, Walker, varied
 
 OFF = 1e-6
 """Largest angle in rad by which a state may lie off an impact: many digits, but not all of them."""
@@ -49,7 +49,7 @@ class Section:
     def dimension(self) -> int:
         """Number m of coordinates of a point."""
         if self.own:
-            return state_size(self.walker)
+            return self.walker.size
         return 4 if self.walker.knees else 3
 
     @property
@@ -66,8 +66,8 @@ class Section:
     def units(self) -> Units:
         """The walker's units; arrays (n,) where walkers differ."""
         if self.parameter is None or self.own:
-            return units_of(self.walker)
-        return units_of(varied(self.walker, {self.parameter: self.values}))
+            return self.walker.units
+        return varied(self.walker, {self.parameter: self.values}).units
 
     def state(self, points: NDArray, place: int = 0) -> NDArray:
         """Return dimensionless states (..., 6) at points (..., m); `place` is ignored here."""

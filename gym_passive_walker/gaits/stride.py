@@ -24,8 +24,7 @@ from gym_passive_walker.gaits.actuation import PASSIVE, check_actuation, to_dime
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE, Walkers, advance, flow, states_in
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.models.equations.hybrid import Ground, Outcome, System
-from gym_passive_walker.models.units import units_of
-from gym_passive_walker.models.walkers import Mechanism, Walker, check_heights_only, state_size
+from gym_passive_walker.models.walkers import Mechanism, Walker, check_heights_only
 
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 
@@ -223,7 +222,7 @@ def stride(
         foothold = {"height_change": ground[0], "slope_change": ground[1]} if ground else {}
         return controlled.with_tolerance(tolerance).stride(check_state(state), slope, **foothold)
     own = isinstance(walker, Mechanism)
-    size = state_size(walker)
+    size = walker.size
     states, slopes = check_state(state, size=size), check_slope(slope)  # type: ignore[arg-type]
     actuation = PASSIVE if own else check_actuation(walker, actuation)
     max_stride_time = number(max_stride_time, "max_stride_time", above=0.0)
@@ -242,7 +241,7 @@ def stride(
             f"height_change {np.shape(height_change)}, slope_change {np.shape(slope_change)} and "
             f"states {states.shape[:-1]} do not fit together: give one of each, or the same number"
         ) from None
-    units, count = units_of(walker), math.prod(shape)
+    units, count = walker.units, math.prod(shape)
     flat = np.empty((*shape, size))
     flat[:] = units.to_dimensionless(states)
     if not (walker.knees or own):
@@ -302,7 +301,7 @@ def account(
         pushed: Work of push-offs in the walker's units, (n,).
         shape: Shape of the strides: (n,), or () for one.
     """
-    units, (hip, ankle) = units_of(walker), works
+    units, (hip, ankle) = walker.units, works
     outcome, length = record["outcome"], record["step_length"]
     gravity, spring, knee_time = (record[x] for x in ("gravity_work", "spring_work", "knee_time"))
     knee_time[knee_time <= 0.0] = np.nan

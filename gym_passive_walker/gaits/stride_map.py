@@ -38,7 +38,7 @@ from gym_passive_walker.gaits.section import Points, Section
 from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.models.equations.hybrid import Ground, Outcome, System
-from gym_passive_walker.models.units import unit_of, units_of
+from gym_passive_walker.models.units import unit_of
 from gym_passive_walker.models.walkers import PARAMETERS, Walker, WalkerLike, as_any
 
 LONGEST = 20.0
@@ -125,7 +125,7 @@ class StrideMap(Section):
         """
         walker = as_any(walker)
         if controller is not PASSIVE:
-            fields["actuation"] = to_dimensionless(units_of(walker), controller)
+            fields["actuation"] = to_dimensionless(walker.units, controller)
         return cls(walker=walker, **fields)
 
     def with_tolerance(self, tolerance: float) -> Self:
@@ -155,7 +155,7 @@ class StrideMap(Section):
     @property
     def controller(self) -> Any:
         """The controller: an `Actuation` in the walker's units, or None if passive."""
-        return None if self.passive else to_own(units_of(self.walker), self.actuation)
+        return None if self.passive else to_own(self.walker.units, self.actuation)
 
     @property
     def controller_name(self) -> str:
@@ -175,7 +175,7 @@ class StrideMap(Section):
         parameters = {name: getattr(self.walker, name) for name in PARAMETERS}
         if self.controlled:
             return parameters
-        return parameters | to_own(units_of(self.walker), self.actuation)._asdict()
+        return parameters | to_own(self.walker.units, self.actuation)._asdict()
 
     def unit(self, parameter: str) -> float:
         """Return a parameter's unit in this map, in the walker's units; 1 for a walker's own."""
@@ -488,7 +488,7 @@ class StrideMap(Section):
             self.walker, slope, state,
             tolerance=self.tolerance, max_stride_time=self.max_stride_time,
             end_on_toe_stub=self.end_on_toe_stub, height_change=rise, slope_change=turn,
-            **to_own(units_of(self.walker), self.actuation)._asdict(),
+            **to_own(self.walker.units, self.actuation)._asdict(),
         )  # fmt: skip
 
     def look(

@@ -14,8 +14,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.models.walkers import PARAMETERS, Mechanism, Walker
-
 
 class Units(NamedTuple):
     """Dimensionless units, expressed in a walker's own units: numbers, or arrays (n,).
@@ -31,6 +29,17 @@ class Units(NamedTuple):
     time: float
     energy: float
     torque: float
+
+    @classmethod
+    def of(cls, walker: Any) -> Units:
+        """The units of a walker, or of anything with its attributes: numbers, arrays or tensors."""
+        length = walker.thigh_length + walker.shank_length
+        mass = 2.0 * (walker.thigh_mass + walker.shank_mass) + walker.hip_mass
+        quotient = length / walker.gravity
+        time = math.sqrt(quotient) if isinstance(quotient, float) else quotient**0.5
+        energy = mass * walker.gravity * length
+        torque = walker.gravity * length if walker.massless_legs else energy
+        return cls(length, time, energy, torque)
 
     @property
     def rate(self) -> float:
@@ -79,26 +88,6 @@ def _times_of_one(time: float, size: int) -> NDArray[np.float64]:
     return times
 
 
-def units_of(walker: Any) -> Units:
-    """The units of a walker, or of anything with its attributes: numbers, arrays or tensors."""
-    if isinstance(walker, Mechanism):
-        return Units(1.0, 1.0, 1.0, 1.0)
-    return _of_walker(walker) if isinstance(walker, Walker) else _of(walker)
-
-
-def _of(walker: Any) -> Units:
-    length = walker.thigh_length + walker.shank_length
-    mass = 2.0 * (walker.thigh_mass + walker.shank_mass) + walker.hip_mass
-    quotient = length / walker.gravity
-    time = math.sqrt(quotient) if isinstance(quotient, float) else quotient**0.5
-    energy = mass * walker.gravity * length
-    torque = walker.gravity * length if walker.massless_legs else energy
-    return Units(length, time, energy, torque)
-
-
-_of_walker = lru_cache(maxsize=4096)(_of)
-
-
 UNITS: dict[str, tuple[str, Callable[[Any, Units], Any]]] = {
     "angle": ("rad", lambda walker, units: 1.0),
     "length": ("l", lambda walker, units: units.length),
@@ -127,7 +116,9 @@ _NAMES = {
 KINDS = {name: kind for kind, names in _NAMES.items() for name in names}
 """Kind of the unit of each parameter of a walker and of its actuation."""
 
-PROPORTIONS = tuple(name for name in KINDS if name in PARAMETERS and name != "gravity")
+PROPORTIONS = tuple(
+    name for name in KINDS if name not in ("gravity", "hip_torque", "ankle_torque", "push_off")
+)
 """Parameters of a walker that have a dimensionless value."""
 
 
@@ -138,7 +129,7 @@ def unit_of(walker: Any, name: str) -> Any:
         walker: A walker, or anything with its attributes: numbers, arrays or tensors.
         name: A parameter of the walker or of its actuation.
     """
-    return UNITS[KINDS[name]][1](walker, units_of(walker))
+    return UNITS[KINDS[name]][1](walker, walker.units)
 
 
 def proportions(walker: Any, names: Sequence[str]) -> list[Any]:
@@ -151,7 +142,7 @@ def proportions(walker: Any, names: Sequence[str]) -> list[Any]:
     return [getattr(walker, name) / unit_of(walker, name) for name in names]
 
 
-def growth(walker: Walker, parameter: str) -> Units:
+def growth(walker: Any, parameter: str) -> Units:
     """Return the logarithmic derivative of each unit with respect to a walker parameter."""
     length = (parameter in ("thigh_length", "shank_length")) / walker.leg_length
     gravity = (parameter == "gravity") / walker.gravity

@@ -17,7 +17,6 @@ from gym_passive_walker.gaits.look.reality import RealityCheck
 from gym_passive_walker.gaits.look.trajectory import Trajectory, simulate
 from gym_passive_walker.gaits.robust.basin import UNSETTLED, Basin, basin_of_attraction
 from gym_passive_walker.gaits.stride import Stride
-from gym_passive_walker.models.units import units_of
 from gym_passive_walker.models.walkers import Mechanism, name_of
 from gym_passive_walker.pictures.axes import (
     ANGLE,
@@ -225,7 +224,7 @@ def _basin(basin: Basin, ax: Axes | None = None) -> Axes:
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     ax = axes_for(ax, (5.6, 4.8))
-    settled, rates = basin.settled.astype(int), basin.stance_rate * units_of(basin.walker).time
+    settled, rates = basin.settled.astype(int), basin.stance_rate * basin.walker.units.time
     # The shades differ in brightness, so that they stay distinct when printed in grey.
     shades = ["#f2f2f2", "#8c8c8c", BLUE, SKY_BLUE, GREEN, VERMILION]
     kinds = [(-1, "falls"), (UNSETTLED, "walks, without convergence")]
@@ -243,7 +242,7 @@ def _basin(basin: Basin, ax: Axes | None = None) -> Axes:
             swatch = {"color": colours[i], "markeredgecolor": GREY, "markersize": 9.0}
             ax.plot([], [], "s", linestyle="", label=label, **swatch)
     for gait in basin.gaits:
-        rate = gait.state[len(gait.state) // 2] * units_of(basin.walker).time
+        rate = gait.state[len(gait.state) // 2] * basin.walker.units.time
         star = {"color": "white", "markeredgecolor": BLACK, "markersize": 11.0}
         ax.plot(gait.stance_angle, rate, "*", linestyle="", label="stable gait", **star)
     ax.set(xlabel=ANGLE, ylabel="stance angular velocity dθ/dt / √(g/l)")
@@ -367,7 +366,7 @@ def _gait(gait: Gait, ax: Axes | None = None, optimum: Any = None) -> Axes | NDA
 
 def _torques(ax: Axes, walk: Trajectory, gait: Gait, optimum: Any) -> None:
     """Draw the hip torque over the first stride, beside that of an optimal gait."""
-    units, first = units_of(walk.walker), walk.strides == 0
+    units, first = walk.walker.units, walk.strides == 0
     times, name = walk.times[first] / units.time, gait.stride_map.controller_name
     if isinstance(walk.walker, Mechanism):
         for (label, colour, dash), torque in zip(

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.gaits.given import GaitLike
 from gym_passive_walker.gaits.look.trajectory import Trajectory, simulate
-from gym_passive_walker.models.units import units_of
 from gym_passive_walker.models.walkers import Mechanism, Walker, name_of
 from gym_passive_walker.pictures.axes import (
     BLACK,
@@ -71,7 +70,7 @@ def _by_leg(walk: Trajectory) -> NDArray[np.float64]:
 
 def angles_over_time(ax: Axes, walk: Trajectory) -> None:
     """Draw each leg's angles over time, through both its roles; vertical lines are impacts."""
-    times = walk.times / units_of(walk.walker).time
+    times = walk.times / walk.walker.units.time
     heels = np.flatnonzero(np.diff(walk.strides)) + 1
     if isinstance(walk.walker, Mechanism):
         for (name, colour, dash), angle in zip(parts_of(walk.walker), walk.states.T, strict=False):
@@ -121,7 +120,7 @@ def rates_over_angles(ax: Axes, states: NDArray, struck: NDArray, walker: Walker
 
 def portrait_of(ax: Axes, walk: Trajectory) -> None:
     """Draw the phase portrait of a walk: angular velocities over angles."""
-    states = units_of(walk.walker).to_dimensionless(walk.states)
+    states = walk.walker.units.to_dimensionless(walk.states)
     rates_over_angles(ax, states, walk.struck, walk.walker)
 
 

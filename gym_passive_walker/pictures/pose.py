@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker._tools.arguments import check_state
 from gym_passive_walker.models.equations.legs import turned
 from gym_passive_walker.models.equations.numbers import sine_cosine
-from gym_passive_walker.models.equations.systems import body_of
 from gym_passive_walker.models.walkers import Walker, WalkerLike, as_walker
 
 SOLE_SPAN = 0.5
@@ -147,7 +146,7 @@ def pose(
 
 def leg_line(walker: Walker) -> float:
     """Distance from the foot's centre to the hip of a straight leg, in the walker's units."""
-    return float(body_of(walker).leg * walker.leg_length)
+    return float(walker.body.leg * walker.leg_length)
 
 
 def level(points: ArrayLike, slope: float) -> NDArray[np.float64]:

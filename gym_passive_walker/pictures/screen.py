@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker._tools.extras import extra
-from gym_passive_walker.models.walkers import Mechanism, WalkerLike, as_any, state_size
+from gym_passive_walker.models.walkers import Mechanism, WalkerLike, as_any
 from gym_passive_walker.pictures import colours
 from gym_passive_walker.pictures.brush import Brush
 from gym_passive_walker.pictures.ground import height, part_between
@@ -111,7 +111,7 @@ class Screen:
         self._canvas = pygame.Surface((_OVERSAMPLING * size[0], _OVERSAMPLING * size[1]), depth=32)
         share = _LEG_SHARE
         if isinstance(self.walker, Mechanism):
-            start = self.walker.start or np.zeros(state_size(self.walker))
+            start = self.walker.start or np.zeros(self.walker.size)
             places = np.concatenate(self.walker.drawn(start))
             share = min(share, _TALLEST / max(float(places[:, 1].max()), 1e-3))
         scale = share * self._canvas.get_height()
@@ -165,7 +165,7 @@ class Screen:
         """
         if not self._open:
             return None
-        if np.shape(state) != (size := (state_size(self.walker),)):
+        if np.shape(state) != (size := (self.walker.size,)):
             raise ValueError(f"a frame shows one state of shape {size}, not {np.shape(state)}")
         ground = _LEVEL if profile is None else np.asarray(profile, dtype=float)
         if isinstance(self.walker, Mechanism):

@@ -17,7 +17,7 @@ from gym_passive_walker.gaits.look.trajectory import Trajectory, ground_of, simu
 from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.gaits.stride_map import MapLike
 from gym_passive_walker.gaits.terrain import Terrain
-from gym_passive_walker.models.walkers import Mechanism, WalkerLike, as_any, name_of, state_size
+from gym_passive_walker.models.walkers import Mechanism, WalkerLike, as_any, name_of
 from gym_passive_walker.pictures import colours
 from gym_passive_walker.pictures.axes import (
     GREY,
@@ -182,9 +182,9 @@ def strobe_of(
         ImportError: if matplotlib is not installed.
     """
     walker = as_any(walker)
-    states = check_state(states, size=state_size(walker))
+    states = check_state(states, size=walker.size)
     if states.ndim != 2 or not len(states):
-        size = state_size(walker)
+        size = walker.size
         raise ValueError(f"states must have shape (n, {size}) with n above 0, not {states.shape}")
     x, y, tilts = (
         np.broadcast_to(np.asarray(part, dtype=float), len(states))

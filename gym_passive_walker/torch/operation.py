@@ -20,12 +20,12 @@ from torch import Tensor
 from gym_passive_walker._tools.arguments import unknown
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.actuation import Actuation, check_actuation
-from gym_passive_walker.gaits.control.ticks import hold, inputs_of
+from gym_passive_walker.gaits.control.ticks import hold
 from gym_passive_walker.gaits.flow import MIRRORED, Reported, Walkers, go_on, new_records, report_of
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
-from gym_passive_walker.models.equations.systems import UNEVEN, system_of
-from gym_passive_walker.models.walkers import PARAMETERS, Mechanism, Walker, WalkerError, changed
+from gym_passive_walker.models.equations.systems import UNEVEN
+from gym_passive_walker.models.walkers import PARAMETERS, Mechanism, Walker, WalkerError
 
 
 class Columns(NamedTuple):
@@ -33,7 +33,7 @@ class Columns(NamedTuple):
 
     Attributes:
         report: The results; the distance follows them.
-        controls: Names of inputs that actuators hold; see `control.ticks.inputs_of`.
+        controls: Names of inputs that actuators hold; see `Model.inputs`.
         inputs: Places of each input besides the state, by name: the slope, the controls, the next
             foothold, and the initial impulse on the hip. Then the coordinates at the beginning of
             the stride (the stance angle if legs mirror each other), and the time limit. Those of
@@ -53,7 +53,7 @@ class Columns(NamedTuple):
 @lru_cache
 def columns_of(walker: Walker) -> Columns:
     """Return the columns of the operation for a walker."""
-    system, controls = system_of(walker), inputs_of(walker)
+    system, controls = walker.equations(), walker.inputs
     size, own = 2 * system.coordinates, isinstance(walker, Mechanism)
     starts = system.coordinates if own else 1
     names = ("slope", *controls, *UNEVEN, "push", *("start",) * starts, "end")
@@ -326,7 +326,7 @@ def _check(walker: Walker, names: tuple[str, ...], values: NDArray) -> None:
 
 @lru_cache(maxsize=4096)
 def _check_walker(walker: Any, names: tuple[str, ...], values: tuple[float, ...]) -> None:
-    changed(walker, **dict(zip(names, values, strict=True)))
+    walker.with_parameters(**dict(zip(names, values, strict=True)))
 
 
 def as_tensor(value: Any, name: str) -> Tensor:

@@ -24,7 +24,7 @@ from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, rule_of
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene, undisturbed
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.equations.systems import UNEVEN, system_of
+from gym_passive_walker.models.equations.systems import UNEVEN
 from gym_passive_walker.models.units import proportions
 from gym_passive_walker.models.walkers import check_heights_only
 from gym_passive_walker.models.walkers.walker import varied
@@ -150,7 +150,7 @@ def initial_state(
     if batch.disturbances:
         disturbances = batch.disturbances.states
         slopes, keys, commands = disturbances["slope"], disturbances["key"], disturbances["command"]
-    own, coordinates = scene.own_system, system_of(scene.walker).coordinates
+    own, coordinates = scene.own_system, scene.walker.equations().coordinates
     bodies: list[Any] = [walker if own is None else walker.body for walker in batch.walkers]  # type: ignore[attr-defined]
     values = {
         name: torch.tensor([getattr(body, name) for body in bodies], dtype=torch.float64)
@@ -186,7 +186,7 @@ def initial_state(
     )
     none, never = (zeros,) * len(scene.actions), torch.zeros(count, dtype=torch.bool)
     tilts, rises, turns = _ground(scene, here).T
-    at = system_of(scene.walker).State(*states.T)
+    at = scene.walker.equations().State(*states.T)
     last = here.last._replace(
         before=at, state=at, knee_locked=never, heelstrike=never, fell=never, action=none,
         last_action=none, slope=here.slopes + tilts, height_change=rises, slope_change=turns,
@@ -411,7 +411,7 @@ def _step(
     ):
         angles = moved.result("moved", j), moved.result("turned", j)
         of[:] = rules.work_of(held[name] * work, *angles)
-    State = system_of(scene.walker).State
+    State = scene.walker.equations().State
     struck, last = moved.outcomes == _STRUCK, here.last
     _, rises, turns = _ground(scene, ends).T
     return last._replace(
@@ -444,9 +444,9 @@ def _ruled(scene: Scene) -> bool:
 def _works(scene: Scene) -> NDArray[np.float64]:
     """Return the work of a unit of each control per unit of motion in m g l, (controls,)."""
     weight = 1.0 if scene.own_system is None else scene.own_system.total_mass
-    return np.divide(system_of(scene.walker).works, weight)
+    return np.divide(scene.walker.equations().works, weight)
 
 
 def _locked(scene: Scene, phases: Tensor) -> Tensor:
     """Return whether each swing leg is straight, (n,)."""
-    return torch.tensor([phase.links == 2 for phase in system_of(scene.walker).phases])[phases]
+    return torch.tensor([phase.links == 2 for phase in scene.walker.equations().phases])[phases]

@@ -14,8 +14,8 @@ from gym_passive_walker._tools.arguments import check_tolerance, unknown
 from gym_passive_walker.gaits.actuation import Actuation, actuation_units
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE
 from gym_passive_walker.gaits.scenes.rules import work_of
-from gym_passive_walker.models.equations.systems import UNEVEN, system_of
-from gym_passive_walker.models.units import Units, units_of
+from gym_passive_walker.models.equations.systems import UNEVEN
+from gym_passive_walker.models.units import Units
 from gym_passive_walker.models.walkers import Mechanism, Walker, WalkerLike, as_any, varied
 from gym_passive_walker.torch.operation import (
     FlowOptions,
@@ -256,7 +256,7 @@ def _found(
         moved: Dimensionless results.
         held: Dimensionless torques, (n, controls).
     """
-    works, half = system_of(walker).works, moved.columns.report.size // 2
+    works, half = walker.equations().works, moved.columns.report.size // 2
     found = {
         "state": torch.cat([moved.states[:, :half], moved.states[:, half:] / time], 1),
         "phase": moved.phases,
@@ -304,7 +304,7 @@ def _walk(
     """Integrate walkers through a stride of at most `end` sqrt(l/g), or for a duration."""
     walker = as_any(walker)
     own, given = isinstance(walker, Mechanism), check_parameters(walker, parameters)
-    units = units_of(varied(walker, given) if given and not own else walker)
+    units = varied(walker, given).units if given and not own else walker.units
     states, phases = as_tensor(state, "state"), torch.as_tensor(phase, dtype=torch.int64)
     columns, wanted = columns_of(walker), _controls(walker, actuation, met, controls)
     starts, size = columns.inputs["start"], columns.report.size

@@ -18,7 +18,6 @@ from gym_passive_walker.envs.evaluation.walks import score_table
 from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import Passive
 from gym_passive_walker.gaits.scenes.scene import make_scene
-from gym_passive_walker.models.units import units_of
 
 
 def test_the_table_of_optima_has_each_gait_s_numbers_in_its_columns():
@@ -40,7 +39,7 @@ def test_the_table_of_optima_has_each_gait_s_numbers_in_its_columns():
 @pytest.mark.parametrize("slope", [0.036, 0.05])
 def test_a_gait_is_described_in_dimensionless_numbers(slope):
     gait = gpw.find_gait("lab", slope)
-    units = units_of(gait.walker)
+    units = gait.walker.units
     rows = dict(
         (line[:26].strip(), line[26:]) for line in commands._described(gait, 0.02).splitlines()
     )

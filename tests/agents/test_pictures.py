@@ -108,7 +108,6 @@ def test_a_gait_is_drawn_from_its_last_three_strides_after_the_transient(
 
 
 def test_a_stride_s_torque_is_drawn_in_the_walker_s_own_units(drawn, monkeypatch, tmp_path):
-    from gym_passive_walker.models.units import units_of
 
     given, strobe = [], pictures.strobe
 
@@ -124,9 +123,9 @@ def test_a_stride_s_torque_is_drawn_in_the_walker_s_own_units(drawn, monkeypatch
     ((slope, state, options),) = given
     assert slope == scene.slope and options["strides"] == 3 == len(options["hip_torque"])
     actions = [policy.policy.predict(seen)[0][0, 0] for seen in policy.seen[-3:]]
-    scale = units_of(scene.walker).torque * scene.max_hip_torque
+    scale = scene.walker.units.torque * scene.max_hip_torque
     np.testing.assert_allclose(options["hip_torque"], scale * np.array(actions), rtol=1e-6)
-    units = units_of(scene.walker).to_dimensionless(state)
+    units = scene.walker.units.to_dimensionless(state)
     np.testing.assert_allclose(units[[0, 3]], policy.seen[-3][0, [0, 3]], atol=1e-6)
 
 

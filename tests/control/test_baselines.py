@@ -28,7 +28,6 @@ from gym_passive_walker.gaits.control.baselines import (
 )
 from gym_passive_walker.gaits.control.feedback import gains, powered_gait
 from gym_passive_walker.gaits.scenes.scene import make_scene
-from gym_passive_walker.models.units import units_of
 
 
 def walks(policy, scene, episodes=4, **env):
@@ -155,13 +154,9 @@ def test_a_powered_gait_returns_to_itself(name, slope):
 def test_a_powered_gait_is_the_same_in_any_units():
     walkers = gpw.WALKERS["C"], replace(gpw.WALKERS["C"], gravity=1.62)
     own, other = (powered_gait(walker, 0.0) for walker in walkers)
-    torques = [
-        g.hip_torque / units_of(w).torque for g, w in zip((own, other), walkers, strict=True)
-    ]
+    torques = [g.hip_torque / w.units.torque for g, w in zip((own, other), walkers, strict=True)]
     assert torques[0] == pytest.approx(torques[1], rel=1e-9) and torques[0] != own.hip_torque
-    states = [
-        units_of(w).to_dimensionless(g.state) for g, w in zip((own, other), walkers, strict=True)
-    ]
+    states = [w.units.to_dimensionless(g.state) for g, w in zip((own, other), walkers, strict=True)]
     np.testing.assert_allclose(*states, rtol=1e-7)
 
 

@@ -14,7 +14,6 @@ from gym_passive_walker.gaits.control.baselines import (
     Passive,
 )
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.models.units import units_of
 from tests.control.in_environment import COSTS, walked
 
 
@@ -55,7 +54,7 @@ def test_on_level_ground_the_motor_pays_for_everything():
 @pytest.mark.parametrize("name", ["level-ppo", "push-off-ppo", "rough-ppo", "lab-ppo"])
 def test_what_a_gait_costs_is_what_the_environment_says(name):
     gait = gpw.find_gait(gpw.stride_map(controller=name))
-    strides, units = gait.stride_map, units_of(gait.walker)
+    strides, units = gait.stride_map, gait.walker.units
     seen = walked(strides, strides.points_at(gait.state))
     assert seen.length[0] * units.length == pytest.approx(gait.step_length, rel=1e-5)
     assert seen.duration[0] * units.time == pytest.approx(gait.step_period, rel=1e-5)
@@ -80,7 +79,7 @@ def test_a_cell_of_a_basin_says_what_walking_from_it_does():
     strides = gpw.stride_map(controller=LinearFeedback("steep"), scene="steep")
     basin = gpw.basin_of_attraction(strides, resolution=20, ratios=(0.14, 0.14), strides=6)
     assert not np.array_equal(basin.walks, basin.walks.T)
-    units = units_of(strides.walker)
+    units = strides.walker.units
     for row, rate in zip(basin.walks, basin.stance_rate * units.time, strict=True):
         points = np.column_stack([basin.stance_angle, *np.full((3, 20), rate)])
         points[:, 2:] *= 0.14
@@ -117,7 +116,7 @@ def test_what_a_gait_costs_does_not_hang_on_what_its_motor_is_charged_for():
 def test_a_simulation_tells_the_torque_of_each_tick():
     policy = Optimal("level")
     closed = closed_loop_gait(policy, "level")
-    walk, units = gpw.simulate(closed, samples=200), units_of(closed.walker)
+    walk, units = gpw.simulate(closed, samples=200), closed.walker.units
     for time, torque in zip(walk.times[1:] / units.time, walk.torques[1:, 0], strict=True):
         ticks = time / closed.stride_map.hold  # the last one reaches to the heelstrike
         tick = min(int(np.ceil(ticks - 1e-9)), len(policy.gait.torques)) - 1
@@ -150,7 +149,7 @@ class Held:
 )
 def test_every_motor_pays_its_part(name, motors):
     """Held by a policy, actions have the costs of an `Actuation`, for which they are known."""
-    units = units_of(gpw.WALKERS[name])
+    units = gpw.WALKERS[name].units
     gait = gpw.find_gait(gpw.stride_map(name, 0.0, controller=to_own(units, motors)))
     scene = {
         "walker": name, "slope": 0.0, "control": "stride", "energy": "net",

@@ -15,7 +15,6 @@ from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import LinearFeedback
 from gym_passive_walker.gaits.control.maps import acting_as
 from gym_passive_walker.gaits.scenes.scene import make_scene
-from gym_passive_walker.models.units import units_of
 from tests.control.in_environment import walked
 
 SINGLE = 2e-6  # what single precision of observations and actions comes to in a stride
@@ -481,7 +480,7 @@ def in_environment(policy, scene, state, count):
 @pytest.mark.parametrize("drive", [(-0.001, 0.0, 0.0), (0.002, -0.001, 0.01), (0.0, 0.002, 0.02)])
 def test_motors_that_do_the_same_in_each_stride_act_alike_as_a_policy(drive):
     """As `robustness` has them act; also those that brake."""
-    units = units_of(gpw.WALKERS["E"])
+    units = gpw.WALKERS["E"].units
     held = np.multiply(drive, [units.torque, units.energy, units.impulse])
     strides = gpw.stride_map("E", 0.009, controller=gpw.Actuation(*held))
     state = gpw.find_gait("E", 0.009).state
@@ -562,7 +561,7 @@ def test_a_stride_of_a_map_with_terrain_is_over_its_footholds(controller, seeing
     ):
         np.testing.assert_allclose(other.state, first.state, atol=1e-9)
     assert np.abs(strides.stride(state, slope_change=0.0).state - first.state).max() > 1e-4
-    point, strike = strides.points_at(state), first.duration / units_of(walker).time
+    point, strike = strides.points_at(state), first.duration / walker.units.time
     before = strides.before_strike(point[0], scene.slope, strike)
     late = strides.sample(point, scene.slope, np.array([[strike * (1.0 - 1e-9)]]))
     np.testing.assert_allclose(before, late.states[0, 0], atol=1e-6)

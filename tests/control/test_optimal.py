@@ -18,7 +18,6 @@ from gym_passive_walker.gaits.control.optimum import Problem
 from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.models.units import units_of
 
 SCENES = sorted(path.stem for path in optimal.STORE.glob("*.json"))
 STORED = [(scene, gait) for scene in SCENES for gait in optimal.load(scene)]
@@ -339,7 +338,7 @@ def test_the_simplest_walker_s_optimal_push_off_makes_good_its_heelstrike():
     assert found.push_off == pytest.approx(-rate * np.tan(angle), rel=1e-8)
     assert found.cost_of_transport == found.push_off_cost
     assert found.push_off_cost == pytest.approx(0.5 * found.push_off**2 / found.step_length)
-    units = units_of(gait.walker)
+    units = gait.walker.units
     longer = float(gait.stride.push_off_work) / (units.energy * gait.step_length)
     assert found.push_off_cost < longer  # shorter steps at the same speed cost less
 
@@ -349,7 +348,7 @@ def test_with_every_motor_a_gait_and_its_energy_balance_close():
     actions, slope = ("hip", "ankle", "push_off"), -0.005
     scene = make_scene("level", walker="E", slope=slope, control="stride", actions=actions)
     found = optimal.optimal_gait(scene, 0.15)
-    walker, units = scene.walker, units_of(scene.walker)
+    walker, units = scene.walker, scene.walker.units
     state = Section(walker=walker).states_at(np.array([found.point]))[0]
     drive = to_own(units, Actuation(found.torques[0], found.ankle_torques[0], found.push_off))
     walked = gpw.stride(walker, slope, state, **drive._asdict())

@@ -30,7 +30,6 @@ from gym_passive_walker.gaits.control.optimum import OptimalGait, Problem
 from gym_passive_walker.gaits.control.policy import FunctionPolicy
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.scenes.scene import make_scene
-from gym_passive_walker.models.units import units_of
 
 LEVEL = make_scene("level")
 
@@ -245,7 +244,7 @@ def test_a_simplest_walker_is_not_driven_by_its_hip():
 
 
 def test_the_first_amount_that_drives_a_walker_is_taken():
-    walker, unit = gpw.WALKERS["E"], units_of(gpw.WALKERS["E"]).impulse
+    walker, unit = gpw.WALKERS["E"], gpw.WALKERS["E"].units.impulse
     state, held = first_driven(walker, 0.0, "push_off", iter([0.0, 0.02, 0.05]))
     assert held == gpw.Actuation(push_off=pytest.approx(0.02 * unit))
     end = gpw.stride(walker, 0.0, state, push_off=0.02 * unit, tolerance=1e-12)
@@ -263,7 +262,7 @@ def test_a_stored_gait_costs_what_its_torques_do_in_its_scene(name):
     for gait in optimal.load(name)[::6]:
         strides = gpw.stride_map(controller=gait, scene=name)
         state = strides.states_at(np.array([gait.point]))[0]
-        end, units = strides.stride(state), units_of(scene.walker)
+        end, units = strides.stride(state), scene.walker.units
         np.testing.assert_allclose(end.state, state, atol=1e-7)
         weight = units.force
         assert end.duration / units.time == pytest.approx(gait.step_period, rel=1e-8)

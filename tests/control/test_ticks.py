@@ -18,8 +18,6 @@ from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.equations.systems import body_of
-from gym_passive_walker.models.units import units_of
 
 WALKER = gpw.WALKERS["C"]
 TICK, TICKS = 0.1, 32
@@ -92,7 +90,7 @@ def test_walkers_that_differ_strike_each_in_its_own_time(monkeypatch):
 @pytest.fixture(scope="module")
 def stubbing():
     """A point and a torque for which the stride stubs its toe, if that ends it."""
-    random, section, units = np.random.default_rng(0), Section(walker=WALKER), units_of(WALKER)
+    random, section, units = np.random.default_rng(0), Section(walker=WALKER), WALKER.units
     point = section.points_at(gpw.find_gait(WALKER, 0.02).state)[0]
     points = point * (1.0 + 0.3 * random.uniform(-1.0, 1.0, (4000, 4)))
     torques = random.uniform(-0.05, 0.05, 4000)
@@ -254,7 +252,7 @@ def test_the_hip_s_way_and_work_in_a_tick_have_their_derivatives(name):
         records, way, ticks = walked.here.copy(), way + walked.distance[0, 0], ticks + 1
         outcome = walked.outcomes[0]
     assert outcome == Outcome.HEELSTRIKE and ticks > 5
-    body, angles = body_of(walker), (start[0, 0], records["state"][0, 0, 0])
+    body, angles = walker.body, (start[0, 0], records["state"][0, 0, 0])
     assert way == pytest.approx(-sum(legs.hip_travel(body, angle) for angle in angles), rel=1e-12)
 
 

@@ -17,14 +17,12 @@ import sys
 from dataclasses import replace
 import gym_passive_walker as gpw
 from gym_passive_walker.models.equations.hybrid import State
-from gym_passive_walker.models.equations.systems import body_of, system_of
-from gym_passive_walker.models.units import units_of
 
 def missing(walker, slope, state):
-    units, system = units_of(walker), system_of(walker)
+    units, system = walker.units, walker.equations()
     def energy(at):
         moving = State(*units.to_dimensionless(at))
-        return system.kinetic_energy(body_of(walker), moving) * units.energy
+        return system.kinetic_energy(walker.body, moving) * units.energy
     stride = gpw.stride(walker, slope, state, tolerance=1e-12)
     assert stride.outcome == gpw.Outcome.HEELSTRIKE
     gained = energy(stride.state) - energy(state)
@@ -33,7 +31,7 @@ def missing(walker, slope, state):
 
 for name, slope in (("lab", 0.036), ("A", 0.03)):
     walker = gpw.WALKERS[name]
-    units, state = units_of(walker), gpw.find_gait(walker, slope).state
+    units, state = walker.units, gpw.find_gait(walker, slope).state
     hardening = {"hip_hardening": 0.02 * units.energy}
     friction = {"hip_friction": 0.005 * units.energy * units.time}
     for more in ({}, hardening, hardening | friction):

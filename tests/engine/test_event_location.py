@@ -11,8 +11,7 @@ from gym_passive_walker.engine import event_location
 from gym_passive_walker.engine.compiler import linker
 from gym_passive_walker.engine.layout import HISTORY
 from gym_passive_walker.engine.run import advance, new_records
-from gym_passive_walker.models.equations.systems import bodies, system_of
-from gym_passive_walker.models.units import units_of
+from gym_passive_walker.models.model import bodies
 from tests.equations.examples import LONG_GAITS
 
 QUINTIC, VALUE, DERIVATIVE, ROOT, HIDDEN_CROSSINGS, EXTRAPOLATED = (
@@ -137,7 +136,7 @@ def test_a_hip_that_turns_back_twice_has_gone_every_way(name):
             records["end"] = time
             going = records["outcome"][:, 0] == 0
             records[going] = advance(
-                system_of(walker), bodies(walker), records[going], tolerance=1e-10,
+                walker.equations(), bodies(walker), records[going], tolerance=1e-10,
                 from_section=False,
             )  # fmt: skip
         return records["turned"][:, 0, 0], records["moved"][:, 0, 0], records["outcome"][:, 0] == 0
@@ -153,7 +152,7 @@ def test_a_hip_that_turns_back_twice_has_gone_every_way(name):
 def test_steps_end_on_strikes_and_few_are_made_again(name, slope, most):
     """Each impact is predicted: few steps, with errors of at most a tenth of the allowed one."""
     walker, count = WALKERS[name], 64
-    state = units_of(walker).to_dimensionless(find_gait(walker, slope).state)
+    state = walker.units.to_dimensionless(find_gait(walker, slope).state)
     states = state * (1.0 + 0.01 * np.random.default_rng(1).uniform(-1.0, 1.0, (count, 6)))
     states[:, 1] = states[:, 2] = -states[:, 0]
     if not walker.knees:
@@ -161,7 +160,7 @@ def test_steps_end_on_strikes_and_few_are_made_again(name, slope, most):
     ends = {}
     for tolerance in (1e-8, 1e-14):
         records = new_records(states, slope)
-        advance(system_of(walker), bodies(walker), records, tolerance=tolerance)
+        advance(walker.equations(), bodies(walker), records, tolerance=tolerance)
         assert np.all(records["outcome"] == Outcome.HEELSTRIKE)
         ends[tolerance] = records
     assert ends[1e-8]["steps"].mean() < most
@@ -175,16 +174,16 @@ def test_a_step_that_ends_near_a_strike_goes_on_to_it(name):
     """A walk is integrated in pieces; the last piece ends near the impact."""
     walker = WALKERS[name]
     gait = LONG_GAITS[name]
-    state = units_of(walker).to_dimensionless(gait.state)[None]
+    state = walker.units.to_dimensionless(gait.state)[None]
     whole = new_records(state, gait.slope)
-    advance(system_of(walker), bodies(walker), whole, tolerance=1e-12)
+    advance(walker.equations(), bodies(walker), whole, tolerance=1e-12)
     struck = float(whole["time"][0, 0])
     for before in np.geomspace(1e-9, 0.3, 25):
         pieces = new_records(state, gait.slope, end=struck - before)
-        advance(system_of(walker), bodies(walker), pieces, tolerance=1e-12)
+        advance(walker.equations(), bodies(walker), pieces, tolerance=1e-12)
         assert pieces["outcome"][0, 0] == Outcome.RUNNING
         pieces["end"] = 100.0
-        advance(system_of(walker), bodies(walker), pieces, tolerance=1e-12, from_section=False)
+        advance(walker.equations(), bodies(walker), pieces, tolerance=1e-12, from_section=False)
         assert pieces["outcome"][0, 0] == Outcome.HEELSTRIKE
         assert pieces["time"][0, 0] == pytest.approx(struck, abs=1e-10)
         np.testing.assert_allclose(pieces["state"], whole["state"], rtol=0.0, atol=1e-10)

@@ -12,7 +12,6 @@ from gym_passive_walker.engine.equations import Equations
 from gym_passive_walker.models.equations import kneed
 from gym_passive_walker.models.equations.hybrid import State
 from gym_passive_walker.models.equations.numbers import sine_cosine
-from gym_passive_walker.models.equations.systems import body_of
 from gym_passive_walker.models.expressions import (
     Expression,
     Tangents,
@@ -184,7 +183,7 @@ def test_what_does_not_move_has_no_derivative():
 @pytest.mark.parametrize("bends", [(0.3, -0.4, 0.7), (None, None, None)], ids=["bent", "plain"])
 def test_a_function_of_the_state_is_followed_along_the_motion(bends):
     """First and second time derivative of a foot's height; the second one needs accelerations."""
-    system, body = kneed.SYSTEM, body_of(WALKERS["lab"])
+    system, body = kneed.SYSTEM, WALKERS["lab"].body
     known: dict = {}
     angles, rates = ([read(known, kind, i) for i in range(3)] for kind in ("angle", "rate"))
     accelerations = [read(known, "bend", i) if b is not None else None for i, b in enumerate(bends)]

@@ -11,7 +11,8 @@ from gym_passive_walker import Outcome
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.run import advance, integrate, new_records, options, workspace
 from gym_passive_walker.models.equations.hybrid import SMOOTH, State, Watch
-from gym_passive_walker.models.equations.systems import SYSTEMS, UNEVEN, bodies, body_of, system_of
+from gym_passive_walker.models.equations.systems import SYSTEMS, UNEVEN
+from gym_passive_walker.models.model import bodies
 from tests.equations.test_statements import EXAMPLES, PHASES
 
 GUARDS = [
@@ -42,7 +43,7 @@ EVENTS = {
 
 @pytest.mark.parametrize(("system", "index", "number"), GUARDS)
 def test_a_guard_is_zero_on_its_event_and_has_a_sign_beside_it(system, index, number):
-    guard, body = system.phases[index].guards[number], body_of(EXAMPLES[system.name])
+    guard, body = system.phases[index].guards[number], EXAMPLES[system.name].body
     on = [INSIDE._replace(**event) for event in EVENTS[guard.outcome]]
     values = [abs(guard.falls(body, state, SMOOTH)) for state in on]
     assert min(values) < 1e-15
@@ -52,7 +53,7 @@ def test_a_guard_is_zero_on_its_event_and_has_a_sign_beside_it(system, index, nu
 
 @pytest.mark.parametrize(("system", "index"), PHASES)
 def test_a_walker_in_full_swing_is_inside_all_bounds(system, index):
-    body = body_of(EXAMPLES[system.name])
+    body = EXAMPLES[system.name].body
     outcomes = set()
     for guard in system.phases[index].guards:
         outcomes.add(guard.outcome)
@@ -70,7 +71,7 @@ def test_a_walker_that_begins_beyond_a_bound_has_ended_at_once(system, index, nu
     walker = EXAMPLES[system.name]
     for event in EVENTS[guard.outcome]:
         state = INSIDE._replace(**{name: 1.2 * value for name, value in event.items()})
-        if guard.falls(body_of(walker), state, SMOOTH) > 0.0:
+        if guard.falls(walker.body, state, SMOOTH) > 0.0:
             continue
         records = new_records(np.array([state]), 0.0)
         records["phase"] = index
@@ -102,14 +103,14 @@ def test_a_walker_lands_where_its_guard_is_zero(system, index, tolerance):
     phases = phases_whose_strikes_do_nothing(system)
     integrate(records, bodies(walker), phases, options(tolerance), *workspace())
     values, fell = records[:, 0], set()
-    assert system_of(walker, using=UNEVEN if "uneven" in system.name else ()) is system
+    assert walker.equations(UNEVEN if "uneven" in system.name else ()) is system
     for record in values[values["outcome"] >= 100]:
         number = int(record["outcome"]) - 100
         guard, state = system.phases[index].guards[number], State(*record["state"])
         fell.add(guard.outcome)
-        height = guard.falls(body_of(walker), state, SMOOTH)
+        height = guard.falls(walker.body, state, SMOOTH)
         speed = np.abs(record["state"][3:]).max()
         assert abs(height) < (1.0 + speed) * (0.1 * tolerance + 1e-14)
-        assert all(where(body_of(walker), state, SMOOTH) > 0.0 for where in guard.where)
+        assert all(where(walker.body, state, SMOOTH) > 0.0 for where in guard.where)
     assert set(system.phases[index].resets) <= fell
     assert len(fell) >= 3

@@ -25,8 +25,8 @@ from gym_passive_walker.engine.run import (
     workspace,
 )
 from gym_passive_walker.gaits.flow import Walkers, flow
-from gym_passive_walker.models.equations.systems import SYSTEMS, bodies, system_of
-from gym_passive_walker.models.units import units_of
+from gym_passive_walker.models.equations.systems import SYSTEMS
+from gym_passive_walker.models.model import bodies
 from tests.engine.machine import CPUS
 from tests.equations import statements
 from tests.equations.examples import LONG_GAITS, random_walker
@@ -41,7 +41,7 @@ def many(name: str, count: int, seed: int = 0):
     states[::7] = rng.normal(scale=3.0, size=states[::7].shape)
     states[::11] = 0.0
     slopes = gait.slope + 0.02 * rng.normal(size=count)
-    torques = rng.choice([0.0, 0.02], count) * rng.normal(size=count) * units_of(walker).torque
+    torques = rng.choice([0.0, 0.02], count) * rng.normal(size=count) * walker.units.torque
     return slopes, states, torques
 
 
@@ -107,7 +107,7 @@ def with_derivatives(name: str, count: int):
     scaled, along = statements.dimensionless(walker, states), np.zeros((count, 6, 4))
     along[:, :, :2] = rng.normal(size=(count, 6, 2))
     return flow(
-        Walkers(walker=walker), scaled, slopes, controls=torques / units_of(walker).torque,
+        Walkers(walker=walker), scaled, slopes, controls=torques / walker.units.torque,
         by=("point", "slope", "hip_torque"), along=along, backend=lambda *_, **__: None,
     ).records  # fmt: skip
 
@@ -115,7 +115,7 @@ def with_derivatives(name: str, count: int):
 @pytest.mark.parametrize("name", ["lab", "A", "D"])
 def test_derivatives_are_alike_alone_and_in_a_batch(name):
     walker, together = WALKERS[name], with_derivatives(name, 1030)
-    system, own, single = system_of(walker), bodies(walker), together[:60].copy()
+    system, own, single = walker.equations(), bodies(walker), together[:60].copy()
     parts = together.copy()
     with np.errstate(all="ignore"):
         advance(system, own, together, tolerance=1e-10, threads=1)
@@ -130,7 +130,7 @@ def test_derivatives_are_alike_alone_and_in_a_batch(name):
 @pytest.mark.parametrize("name", ["lab", "A"])
 def test_walkers_of_many_shapes_walk_alike_alone_and_together(name):
     rng = np.random.default_rng(5)
-    system, count = system_of(WALKERS[name]), 150
+    system, count = WALKERS[name].equations(), 150
     slopes, states, _ = many(name, count)
     states = statements.dimensionless(WALKERS[name], states)
     shapes = bodies(*(random_walker(rng, knees=WALKERS[name].knees) for _ in range(count)))
@@ -145,7 +145,7 @@ def test_walkers_of_many_shapes_walk_alike_alone_and_together(name):
 
 def test_one_shape_given_once_or_to_each_is_the_same():
     slopes, states, _ = many("lab", 40)
-    states, system = statements.dimensionless(WALKERS["lab"], states), system_of(WALKERS["lab"])
+    states, system = statements.dimensionless(WALKERS["lab"], states), WALKERS["lab"].equations()
     own = bodies(WALKERS["lab"])
     once, each = new_records(states, slopes), new_records(states, slopes)
     advance(system, own, once, tolerance=1e-10)
@@ -158,12 +158,12 @@ def test_a_walker_that_has_arrived_is_left_alone_by_ticks_of_the_others():
     walker, gait = WALKERS["lab"], LONG_GAITS["lab"]
     state = statements.dimensionless(walker, gait.state)[None]
     records = new_records(np.repeat(state, 3, axis=0), gait.slope, end=[0.1, 1.0, 100.0])
-    values = advance(system_of(walker), bodies(walker), records, tolerance=1e-10)[:, 0]
+    values = advance(walker.equations(), bodies(walker), records, tolerance=1e-10)[:, 0]
     assert list(values["outcome"]) == [Outcome.RUNNING, Outcome.RUNNING, Outcome.HEELSTRIKE]
     np.testing.assert_array_equal(values["time"][:2], [0.1, 1.0])
     assert values["time"][2] > 1.0
     values["end"][:2] += 0.1
-    advance(system_of(walker), bodies(walker), records[:2], tolerance=1e-10, from_section=False)
+    advance(walker.equations(), bodies(walker), records[:2], tolerance=1e-10, from_section=False)
     np.testing.assert_array_equal(values["time"][:2], [0.2, 1.1])
     assert list(values["outcome"]) == [Outcome.RUNNING, Outcome.RUNNING, Outcome.HEELSTRIKE]
 
@@ -207,13 +207,13 @@ def test_it_does_not_matter_what_a_lane_held_before(name):
     slopes, states, _ = many(name, 60)
     walker, rng, found = WALKERS[name], np.random.default_rng(1), []
     for garbage in (0.0, 1.0, 30.0):
-        records = new_records(units_of(walker).to_dimensionless(states), slopes)
+        records = new_records(walker.units.to_dimensionless(states), slopes)
         working = workspace()
         for place in working:
             numbers = place.view(float)
             numbers[:] = garbage * rng.normal(size=numbers.shape)
         phases, reported = (
-            compiled(system_of(walker).name),
+            compiled(walker.equations().name),
             options(1e-6, from_section=True, scuff=True),
         )
         integrate(records, bodies(walker), phases, reported, *working)
@@ -227,7 +227,7 @@ def test_vectors_may_be_shorter(name, lanes):
     """Those of an ARM processor hold two numbers."""
     slopes, states, _ = many(name, 60)
     states, own = statements.dimensionless(WALKERS[name], states), bodies(WALKERS[name])
-    system = SYSTEMS[system_of(WALKERS[name]).name]
+    system = SYSTEMS[WALKERS[name].equations().name]
     code = machine.loaded(machine.object_code(written(system, module=Module(group=lanes))))
     found = []
     for phases in (compiled(system.name), phases_of(system, code, lanes)):
@@ -250,7 +250,7 @@ def walk(name: str, derivatives: bool) -> bytes:
     walker, records = WALKERS[name], with_derivatives(name, 60)
     records = records[:, : None if derivatives else 1].copy()
     with np.errstate(all="ignore"):
-        advance(system_of(walker), bodies(walker), records, tolerance=1e-10, threads=1)
+        advance(walker.equations(), bodies(walker), records, tolerance=1e-10, threads=1)
     return records.tobytes()
 
 

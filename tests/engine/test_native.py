@@ -16,7 +16,7 @@ from gym_passive_walker.engine.step import ALERT, LONGEST_STEP, PLAIN, UP
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import SMOOTH, Control, Ground, State, System
 from gym_passive_walker.models.equations.numbers import sine_cosine
-from gym_passive_walker.models.equations.systems import SYSTEMS, body_of
+from gym_passive_walker.models.equations.systems import SYSTEMS
 from gym_passive_walker.models.expressions import choose, inverse_root, read, square_root
 from tests.engine.machine import CPUS, Native, call, evaluate, in_lanes, rows
 from tests.equations.test_statements import PHASES, some_state, some_walker
@@ -241,7 +241,7 @@ class Filled:
     def __init__(self, system: System, index: int, seed: int, tangents: int = 0) -> None:
         rng, phase = np.random.default_rng(seed), system.phases[index]
         self.system, self.phase, self.links = system, phase, phase.links
-        self.bodies = [body_of(some_walker(rng, system)) for _ in range(WIDTH)]
+        self.bodies = [some_walker(rng, system).body for _ in range(WIDTH)]
         self.states = [some_state(rng, phase.links) for _ in range(WIDTH)]
         self.moving = [i for i, name in enumerate(Control._fields) if name not in system.absent]
         self.controls = [self.held(rng.normal(size=len(Control._fields))) for _ in range(WIDTH)]
@@ -519,7 +519,7 @@ def test_a_strike_does_to_a_record_what_is_stated(system, index, outcome):
     rng, code = np.random.default_rng(8), compiled(system.name)[index]
     reset = system.phases[index].resets[outcome]
     for _ in range(50):
-        body, record = body_of(some_walker(rng, system)), np.zeros(1, RECORD)
+        body, record = some_walker(rng, system).body, np.zeros(1, RECORD)
         angle, ground = rng.uniform(0.1, 0.7), some_ground(rng, system, 0.1)
         before = State(-angle, angle, angle, *rng.normal(size=3))
         if outcome == Outcome.KNEESTRIKE:
@@ -555,7 +555,7 @@ def test_derivatives_pass_through_a_strike(system, index, outcome):
     code = compiled(system.name, derived=True)[index]
     reset = system.phases[index].resets[outcome]
     for _ in range(10):
-        constants = body_of(some_walker(rng, system))
+        constants = some_walker(rng, system).body
         bodies = np.zeros((tangents + 1, len(constants)))
         bodies[0], bodies[1:] = constants, rng.normal(size=bodies[1:].shape)
         records = np.zeros(tangents + 1, RECORD)
@@ -604,7 +604,7 @@ def test_no_phase_begins_where_it_is_refused():
     code, reset = compiled("kneed")[0], system.phases[0].resets[Outcome.KNEESTRIKE]
     met = []
     for _ in range(300):
-        body, record = body_of(some_walker(rng, system)), np.zeros(1, RECORD)
+        body, record = some_walker(rng, system).body, np.zeros(1, RECORD)
         before = State(*rng.uniform(-0.7, 0.7, 2), 0.0, *rng.normal(size=3))
         before = before._replace(shank=before.thigh)
         after, _, _ = reset.strike(body, before, 0.0, SMOOTH)
@@ -627,7 +627,7 @@ def test_no_phase_begins_where_it_is_refused():
 @pytest.mark.parametrize("system", SYSTEMS.values(), ids=SYSTEMS)
 def test_a_hips_place_is_written_down(system):
     rng, code = np.random.default_rng(11), compiled(system.name)[0]
-    body, record = body_of(some_walker(rng, system)), np.zeros(1, RECORD)
+    body, record = some_walker(rng, system).body, np.zeros(1, RECORD)
     record["state"] = 0.3
     call(code["place"], record, np.array(body, dtype=float))
     assert record["place"] == pytest.approx(legs.hip_travel(body, 0.3), rel=1e-14)

@@ -8,8 +8,6 @@ import pytest
 from gym_passive_walker import Outcome, stride
 from gym_passive_walker.gaits.look.dense_stride import states_at
 from gym_passive_walker.models.equations.hybrid import SMOOTH, State, Watch
-from gym_passive_walker.models.equations.systems import body_of, system_of
-from gym_passive_walker.models.units import units_of
 from gym_passive_walker.models.walkers import WALKERS
 
 COUNT = 600
@@ -36,7 +34,7 @@ def test_of_events_in_one_step_the_earliest_ends_the_phase(walker, tolerance):
     # What differs grazes: rare, and the rarer the finer the tolerance is.
     assert len(apart) <= (0.02 if tolerance > 1e-4 else 0.004) * COUNT
     same = coarse.outcome == fine.outcome
-    scale = units_of(WALKERS[walker]).time
+    scale = WALKERS[walker].units.time
     late = np.abs(coarse.duration - fine.duration)[same] / scale
     assert np.quantile(late, 0.98) < 30.0 * tolerance
     assert len(set(fine.outcome.tolist())) >= 3
@@ -45,8 +43,8 @@ def test_of_events_in_one_step_the_earliest_ends_the_phase(walker, tolerance):
 @pytest.mark.parametrize("walker", ["lab", "C", "A"])
 def test_no_walker_goes_on_beyond_a_bound(walker):
     """All states of a stride before its end lie within all bounds of its phase."""
-    body, system = body_of(WALKERS[walker]), system_of(WALKERS[walker])
-    units, states = units_of(WALKERS[walker]), thrown(walker, seed=1, count=150)
+    body, system = WALKERS[walker].body, WALKERS[walker].equations()
+    units, states = WALKERS[walker].units, thrown(walker, seed=1, count=150)
     found = stride(walker, 0.02, states, tolerance=1e-6)
     seen = set()
     for state, duration, outcome in zip(states, found.duration, found.outcome, strict=True):

@@ -11,7 +11,6 @@ import pytest
 import gym_passive_walker as gpw
 from gym_passive_walker.gaits.control.baselines import ConstantTorque
 from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
-from gym_passive_walker.models.units import units_of
 
 POINT_FEET = replace(gpw.WALKERS["C"], foot_radius=0.0, foot_angle=0.0)
 WALKERS = {"kneed": POINT_FEET, "straight": gpw.WALKERS["E"], "simplest": gpw.WALKERS["D"]}
@@ -22,7 +21,7 @@ ALL = ("push_off", "ankle", "hip")
 def world(kind: str, **changes):
     """A world in which a stride is a step, and an action is everything at once."""
     start = tuple(gpw.find_gait("E" if kind == "kneed" else WALKERS[kind], 0.01).state)
-    units = units_of(WALKERS["straight" if kind == "kneed" else kind])
+    units = WALKERS["straight" if kind == "kneed" else kind].units
     start = (*start[:3], *(np.array(start[3:]) * units.time).tolist())
     arguments = {
         "walker": WALKERS[kind], "slope": SLOPES[kind], "control": "stride", "actions": ALL,
@@ -35,7 +34,7 @@ def world(kind: str, **changes):
 def test_a_stride_by_all_actions_is_the_stride_map_and_pays_for_each(kind):
     env = world(kind)
     env.reset(seed=0)
-    units, state = units_of(env.walker), env.state
+    units, state = env.walker.units, env.state
     _, reward, _, _, info = env.step(np.array([0.2, 0.1, -0.1]))
     walk = gpw.stride(
         env.walker, env.slope, state, tolerance=1e-12,

@@ -9,7 +9,7 @@ import pytest
 from gym_passive_walker.envs.explain import as_rows
 from gym_passive_walker.gaits.control.maps import map_in
 from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
-from gym_passive_walker.models.units import PROPORTIONS, proportions, units_of
+from gym_passive_walker.models.units import PROPORTIONS, proportions
 from gym_passive_walker.models.walkers import PARAMETERS, WALKERS
 
 NAMES = make_scene("anywhere").observe_body
@@ -48,9 +48,9 @@ def test_proportions_do_not_depend_on_units(name):
         if each.partition("_")[2] in ("length", "offset", "com", "gyration", "radius")
     }
     masses = {each: 7.0 * getattr(walker, each) for each in PARAMETERS if each.endswith("mass")}
-    stiff = replace(walker, hip_stiffness=0.1 * units_of(walker).torque)
+    stiff = replace(walker, hip_stiffness=0.1 * walker.units.torque)
     large = replace(walker, **lengths, **masses, gravity=2.0)
-    large = replace(large, hip_stiffness=0.1 * units_of(large).torque)
+    large = replace(large, hip_stiffness=0.1 * large.units.torque)
     assert proportions(large, PROPORTIONS) == pytest.approx(proportions(stiff, PROPORTIONS))
 
 

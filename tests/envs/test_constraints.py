@@ -11,7 +11,6 @@ from gym_passive_walker.envs.constraints import READINGS
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.gaits.scenes.checks import CHECKS
 from gym_passive_walker.gaits.scenes.scene import make_scene
-from gym_passive_walker.models.units import units_of
 
 SLOPES = {"lab": 0.036, "C": 0.03, "A": 0.03, "D": 0.009}
 
@@ -51,7 +50,7 @@ def test_readings_of_a_stride_are_those_of_the_reality_check(walker):
     found = gpw.reality_check(walker, SLOPES[walker], gait.state)
     env = world(walker, tick=0.02, tolerance=1e-12, constraints=checks(walker))
     infos = walked(env, options={"state": gait.state})
-    units = units_of(env.walker)
+    units = env.walker.units
 
     def least(name):
         return min(info[name] for info in infos)
@@ -83,7 +82,7 @@ def test_readings_of_a_stride_are_those_of_the_reality_check(walker):
 @pytest.mark.parametrize("walker", ["lab", "E", "D"])
 def test_what_a_push_off_needs_of_the_leaving_foot_counts(walker):
     slope, push_off = {"lab": 0.03}.get(walker, 0.0), 0.02
-    given = gpw.Actuation(push_off=push_off * units_of(gpw.WALKERS[walker]).impulse)
+    given = gpw.Actuation(push_off=push_off * gpw.WALKERS[walker].units.impulse)
     gait = gpw.find_gait(gpw.stride_map(walker, slope, controller=given))
     found = gpw.reality_check(gait)
     env = world(
@@ -93,7 +92,7 @@ def test_what_a_push_off_needs_of_the_leaving_foot_counts(walker):
     infos = walked(env, action=1.0, options={"state": gait.state})
     assert infos[-1]["outcome"] == "heelstrike"
     if env.walker.knees:
-        scale = units_of(env.walker).impulse * env.walker.leg_length
+        scale = env.walker.units.impulse * env.walker.leg_length
         bent = found.stance_knee_at_push_off.value, found.stance_knee_at_heelstrike.value
         least = min(*bent, found.stance_knee_at_kneestrike.value) / scale
         assert infos[-1]["stance_knee_impulse"] >= least - 1e-9

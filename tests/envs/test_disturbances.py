@@ -16,7 +16,7 @@ from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.scene import UNDISTURBED, SceneError, make_scene, undisturbed
 from gym_passive_walker.models.equations.hybrid import Outcome, State
-from gym_passive_walker.models.equations.systems import bodies, body_of, system_of
+from gym_passive_walker.models.model import bodies
 from tests.conformance.scenes import name_time_limits
 from tests.own.statements import DRIVEN
 
@@ -54,7 +54,7 @@ def carried(system, body, record, end):
 def test_a_pushed_stride_is_one_carried_to_the_push_pushed_and_carried_on(walker):
     pushes = {"rate": 0.8, "impulse": (-0.01, 0.02)}
     env = one(walker, control="stride", pushes=pushes, tolerance=1e-12, max_hip_torque=0.0)
-    system, body = system_of(env.walker), bodies(env.walker)
+    system, body = env.walker.equations(), bodies(env.walker)
     tried = 0
     for seed in range(30):
         env.reset(seed=seed)
@@ -66,14 +66,14 @@ def test_a_pushed_stride_is_one_carried_to_the_push_pushed_and_carried_on(walker
         tried += 1
         carried(system, body, record, due)
         phase, state = system.phases[record[0, 0]["phase"]], State(*record[0, 0]["state"])
-        energy = system.kinetic_energy(body_of(env.walker), state)
+        energy = system.kinetic_energy(env.walker.body, state)
         # Rates are linear in the impulse and energy is quadratic: its work gives the impulse.
-        unit = np.array(phase.push(body_of(env.walker), state, -1.0, 0.0))[[0, 1, -1]]
+        unit = np.array(phase.push(env.walker.body, state, -1.0, 0.0))[[0, 1, -1]]
 
         def gained(impulse, state=state, unit=unit, energy=energy):
             rates = np.array(state[3:]) + impulse * unit
             after = State(*state[:3], *rates)
-            return system.kinetic_energy(body_of(env.walker), after) - energy, rates
+            return system.kinetic_energy(env.walker.body, after) - energy, rates
 
         low, high = pushes["impulse"]
         for _ in range(60):
@@ -93,7 +93,7 @@ def test_a_stride_gains_what_gravity_and_pushes_give_less_what_strikes_take(walk
     pushes = {"rate": 1.0, "impulse": (-0.003, 0.004)}
     env = one(walker, control="stride", pushes=pushes, tolerance=1e-12)
     env.reset(seed=4)
-    system, body = system_of(env.walker), body_of(env.walker)
+    system, body = env.walker.equations(), env.walker.body
     pushed = 0
     for _ in range(6):
         before = system.kinetic_energy(body, State(*env.batch.records[0, 0]["state"]))

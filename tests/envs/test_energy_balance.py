@@ -11,7 +11,8 @@ import gym_passive_walker as gpw
 from gym_passive_walker import WALKERS
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.models.equations.hybrid import State
-from gym_passive_walker.models.equations.systems import UNEVEN, bodies, system_of
+from gym_passive_walker.models.equations.systems import UNEVEN
+from gym_passive_walker.models.model import bodies
 from tests.equations.examples import fitted
 
 KINDS = {
@@ -39,7 +40,7 @@ def imbalances(kind: str, walkers: int, wanted: int) -> np.ndarray:
         walkers, {**EVERYTHING, **KINDS[kind]}, max_episode_steps=-1, autoreset_mode="SameStep"
     )
     walker = KINDS[kind]["walker"]
-    system, body = system_of(walker, using=UNEVEN), system_of(walker, using=UNEVEN).Body
+    system, body = walker.equations(UNEVEN), walker.equations(UNEVEN).Body
     own = body(*bodies(walker)[0, 0])
     rng, found, count = np.random.default_rng(0), [], 0
     envs.reset(seed=0)

@@ -17,7 +17,6 @@ from gym_passive_walker.gaits.scenes.starts import (
     known_gaits,
     searched_gait,
 )
-from gym_passive_walker.models.units import units_of
 from tests.own.statements import DRIVEN
 
 
@@ -126,7 +125,7 @@ def test_a_state_just_after_heelstrike_is_a_start_though_its_knee_would_bend_too
 
 def test_a_start_is_given_in_the_walkers_units_and_kept_dimensionless():
     walker, state = WALKERS["lab"], find_gait("lab", 0.036).state
-    own = units_of(walker).to_dimensionless(state)
+    own = walker.units.to_dimensionless(state)
     np.testing.assert_allclose(checked_state(state, walker), own, rtol=1e-14)
     assert not np.allclose(own[3:], state[3:])
 
@@ -212,7 +211,7 @@ def test_nodes_of_a_range_are_its_gaits_at_equal_distances():
     slopes, states = own.nodes
     assert slopes.tolist() == own.node_slopes and states.shape == (13, 6)
     for k in (0, 5, 12):
-        gait = units_of(WALKERS["C"]).to_dimensionless(find_gait("C", slopes[k]).state)
+        gait = WALKERS["C"].units.to_dimensionless(find_gait("C", slopes[k]).state)
         np.testing.assert_allclose(states[k], gait, rtol=1e-9, atol=1e-10)
     asked = np.array([0.04, 0.011, 0.0333, 0.01, 0.0225])
     expected = [np.interp(asked, slopes, column) for column in states.T]
@@ -256,12 +255,12 @@ def test_angles_of_a_start_are_below_their_limits(entry, limit, name):
 def test_a_search_finds_long_gaits_in_dimensionless_units():
     """From a guess far away too; a walker without a long gait has none."""
     for name, slope in (("lab", 0.036), ("A", 0.02)):
-        expected = units_of(WALKERS[name]).to_dimensionless(find_gait(name, slope).state)
+        expected = WALKERS[name].units.to_dimensionless(find_gait(name, slope).state)
         for guess in (None, tuple(expected), (0.9, -0.9, -0.9, 1.0, 1.0, 1.0)):
             found = searched_gait(WALKERS[name], slope, guess)
             np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-9)
     short = find_gait("A", 0.02, kind="short")
-    guess = tuple(units_of(WALKERS["A"]).to_dimensionless(short.state).tolist())
+    guess = tuple(WALKERS["A"].units.to_dimensionless(short.state).tolist())
     assert searched_gait(WALKERS["A"], 0.02, guess)[0] == pytest.approx(
         searched_gait(WALKERS["A"], 0.02)[0], rel=1e-8
     )

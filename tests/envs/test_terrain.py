@@ -8,7 +8,6 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.gaits.scenes.scene import SceneError
-from gym_passive_walker.models.equations.systems import body_of
 
 ROUGH = {"walker": "C", "slope": 0.05, "terrain": gpw.rough(0.002, 0.004)}
 STRIDES = {**ROUGH, "control": "stride", "max_hip_torque": 0.0, "end_on_toe_stub": False}
@@ -51,7 +50,7 @@ def test_both_legs_meet_at_the_hip_where_a_foot_comes_down_on_a_slope_of_its_own
     given = STRIDES | {"walker": "lab", "slope": 0.036, "terrain": {"footholds": ground}}
     env = gym.make("PassiveWalker-v0", **given, reset_noise_scale=0.0, disable_env_checker=True)
     env.reset(seed=0)
-    batch, body = env.unwrapped.batch, body_of(gpw.WALKERS["lab"])
+    batch, body = env.unwrapped.batch, gpw.WALKERS["lab"].body
     radius, leg = body.foot_radius, body.leg
     disturbance, record = batch.disturbances.states[0], batch.records[0, 0]
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from gym_passive_walker import WALKERS, Walker
-from gym_passive_walker.models.units import units_of
 
 MASSIVE = [name for name, walker in WALKERS.items() if not walker.massless_legs]
 KNEED = [name for name, walker in WALKERS.items() if walker.knees]
@@ -87,7 +86,7 @@ def random_walker(rng: np.random.Generator, *, knees: bool, gravity: float | Non
 
 def fitted(walker: Walker, spring=0.05, friction=0.004, knee=0.01) -> Walker:
     """The walker with springs and friction at its joints, dimensionless."""
-    units = units_of(walker)
+    units = walker.units
     return replace(
         walker,
         hip_stiffness=spring * units.torque,

@@ -15,8 +15,7 @@ from gym_passive_walker import Outcome, Walker
 from gym_passive_walker.models.equations import kneed, legs, simplest, straight
 from gym_passive_walker.models.equations.hybrid import Control, Ground, State
 from gym_passive_walker.models.equations.numbers import sine_cosine
-from gym_passive_walker.models.equations.systems import SYSTEMS, body_of, system_of
-from gym_passive_walker.models.units import units_of
+from gym_passive_walker.models.equations.systems import SYSTEMS
 
 sine_cosine.register(sp.Basic, lambda x: (sp.sin(x), sp.cos(x)))
 
@@ -31,7 +30,7 @@ def ground(slope) -> Ground:
 
 def dimensionless(walker: Walker, state) -> np.ndarray:
     """A state with its rates in units of sqrt(g/l)."""
-    return units_of(walker).to_dimensionless(np.asarray(state, dtype=float))
+    return walker.units.to_dimensionless(np.asarray(state, dtype=float))
 
 
 def equations(walker: Walker, *, locked: bool) -> ModuleType:
@@ -43,9 +42,9 @@ def equations(walker: Walker, *, locked: bool) -> ModuleType:
 
 def accelerations(walker: Walker, slope: float, state, torque: float, *, locked: bool):
     """Angular accelerations of the model at a state [angles, rates]."""
-    units, s = units_of(walker), State(*dimensionless(walker, state))
-    phase = system_of(walker).phases[-1 if locked else 0]
-    found = phase.accelerations(body_of(walker), s, Control(torque / units.torque), ground(slope))
+    units, s = walker.units, State(*dimensionless(walker, state))
+    phase = walker.equations().phases[-1 if locked else 0]
+    found = phase.accelerations(walker.body, s, Control(torque / units.torque), ground(slope))
     assert len(found) == phase.links
     return np.array(found)[[0, 1, -1]] * units.rate**2
 
@@ -53,19 +52,19 @@ def accelerations(walker: Walker, slope: float, state, torque: float, *, locked:
 def kinetic_energy(walker: Walker, state, *, locked: bool) -> float:
     """The kinetic energy in the model of a walker with massive legs."""
     energy = equations(walker, locked=locked).kinetic_energy
-    return energy(body_of(walker), State(*dimensionless(walker, state))) * units_of(walker).energy
+    return energy(walker.body, State(*dimensionless(walker, state))) * walker.units.energy
 
 
 def foot_clearance(walker: Walker, angles, *, locked: bool) -> float:
     """Height of the swing foot over the ground in the model."""
     clearance = equations(walker, locked=locked).foot_clearance
-    return clearance(body_of(walker), State(*angles, 0.0, 0.0, 0.0)) * walker.leg_length
+    return clearance(walker.body, State(*angles, 0.0, 0.0, 0.0)) * walker.leg_length
 
 
 def struck(walker: Walker, phase: int, outcome: Outcome, before: State):
     """State after an impact, and the energy lost, from a state in the walker's own units."""
-    units, reset = units_of(walker), system_of(walker).phases[phase].resets[outcome]
-    after, loss, _ = reset.strike(body_of(walker), State(*dimensionless(walker, before)))
+    units, reset = walker.units, walker.equations().phases[phase].resets[outcome]
+    after, loss, _ = reset.strike(walker.body, State(*dimensionless(walker, before)))
     return State(*units.to_own(np.array(after))), loss * units.energy
 
 
@@ -87,9 +86,9 @@ def heelstrike(walker: Walker, stance: float, rates):
 
 def pushed(walker: Walker, state, impulse: complex, *, locked: bool) -> np.ndarray:
     """Angular velocities of the model after an impulse on the hip, forward plus i times up."""
-    units, s = units_of(walker), State(*dimensionless(walker, state))
+    units, s = walker.units, State(*dimensionless(walker, state))
     part = impulse / (units.force * units.time)
-    phase = system_of(walker).phases[-1 if locked else 0]
-    jumps = phase.push(body_of(walker), s, -part.real, part.imag)
+    phase = walker.equations().phases[-1 if locked else 0]
+    jumps = phase.push(walker.body, s, -part.real, part.imag)
     assert len(jumps) == phase.links
     return np.array(state[3:]) + np.array(jumps)[[0, 1, -1]] * units.rate

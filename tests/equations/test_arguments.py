@@ -168,7 +168,7 @@ def test_units_are_those_of_leg_mass_and_gravity(name):
     length = walker.thigh_length + walker.shank_length
     mass = 2 * walker.thigh_mass + 2 * walker.shank_mass + walker.hip_mass
     time = math.sqrt(length / 3.7)
-    found = units.units_of(walker)
+    found = walker.units
     expected = {
         "length": length, "time": time, "energy": mass * 3.7 * length, "rate": 1 / time,
         "force": mass * 3.7, "impulse": mass * math.sqrt(3.7 * length),
@@ -190,7 +190,7 @@ def test_units_are_those_of_leg_mass_and_gravity(name):
 @pytest.mark.parametrize("shape", [(6,), (4, 6), (2, 3, 6), (8,), (5, 4)])
 def test_states_become_dimensionless_by_their_rates_and_return(shape):
     given = np.random.default_rng(1).normal(size=shape)
-    found = units.units_of(changed("lab"))
+    found = changed("lab").units
     half = shape[-1] // 2
     scaled = found.to_dimensionless(given)
     np.testing.assert_array_equal(scaled[..., :half], given[..., :half])
@@ -222,7 +222,8 @@ def test_the_growth_of_units_is_their_logarithmic_derivative(name):
         if value < step and parameter != "foot_angle":
             continue  # at a bound
         more, less = (
-            units._of(replace(walker, **{parameter: value + sign * step})) for sign in (1.0, -1.0)
+            units.Units.of(replace(walker, **{parameter: value + sign * step}))
+            for sign in (1.0, -1.0)
         )
         found = units.growth(walker, parameter)
         for key in ("length", "time", "energy", "torque"):

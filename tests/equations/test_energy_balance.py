@@ -7,8 +7,6 @@ import pytest
 
 from gym_passive_walker import WALKERS, Outcome, stride
 from gym_passive_walker.models.equations.hybrid import State
-from gym_passive_walker.models.equations.systems import body_of, system_of
-from gym_passive_walker.models.units import units_of
 from tests.equations import bodies, oracle, statements
 from tests.equations.examples import GAITS, LONG_GAITS, MASSIVE, random_state
 
@@ -33,7 +31,7 @@ def assert_balance_closes(walker, start, found, within: float = 1e-11) -> None:
 def test_the_energy_balance_of_a_stride_closes(gait, torque):
     walker = WALKERS[gait.walker]
     state = gait.state * [1.0, 1.0, 1.0, 1.02, 1.01, 1.01]
-    found = stride(walker, gait.slope, state, hip_torque=torque * units_of(walker).torque)
+    found = stride(walker, gait.slope, state, hip_torque=torque * walker.units.torque)
     assert_balance_closes(walker, state, found)
 
 
@@ -46,7 +44,7 @@ def test_the_energy_balance_closes_as_well_as_the_motion_is_integrated(name):
         state[1:3] = -state[0]
         if not walker.knees:
             state[5] = state[4]
-        torque = rng.uniform(-0.05, 0.05) * units_of(walker).torque
+        torque = rng.uniform(-0.05, 0.05) * walker.units.torque
         for tolerance in (1e-6, 1e-9, 1e-14):
             found = stride(walker, gait.slope, state, hip_torque=torque, tolerance=tolerance)
             assert_balance_closes(walker, state, found, 10.0 * tolerance + 1e-14)
@@ -58,7 +56,7 @@ def test_the_energy_balance_of_a_fall_closes(name):
     outcomes = set()
     for push in (0.4, 2.5):
         state = gait.state * [1.0, 1.0, 1.0, push, 1.0, 1.0]
-        torque = 0.01 * units_of(walker).torque
+        torque = 0.01 * walker.units.torque
         found = stride(walker, gait.slope, state, hip_torque=torque, tolerance=1e-12)
         outcomes.add(found.outcome)
         assert_balance_closes(walker, state, found)
@@ -72,9 +70,9 @@ def test_the_motion_in_the_energy_balance_is_that_of_the_bodies(name):
     walker, rng = WALKERS[name], np.random.default_rng(1)
     states = [random_state(rng, walker, locked=not walker.knees) for _ in range(20)]
     scaled = State(*statements.dimensionless(walker, states).T)
-    energies = system_of(walker).kinetic_energy(body_of(walker), scaled)
+    energies = walker.equations().kinetic_energy(walker.body, scaled)
     expected = [oracle.kinetic_energy(walker, state) for state in states]
-    np.testing.assert_allclose(energies * units_of(walker).energy, expected, rtol=1e-12)
+    np.testing.assert_allclose(energies * walker.units.energy, expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", MASSIVE)
@@ -91,7 +89,7 @@ def test_gravitys_work_is_the_potential_energy_given_up(name):
 @pytest.mark.parametrize("torque", [0.01, -0.002, 0.04])
 def test_hip_work_is_what_an_independent_integration_says(name, torque):
     walker, gait = WALKERS[name], LONG_GAITS[name]
-    torque *= units_of(walker).torque
+    torque *= walker.units.torque
     walk = oracle.walk(walker, gait.slope, gait.state, torque=torque)
     found = stride(walker, gait.slope, gait.state, hip_torque=torque)
     ends = [oracle.opening(phase.state(t)) for phase in walk.phases for t in phase.times[[0, -1]]]
@@ -108,7 +106,7 @@ def test_hip_work_is_what_an_independent_integration_says(name, torque):
 def test_absolute_hip_work_does_not_need_a_fine_integration(name, tolerance):
     """Steps end where the hip reverses, so long steps contain no reversal."""
     walker, gait = WALKERS[name], LONG_GAITS[name]
-    torque = 0.01 * units_of(walker).torque
+    torque = 0.01 * walker.units.torque
     coarse = stride(walker, gait.slope, gait.state, hip_torque=torque, tolerance=tolerance)
     fine = stride(walker, gait.slope, gait.state, hip_torque=torque, tolerance=1e-13)
     assert coarse.hip_work_absolute == pytest.approx(fine.hip_work_absolute, rel=10.0 * tolerance)
@@ -118,7 +116,7 @@ def test_absolute_hip_work_does_not_need_a_fine_integration(name, tolerance):
 @pytest.mark.parametrize("name", MASSIVE)
 def test_absolute_hip_work_is_positive_and_negative_work_added(name, share):
     walker, gait = WALKERS[name], LONG_GAITS[name]
-    found = stride(walker, gait.slope, gait.state, hip_torque=share * units_of(walker).torque)
+    found = stride(walker, gait.slope, gait.state, hip_torque=share * walker.units.torque)
     positive, absolute = found.hip_work_positive, found.hip_work_absolute
     negative = absolute - positive
     assert absolute > 0.0
@@ -129,7 +127,7 @@ def test_absolute_hip_work_is_positive_and_negative_work_added(name, share):
 def test_a_torque_that_drives_late_and_brakes_early_does_both():
     """The swing leg starts backwards, relative to the stance leg, in walkers with heavy shanks."""
     gait = LONG_GAITS["lab"]
-    torque = 0.01 * units_of(WALKERS["lab"]).torque
+    torque = 0.01 * WALKERS["lab"].units.torque
     found = stride("lab", gait.slope, gait.state, hip_torque=torque)
     assert 0.02 < found.hip_work_positive / found.hip_work_absolute < 0.98
 
@@ -138,7 +136,7 @@ def test_a_torque_that_drives_late_and_brakes_early_does_both():
 def test_reversing_the_torque_of_a_short_push_reverses_its_work(name):
     """To first order: the same motion with a tiny positive or negative work."""
     walker, gait = WALKERS[name], LONG_GAITS[name]
-    push = 1e-9 * units_of(walker).torque
+    push = 1e-9 * walker.units.torque
     driven = stride(walker, gait.slope, gait.state, hip_torque=push)
     braked = stride(walker, gait.slope, gait.state, hip_torque=-push)
     assert driven.hip_work == pytest.approx(-braked.hip_work, rel=1e-6)

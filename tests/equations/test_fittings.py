@@ -22,20 +22,14 @@ from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.gaits.look.dense_stride import states_at
 from gym_passive_walker.gaits.look.forces import forces
 from gym_passive_walker.models.equations.hybrid import State
-from gym_passive_walker.models.equations.systems import (
-    FITTINGS,
-    SYSTEMS,
-    bodies,
-    body_of,
-    system_of,
-)
-from gym_passive_walker.models.units import units_of
+from gym_passive_walker.models.equations.systems import FITTINGS, SYSTEMS
+from gym_passive_walker.models.model import bodies
 from tests.equations.examples import GAITS, KNEED, LONG_GAITS, MASSIVE, fitted, random_walker
 
 
 def missing(walker: Walker, start, walk) -> float:
     """Error of a stride's energy balance, over m g l."""
-    units, system, body = units_of(walker), system_of(walker), body_of(walker)
+    units, system, body = walker.units, walker.equations(), walker.body
 
     def kinetic(state):
         return system.kinetic_energy(body, State(*units.to_dimensionless(state)))
@@ -49,7 +43,7 @@ def missing(walker: Walker, start, walk) -> float:
 def test_the_energy_balance_closes_with_springs_and_friction(name):
     gait = LONG_GAITS[name]
     walker = fitted(WALKERS[name])
-    for torque in (0.0, 0.002 * units_of(walker).torque):
+    for torque in (0.0, 0.002 * walker.units.torque):
         walk = stride(walker, gait.slope, gait.state, hip_torque=torque, tolerance=1e-13)
         assert walk.outcome == Outcome.HEELSTRIKE
         assert abs(missing(walker, gait.state, walk)) < 1e-14
@@ -93,10 +87,10 @@ def test_springs_without_stiffness_change_no_bit_of_a_walk(gait):
     """The code with springs and friction, and the code without."""
     walker = WALKERS[gait.walker]
     ends = []
-    for system in (system_of(walker), system_of(walker, using=FITTINGS)):
-        records = new_records(units_of(walker).to_dimensionless(gait.state)[None], gait.slope, 1e-3)
+    for system in (walker.equations(), walker.equations(FITTINGS)):
+        records = new_records(walker.units.to_dimensionless(gait.state)[None], gait.slope, 1e-3)
         ends.append(advance(system, bodies(walker), records, tolerance=1e-10)["state"])
-    assert system is not system_of(walker)
+    assert system is not walker.equations()
     np.testing.assert_array_equal(*ends)
 
 
@@ -117,7 +111,7 @@ def test_a_walker_answers_to_a_spring_that_it_has_not_yet(name, wrt):
     gait, walker = LONG_GAITS[name], WALKERS[name]
     if wrt == "knee_stiffness" and not walker.knees:
         return
-    units = units_of(walker)
+    units = walker.units
     unit = units.torque * (units.time if wrt == "hip_friction" else 1.0)
     by = unit * stride_jacobian(walker, gait.slope, gait.state, wrt=wrt)[:, 0]
     step = 1e-4
@@ -133,7 +127,7 @@ def test_a_walker_answers_to_a_spring_that_it_has_not_yet(name, wrt):
 
 def test_a_family_begins_without_a_spring_and_folds_where_friction_takes_too_much():
     walker = WALKERS["A"]
-    units = units_of(walker)
+    units = walker.units
     most = 0.2 * units.torque
     springs = parameter_family(walker, "hip_stiffness", 0.0, most, slope=0.03)
     assert springs.value[0] == 0.0 and springs.value[-1] == pytest.approx(most)

@@ -13,15 +13,8 @@ from hypothesis import strategies as st
 from gym_passive_walker import WALKERS, Outcome, find_gait, rough, simulate, stride
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import Ground, State
-from gym_passive_walker.models.equations.systems import (
-    SYSTEMS,
-    UNEVEN,
-    bodies_by,
-    body_of,
-    kind_of,
-    system_of,
-)
-from gym_passive_walker.models.units import units_of
+from gym_passive_walker.models.equations.systems import SYSTEMS, UNEVEN
+from gym_passive_walker.models.model import constants_by
 from tests.equations import bodies
 from tests.equations.bodies import SHANK, STANCE_SHANK, STANCE_THIGH, THIGH
 from tests.equations.examples import GAITS, KNEED, LONG_GAITS, MASSIVE
@@ -36,7 +29,7 @@ GROUNDS = st.builds(
 
 def on_both(walker, stance: float, ground: Ground) -> State:
     """Straight legs with their feet on a foothold and the next; angles from the first's normal."""
-    body = body_of(walker)
+    body = walker.body
     state = State(stance, -stance, -stance, 0.0, 0.0, 0.0)
     for _ in range(8):
         state = legs.standing(body, state, ground)
@@ -48,7 +41,7 @@ def on_both(walker, stance: float, ground: Ground) -> State:
 def test_feet_that_stand_differ_in_height_by_the_rise(name, stance, ground):
     walker = WALKERS[name]
     state = on_both(walker, stance, ground)
-    height = legs.clearance(body_of(walker), state.stance, state.thigh)
+    height = legs.clearance(walker.body, state.stance, state.thigh)
     assert height == pytest.approx(ground.height_change, rel=0.0, abs=1e-15)
     assert state.thigh - state.stance == pytest.approx(-2.0 * stance, rel=1e-14)
 
@@ -57,12 +50,12 @@ def test_feet_that_stand_differ_in_height_by_the_rise(name, stance, ground):
 @given(stance=st.floats(-0.8, -0.2), rates=st.tuples(RATE, RATE), ground=GROUNDS)
 def test_a_strike_on_any_foothold_conserves_angular_momentum(name, stance, rates, ground):
     """About the new contact, which lies where the foot touches the next foothold; and the hip."""
-    walker, units = WALKERS[name], units_of(WALKERS[name])
+    walker, units = WALKERS[name], WALKERS[name].units
     before = on_both(walker, stance, ground)._replace(
         stance_rate=rates[0], thigh_rate=rates[1], shank_rate=rates[1]
     )
-    strike = SYSTEMS[f"{kind_of(walker)}-uneven"].phases[-1].resets[Outcome.HEELSTRIKE].strike
-    struck = strike(body_of(walker), before, 0.0, ground)
+    strike = SYSTEMS[f"{walker.kind}-uneven"].phases[-1].resets[Outcome.HEELSTRIKE].strike
+    struck = strike(walker.body, before, 0.0, ground)
     assert struck.after.stance == pytest.approx(before.thigh + ground.slope_change, abs=1e-15)
     assert struck.after.thigh == pytest.approx(before.stance + ground.slope_change, abs=1e-15)
     rates_of = [
@@ -124,8 +117,8 @@ def test_smooth_ground_is_a_case_of_the_other(gait):
 def test_the_energy_balance_of_a_walk_on_rough_ground_closes(name):
     """Work of gravity minus losses equals the gain of kinetic energy, stride by stride."""
     walker, gait = WALKERS[name], LONG_GAITS[name]
-    system, body = SYSTEMS[f"{kind_of(walker)}-uneven"], body_of(walker)
-    units, terrain, state, strides = units_of(walker), rough(2e-4, 1e-3), gait.state, 0
+    system, body = SYSTEMS[f"{walker.kind}-uneven"], walker.body
+    units, terrain, state, strides = walker.units, rough(2e-4, 1e-3), gait.state, 0
     for tilt, rise, turn in terrain.ground(5, range(30)):
         end = stride(
             walker, gait.slope + tilt, state, height_change=rise * walker.leg_length,
@@ -156,7 +149,7 @@ def test_a_strike_comes_with_legs_apart_and_closes_its_balance(
 ):
     """For any initial state and any foothold; no stride diverges."""
     walker, (slope, rise, turn) = WALKERS[name], ground
-    system, body, units = system_of(walker, using=UNEVEN), body_of(walker), units_of(walker)
+    system, body, units = walker.equations(UNEVEN), walker.body, walker.units
     start = State(angle, -angle, -angle, *rates)
     if not walker.knees:
         start = start._replace(shank_rate=start.thigh_rate)
@@ -286,7 +279,7 @@ def test_of_two_footholds_the_lower_one_is_meant(rise):
 def test_a_point_foot_is_pushed_off_alike_whatever_the_next_foothold_s_slope(name):
     walker = replace(WALKERS[name], foot_radius=0.0)
     gait = find_gait(WALKERS[name], 0.01 if name == "D" else 0.02)
-    units = units_of(walker)
+    units = walker.units
     level, steep = (
         stride(
             walker, 0.02, gait.state, push_off=0.02 * units.impulse, slope_change=turn,
@@ -304,7 +297,7 @@ def test_a_point_foot_is_pushed_off_alike_whatever_the_next_foothold_s_slope(nam
 def test_constants_change_with_a_parameter_as_each_walker_s_own_do(parameter):
     lab = WALKERS["lab"]
     values = getattr(lab, parameter) * np.array([0.9, 1.0, 1.1])
-    found = bodies_by(lab, {parameter: values}, parameter)
+    found = constants_by(lab, {parameter: values}, parameter)
     for change, value in zip(found, values, strict=True):
-        (own,) = np.atleast_2d(bodies_by(replace(lab, **{parameter: value}), {}, parameter))
+        (own,) = np.atleast_2d(constants_by(replace(lab, **{parameter: value}), {}, parameter))
         np.testing.assert_allclose(change, own, rtol=1e-12, atol=1e-14)

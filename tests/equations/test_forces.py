@@ -12,8 +12,6 @@ import pytest
 from gym_passive_walker import WALKERS, lab_walker_from_parts
 from gym_passive_walker.gaits.look.forces import forces, struck
 from gym_passive_walker.models.equations.hybrid import Stage
-from gym_passive_walker.models.equations.systems import body_of
-from gym_passive_walker.models.units import units_of
 
 THIGH, SHANK, SWING_THIGH, SWING_SHANK, HIP = range(5)  # bodies; x downhill, y up, angle each
 WEIGHTED = lab_walker_from_parts()
@@ -184,9 +182,9 @@ def test_an_ankle_torque_turns_the_simplest_walker_s_hip():
 
 def impulses(walker, angles, jumps, foot_jump=(0.0, 0.0)):
     """Of the ground downhill and up, and on the stops of both knees, in the walker's own units."""
-    units, (x, y) = units_of(walker), foot_jump
+    units, (x, y) = walker.units, foot_jump
     foot = -x / units.speed, y / units.speed
-    back, up, *knees = struck(body_of(walker), angles, jumps * units.time, foot)
+    back, up, *knees = struck(walker.body, angles, jumps * units.time, foot)
     given = [-back * units.force, up * units.force, *(knee * units.energy for knee in knees)]
     return units.time * np.array(given)
 

@@ -20,14 +20,14 @@ from gym_passive_walker import (
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import State
-from gym_passive_walker.models.equations.systems import EXTRAS, bodies, body_of, system_of
-from gym_passive_walker.models.units import units_of
+from gym_passive_walker.models.equations.systems import EXTRAS
+from gym_passive_walker.models.model import bodies
 from tests.equations.examples import GAITS, LONG_GAITS, MASSIVE, fitted, random_walker
 
 
 def missing(walker: Walker, start, walk) -> float:
     """Error of a stride's energy balance, over m g l."""
-    units, system, body = units_of(walker), system_of(walker), body_of(walker)
+    units, system, body = walker.units, walker.equations(), walker.body
 
     def kinetic(state):
         return system.kinetic_energy(body, State(*units.to_dimensionless(state)))
@@ -39,7 +39,7 @@ def missing(walker: Walker, start, walk) -> float:
 
 def everything(walker: Walker) -> dict[str, float]:
     """All actuators at once, as far as the walker has them."""
-    units = units_of(walker)
+    units = walker.units
     return {
         "hip_torque": 0.003 * units.torque,
         "ankle_torque": 0.002 * units.energy if walker.foot_radius == 0.0 else 0.0,
@@ -63,7 +63,7 @@ def test_the_energy_balance_closes_with_all_motors_on(name, joints):
 @pytest.mark.parametrize("name", MASSIVE)
 def test_a_push_off_obeys_newton_and_the_foot_it_pushes_gets_its_work(name):
     """Momentum of the whole, angular momentum of each leg about the hip, and energy, by hand."""
-    body, rng = body_of(WALKERS[name]), np.random.default_rng(0)
+    body, rng = WALKERS[name].body, np.random.default_rng(0)
     for stance, swing in rng.uniform(-0.6, 0.6, (20, 2)):
         velocity, *rates, gained = legs.push_off(body, stance, swing)
         push = np.array([np.sin(stance), np.cos(stance)])  # (back, up), along the leg
@@ -90,7 +90,7 @@ def test_feet_of_vanishing_mass_are_pushed_as_the_simplest_walker_is():
     errors = []
     for mass in (1e-4, 1e-5):
         walker = replace(WALKERS["E"], shank_mass=mass, thigh_mass=0.5 - mass)
-        push = 0.05 * units_of(walker).impulse
+        push = 0.05 * walker.units.impulse
         walk = stride(walker, gait.slope, gait.state, push_off=push, tolerance=1e-13)
         assert walk.push_off_work == pytest.approx(simplest.push_off_work, rel=20.0 * mass)
         errors.append(np.abs(walk.state - simplest.state).max())
@@ -101,7 +101,7 @@ def test_an_ankle_torque_turns_the_stance_leg_alone():
     """A hanging-up pendulum: with the slope and the torque in balance the hip stays where it is."""
     slope, angle = 0.1, 0.3
     torque = np.sin(angle - slope)
-    units = units_of(WALKERS["D"])
+    units = WALKERS["D"].units
     state = np.array([angle, -angle, -angle, 0.0, 0.0, 0.0])
     walk = stride("D", slope, state, ankle_torque=torque * units.energy, max_stride_time=1.0)
     assert walk.state[0] == pytest.approx(angle, abs=1e-12)
@@ -111,8 +111,8 @@ def test_an_ankle_torque_turns_the_stance_leg_alone():
 @pytest.mark.parametrize("gait", GAITS, ids=str)
 def test_motors_at_rest_change_no_bit_of_a_walk(gait):
     walker, ends = WALKERS[gait.walker], []
-    for system in (system_of(walker), system_of(walker, using=EXTRAS)):
-        records = new_records(units_of(walker).to_dimensionless(gait.state)[None], gait.slope, 1e-3)
+    for system in (walker.equations(), walker.equations(EXTRAS)):
+        records = new_records(walker.units.to_dimensionless(gait.state)[None], gait.slope, 1e-3)
         ends.append(advance(system, bodies(walker), records, tolerance=1e-10)["state"])
     np.testing.assert_array_equal(*ends)
 
@@ -155,7 +155,7 @@ def test_a_motor_keeps_its_strength_as_the_walker_changes(parameter):
 def test_kuo_s_walker_walks_on_level_ground_at_his_speed():
     """Kuo 2002, normal gait: to the digits of his program, and what theory says of its push-off."""
     walker = replace(WALKERS["D"], hip_stiffness=2.5127 * 9.81)
-    units = units_of(walker)
+    units = walker.units
     gait = find_gaits(
         stride_map(walker, 0.0, controller=Actuation(push_off=0.1877 * units.impulse))
     )[0]
@@ -176,7 +176,7 @@ def test_a_push_off_costs_a_quarter_of_what_a_hip_would_at_small_steps():
     """Kuo's law: 1/(4 cos^4 a) of what the strike would lose without it, at equal speed."""
     for push in (0.02, 0.1, 0.2):
         walker = replace(WALKERS["D"], hip_stiffness=2.0 * 9.81)
-        units = units_of(walker)
+        units = walker.units
         gait = find_gaits(
             stride_map(walker, 0.0, controller=Actuation(push_off=push * units.impulse))
         )[0]
@@ -209,7 +209,7 @@ def test_the_energy_balance_closes_for_any_walker_with_all_motors_on():
     for i in range(40):
         walker = fitted(random_walker(rng, knees=i % 2 == 0), *rng.uniform(0.0, [0.05, 0.01, 0.02]))
         walker = replace(walker, foot_radius=0.0, foot_angle=0.0)
-        angle, units = rng.uniform(0.1, 0.4), units_of(walker)
+        angle, units = rng.uniform(0.1, 0.4), walker.units
         state = np.array([angle, -angle, -angle, *-rng.uniform(0.5, 2.0, 3)])
         state[5] = state[4] - rng.uniform(0.0, 1.0) * walker.knees
         state[3:] /= units.time

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from gym_passive_walker import WALKERS, Outcome, Walker, WalkerError, stride
 from gym_passive_walker.engine.run import advance, new_records
-from gym_passive_walker.models.equations.systems import bodies, system_of
-from gym_passive_walker.models.units import units_of
+from gym_passive_walker.models.model import bodies
 from tests.equations.examples import KNEED, LONG_GAITS, MASSIVE
 
 STRAIGHT_OUT = [0.2, -0.2, -0.2]
@@ -66,7 +65,7 @@ def test_a_shank_that_is_thrown_up_goes_over_the_top(name):
 def test_a_knee_that_snaps_shut_at_once_stubs_the_toe_where_that_is_a_rule(name):
     """Pulled back by the thigh, the shank closes while the leg is still behind the other."""
     walker, gait = WALKERS[name], LONG_GAITS[name]
-    pull = {"hip_torque": -0.04 * units_of(walker).torque}
+    pull = {"hip_torque": -0.04 * walker.units.torque}
     free = stride(walker, gait.slope, gait.state, **pull)
     ruled = stride(walker, gait.slope, gait.state, end_on_toe_stub=True, **pull)
     assert ruled.outcome == Outcome.STUBBED_TOE
@@ -170,7 +169,7 @@ def test_feet_together_are_not_a_step(name):
 @pytest.mark.parametrize("name", MASSIVE)
 def test_a_swing_foot_that_comes_up_in_front_has_not_struck(name):
     """Only coming down in front is a heelstrike; through the ground and up again is a scuff."""
-    system, own = system_of(WALKERS[name]), bodies(WALKERS[name])
+    system, own = WALKERS[name].equations(), bodies(WALKERS[name])
     records = new_records(np.array([[-0.1, 0.08, 0.08, -0.3, 0.5, 0.5]]), 0.0)
     records["phase"] = len(system.phases) - 1
     (record,) = advance(system, own, records, tolerance=1e-10, from_section=False)[:, 0]

@@ -17,7 +17,8 @@ from gym_passive_walker import WALKERS, Outcome
 from gym_passive_walker.models.equations import kneed, legs, straight
 from gym_passive_walker.models.equations.bodies import body_from
 from gym_passive_walker.models.equations.hybrid import Control, Ground, State, System
-from gym_passive_walker.models.equations.systems import SYSTEMS, UNEVEN, bodies, body_of, system_of
+from gym_passive_walker.models.equations.systems import SYSTEMS, UNEVEN
+from gym_passive_walker.models.model import bodies
 from tests.equations.examples import KNEED, MASSIVE, fitted, random_walker
 from tests.equations.statements import ground
 
@@ -50,7 +51,7 @@ def some_walker(rng: np.random.Generator, system: System):
         walker = random_walker(rng, knees=kind == "kneed")
     if fittings:
         walker = fitted(walker, *rng.uniform(0.001, [0.2, 0.02, 0.02]))
-    assert system_of(walker, using=UNEVEN if "uneven" in fittings else ()) is system
+    assert walker.equations(UNEVEN if "uneven" in fittings else ()) is system
     return walker
 
 
@@ -93,7 +94,7 @@ def test_the_mass_matrix_times_the_accelerations_is_the_forces(system, index, co
     rng = np.random.default_rng(1)
     stated, links = parts_of(system, index), system.phases[index].links
     for _ in range(50):
-        body = body_of(some_walker(rng, system))
+        body = some_walker(rng, system).body
         state, control = some_state(rng, links, count), Control(rng.normal())
         slope = ground(rng.uniform(-0.5, 0.5))
         found = np.array(system.phases[index].accelerations(body, state, control, slope))
@@ -111,7 +112,7 @@ def test_the_mass_matrix_times_the_accelerations_is_the_forces(system, index, co
 def test_a_statement_says_the_same_of_one_walker_and_of_many(system, index):
     rng = np.random.default_rng(2)
     phase = system.phases[index]
-    body, many = body_of(some_walker(rng, system)), some_state(rng, phase.links, 5)
+    body, many = some_walker(rng, system).body, some_state(rng, phase.links, 5)
     slope = ground(0.1)
     together = phase.accelerations(body, many, Control(0.3), slope)
     for i in range(5):
@@ -123,7 +124,7 @@ def test_a_statement_says_the_same_of_one_walker_and_of_many(system, index):
 @pytest.mark.parametrize(("system", "index"), PHASES)
 def test_a_statement_means_the_same_to_many_digits(system, index):
     rng = np.random.default_rng(3)
-    phase, body = system.phases[index], body_of(some_walker(rng, system))
+    phase, body = system.phases[index], some_walker(rng, system).body
     state, slope = some_state(rng, phase.links), ground(0.1)
     floats = phase.accelerations(body, state, Control(0.3), slope)
     exact = phase.accelerations(
@@ -199,8 +200,8 @@ def exact_body(walker, system: System):
 def test_a_walkers_constants_are_those_of_its_exact_parameters(name):
     walker = WALKERS[name]
     numbers = {k: sp.Float(v, DIGITS) for k, v in vars(walker).items() if type(v) is float}
-    exact = exact_body(changed(walker, numbers), system_of(walker))
-    np.testing.assert_allclose(body_of(walker), [float(x) for x in exact], rtol=1e-14, atol=1e-17)
+    exact = exact_body(changed(walker, numbers), walker.equations())
+    np.testing.assert_allclose(walker.body, [float(x) for x in exact], rtol=1e-14, atol=1e-17)
 
 
 def test_the_simplest_hips_energy_gives_its_motion():
@@ -225,7 +226,7 @@ def test_power_is_the_control_times_what_it_moves(system, index):
     rng, phase = np.random.default_rng(6), system.phases[index]
     tiny = 1e-100
     for _ in range(50):
-        body, state = body_of(some_walker(rng, system)), some_state(rng, phase.links)
+        body, state = some_walker(rng, system).body, some_state(rng, phase.links)
         control, slope = Control(*rng.normal(size=2)), ground(rng.uniform(-0.5, 0.5))
         bends = phase.accelerations(body, state, control, slope)
         bends = (*bends, bends[-1])[:3]
@@ -245,14 +246,14 @@ def test_power_is_the_control_times_what_it_moves(system, index):
 @pytest.mark.parametrize("name", MASSIVE)
 def test_kinetic_energy_is_the_quadratic_form_of_the_mass_matrix(name):
     rng, walker = np.random.default_rng(7), WALKERS[name]
-    system = system_of(walker)
+    system = walker.equations()
     links = system.phases[0].links
     for _ in range(20):
         state = some_state(rng, links)
-        matrix = square(system.mass_matrix(body_of(walker), state), links)
+        matrix = square(system.mass_matrix(walker.body, state), links)
         assert np.all(np.linalg.eigvalsh(matrix) > 0.0)
         rates = np.array(state[3 : 3 + links])
-        assert system.kinetic_energy(body_of(walker), state) == pytest.approx(
+        assert system.kinetic_energy(walker.body, state) == pytest.approx(
             0.5 * rates @ matrix @ rates, rel=1e-13
         )
 
@@ -262,7 +263,7 @@ def test_a_small_gain_of_height_keeps_its_digits(system):
     """A billionth of a radian apart, the difference of two energies has no digit left."""
     rng, links = np.random.default_rng(8), system.phases[0].links
     for gap in (1e-3, 1e-9, 1e-15):
-        body = body_of(some_walker(rng, system))
+        body = some_walker(rng, system).body
         # Steps that are exact, so that what remains is the statement's own rounding.
         start = State(*(round(x * 1024.0) / 1024.0 for x in some_state(rng, links)))
         step = gap * np.array([1.0, -0.5, 0.7 if links == 3 else -0.5, 0.0, 0.0, 0.0])
@@ -278,7 +279,7 @@ def test_a_small_gain_of_height_keeps_its_digits(system):
 @pytest.mark.parametrize("system", SYSTEMS.values(), ids=SYSTEMS)
 def test_a_rise_and_another_are_one_rise(system):
     rng, links = np.random.default_rng(9), system.phases[0].links
-    body, slope = body_of(some_walker(rng, system)), ground(0.3)
+    body, slope = some_walker(rng, system).body, ground(0.3)
     a, b, c = (some_state(rng, links) for _ in range(3))
     there = system.potential_gain(body, a, b, slope) + system.potential_gain(body, b, c, slope)
     assert system.potential_gain(body, a, c, slope) == pytest.approx(there, rel=0.0, abs=1e-14)
@@ -288,7 +289,7 @@ def test_a_rise_and_another_are_one_rise(system):
 @pytest.mark.parametrize("name", KNEED)
 def test_a_kneed_walker_with_a_straight_leg_is_a_straight_legged_one(name):
     rng, walker = np.random.default_rng(10), WALKERS[name]
-    body, plain = body_of(walker), body_of(replace(walker, knees=False))
+    body, plain = walker.body, replace(walker, knees=False).body
     assert isinstance(plain, straight.SYSTEM.Body)
     np.testing.assert_allclose([getattr(body, x) for x in plain._fields], plain, rtol=1e-15)
     slope = ground(0.1)
@@ -323,7 +324,7 @@ def momenta(system: System, body, state: State):
 def test_momentum_about_contact_and_hip_passes_through_kneestrike(name):
     """A stop between thigh and shank is inside the swing leg, and pulls at nothing outside it."""
     rng, walker = np.random.default_rng(11), WALKERS[name]
-    body = body_of(walker)
+    body = walker.body
     strike = kneed.SYSTEM.phases[0].resets[Outcome.KNEESTRIKE].strike
     for _ in range(20):
         before = some_state(rng, 2)._replace(shank_rate=rng.normal())
@@ -342,7 +343,7 @@ def test_a_heelstrike_costs_the_kinetic_energy_that_is_gone(system):
     rng = np.random.default_rng(12)
     strike = system.phases[-1].resets[Outcome.HEELSTRIKE].strike
     for _ in range(50):
-        body, angle = body_of(some_walker(rng, system)), rng.uniform(0.05, 0.7)
+        body, angle = some_walker(rng, system).body, rng.uniform(0.05, 0.7)
         before = legs.straight(-angle, angle, *rng.normal(size=2))
         after, loss, _ = strike(body, before)
         assert after[:3] == pytest.approx((angle, -angle, -angle), rel=1e-15)
@@ -354,7 +355,7 @@ def test_a_heelstrike_costs_the_kinetic_energy_that_is_gone(system):
 @pytest.mark.parametrize("system", SYSTEMS.values(), ids=SYSTEMS)
 def test_a_heelstrike_mirrors_legs_that_all_but_mirror_each_other(system):
     """Landing leaves a rounding between the legs' angles; the next stride begins without it."""
-    body = body_of(EXAMPLES[system.name])
+    body = EXAMPLES[system.name].body
     after, *_ = (
         system.phases[-1]
         .resets[Outcome.HEELSTRIKE]
@@ -367,7 +368,7 @@ def test_a_heelstrike_mirrors_legs_that_all_but_mirror_each_other(system):
 @pytest.mark.parametrize("name", WALKERS)
 def test_a_body_moves_with_its_walkers_parameters(name):
     """Complex parameters carry derivatives into a body's constants."""
-    walker, system = WALKERS[name], system_of(WALKERS[name])
+    walker, system = WALKERS[name], WALKERS[name].equations()
     for parameter in ("shank_length", "foot_radius", "shank_com", "hip_mass", "gravity"):
         value = getattr(walker, parameter)
         moved = changed(walker, {parameter: value + 1e-100j})
@@ -384,4 +385,4 @@ def test_a_body_moves_with_its_walkers_parameters(name):
 def test_bodies_stand_behind_each_other_as_the_engine_reads_them():
     two = bodies(WALKERS["lab"], WALKERS["C"])
     assert two.shape == (2, 1, len(kneed.SYSTEM.Body._fields))
-    np.testing.assert_array_equal(two[1, 0], body_of(WALKERS["C"]))
+    np.testing.assert_array_equal(two[1, 0], WALKERS["C"].body)

@@ -10,9 +10,7 @@ import pytest
 from gym_passive_walker import WALKERS, Outcome, stride
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.models.equations.hybrid import Stage
-from gym_passive_walker.models.equations.systems import bodies as bodies_as_numbers
-from gym_passive_walker.models.equations.systems import system_of
-from gym_passive_walker.models.units import units_of
+from gym_passive_walker.models.model import bodies as bodies_as_numbers
 from tests.equations import bodies, oracle, statements
 from tests.equations.examples import GAITS, KNEED, LONG_GAITS, Gait, random_walker
 
@@ -26,7 +24,7 @@ def assert_same_stride(walker, slope, state, torque, **precision) -> oracle.Walk
     """Compare all numbers of a stride with the oracle's, at the finest tolerance."""
     expected = oracle.walk(walker, slope, state, torque=torque, longest=100.0)
     found = stride(walker, slope, state, hip_torque=torque, tolerance=1e-14)
-    time, energy = walker.time_unit, units_of(walker).energy
+    time, energy = walker.time_unit, walker.units.energy
     assert found.outcome == expected.outcome
     np.testing.assert_allclose(
         found.state * units(walker), expected.state * units(walker), rtol=0.0, **precision
@@ -49,7 +47,7 @@ def test_a_stride_is_what_an_independent_integration_says(gait, torque):
     walker = WALKERS[gait.walker]
     state = gait.state * [1.0, 1.0, 1.0, 0.997, 0.995, 0.995]
     expected = assert_same_stride(
-        walker, gait.slope, state, torque * units_of(walker).torque, atol=1e-12
+        walker, gait.slope, state, torque * walker.units.torque, atol=1e-12
     )
     assert expected.outcome == Outcome.HEELSTRIKE
 
@@ -65,7 +63,7 @@ def thrown(rng: np.random.Generator, name: str):
     state[3:] *= WALKERS[name].time_unit / walker.time_unit
     if not walker.knees:
         state[5] = state[4]
-    torque = rng.choice([0.0, 0.02]) * rng.normal() * units_of(walker).torque
+    torque = rng.choice([0.0, 0.02]) * rng.normal() * walker.units.torque
     return walker, gait.slope + 0.02 * rng.normal(), state, torque
 
 
@@ -205,7 +203,7 @@ def flow(walker, slope, state, time, phase, tolerance=1e-14) -> np.ndarray:
     records, own = new_records(np.array([state]), slope, end=time), bodies_as_numbers(walker)
     records["phase"] = phase
     (record,) = advance(
-        system_of(walker), own, records, tolerance=tolerance, from_section=False
+        walker.equations(), own, records, tolerance=tolerance, from_section=False
     )[:, 0]  # fmt: skip
     assert record["outcome"] == Outcome.RUNNING
     assert record["phase"] == phase
@@ -218,11 +216,15 @@ BACKWARDS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
 
 @pytest.mark.parametrize(
     ("name", "stage"),
-    [(name, phase.stage) for name, walker in WALKERS.items() for phase in system_of(walker).phases],
+    [
+        (name, phase.stage)
+        for name, walker in WALKERS.items()
+        for phase in walker.equations().phases
+    ],
 )
 def test_a_walker_reversed_in_time_obeys_the_same_laws(name, stage):
     walker = WALKERS[name]
-    phase = [phase.stage for phase in system_of(walker).phases].index(stage)
+    phase = [phase.stage for phase in walker.equations().phases].index(stage)
     state = np.array([0.5, -0.2, -0.2 if stage != Stage.FREE else -0.5, -0.6, 0.8, 0.8])
     there = flow(walker, 0.05, state, 0.7, phase)
     back = flow(walker, 0.05, there * BACKWARDS, 0.7, phase)
@@ -235,7 +237,7 @@ def test_a_stride_in_ticks_is_a_stride(name):
     """Interruptions change nothing but the last digits."""
     walker, gait = WALKERS[name], LONG_GAITS[name]
     state = statements.dimensionless(walker, gait.state)[None]
-    system, own = system_of(walker), bodies_as_numbers(walker)
+    system, own = walker.equations(), bodies_as_numbers(walker)
     whole = new_records(state, gait.slope, 0.01)
     advance(system, own, whole, tolerance=1e-14)
     ticks = new_records(state, gait.slope, 0.01, end=0.1)
@@ -272,7 +274,7 @@ def test_units_do_not_matter(gait: Gait):
     giant = replace(walker, gravity=gravity * walker.gravity, **lengths, **masses)
     time = np.sqrt(length / gravity)
     work = mass * gravity * length
-    torque = 0.003 * units_of(walker).torque
+    torque = 0.003 * walker.units.torque
     force = work if not walker.massless_legs else gravity * length
     # Rounding decides when an event is near enough, so ask for a smaller error than is checked.
     here = stride(walker, gait.slope, gait.state, hip_torque=torque, tolerance=1e-14)

@@ -15,8 +15,7 @@ from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.control.baselines import Passive
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.models.equations.hybrid import State
-from gym_passive_walker.models.equations.systems import bodies, body_of
-from gym_passive_walker.models.units import units_of
+from gym_passive_walker.models.model import bodies
 
 SLOPE = 0.036
 
@@ -44,7 +43,7 @@ def test_the_gait_is_the_one_that_is_found(lab):
 
 def test_the_sensitivity_is_that_of_the_linearized_stride_map(lab):
     """Hobbelen and Wisse's norm of the response, put together from derivatives of strides."""
-    gait, units = gpw.find_gait("lab", SLOPE), units_of(gpw.WALKERS["lab"])
+    gait, units = gpw.find_gait("lab", SLOPE), gpw.WALKERS["lab"].units
     small = 1e-6
 
     def changed(first=None, **ground):
@@ -84,9 +83,9 @@ def test_the_largest_steps_are_survived_and_larger_ones_are_not(lab):
 
 def test_a_push_at_the_beginning_is_a_change_of_the_rates(lab):
     """The largest one forward, in a walk that begins with the rates it leaves behind."""
-    gait, units = gpw.find_gait("lab", SLOPE), units_of(gpw.WALKERS["lab"])
-    system = gpw.models.equations.systems.system_of(gait.walker)
-    body = gpw.models.equations.systems.body_of(gait.walker)
+    gait, units = gpw.find_gait("lab", SLOPE), gpw.WALKERS["lab"].units
+    system = gait.walker.equations()
+    body = gait.walker.body
     state = units.to_dimensionless(gait.state)
     for impulse, way in ((lab.forward[0], 1.0), (lab.backward[0], -1.0)):
         for share, survives in ((0.98, True), (1.03, False)):
@@ -99,15 +98,15 @@ def test_a_push_at_the_beginning_is_a_change_of_the_rates(lab):
 
 @pytest.mark.parametrize("at", [2, 8], ids=["knee free", "knee locked"])
 def test_pushes_come_at_their_share_of_the_stride(lab, at):
-    gait, units = gpw.find_gait("lab", SLOPE), units_of(gpw.WALKERS["lab"])
-    system, body = gpw.models.equations.systems.system_of(gait.walker), bodies(gait.walker)
+    gait, units = gpw.find_gait("lab", SLOPE), gpw.WALKERS["lab"].units
+    system, body = gait.walker.equations(), bodies(gait.walker)
     start, time = units.to_dimensionless(gait.state)[None], lab.phases[at] * lab.period
     for share, survives in ((0.98, True), (1.03, False)):
         records = new_records(start, SLOPE, end=time)
         advance(system, body, records, tolerance=1e-10)
         record = records[0]
         push = system.phases[record["phase"][0]].push
-        jump = push(body_of(gait.walker), State(*record["state"][0]), -share * lab.forward[at], 0.0)
+        jump = push(gait.walker.body, State(*record["state"][0]), -share * lab.forward[at], 0.0)
         record["state"][0, 3:] += [jump[0], jump[1], jump[-1]]
         record["end"] = LONGEST_STRIDE
         advance(system, body, records, tolerance=1e-10, from_section=False)

@@ -18,7 +18,6 @@ from examples.potential_shaping import (
     virtual_gravity,
 )
 from gym_passive_walker import WALKERS, Outcome, find_gait, stride_map
-from gym_passive_walker.models.units import units_of
 from tests.equations import bodies, oracle
 
 LEGS = {"compass": COMPASS, "E": WALKERS["E"], "F": WALKERS["F"], "D": WALKERS["D"]}
@@ -76,7 +75,7 @@ def test_the_torques_are_the_gradient_of_what_the_potentials_differ_by(name):
             for turn in (np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 1.0]))
         )
         # The hip's torque moves the thigh against the stance leg, the ankle's the stance leg alone.
-        scale = units_of(walker).energy
+        scale = walker.units.energy
         assert by_hip == pytest.approx(-thigh, abs=1e-9 * scale)
         assert by_ankle == pytest.approx(stance + thigh, abs=1e-9 * scale)
 
@@ -86,7 +85,7 @@ def test_two_pendulums_need_what_their_gravities_differ_by():
     walker, felt, slope = WALKERS["D"], 0.009, -0.03
     hip, ankle = controlled_symmetry(walker, felt).torques(states(), slope)
     stance, thigh = states()[:, 0], states()[:, 1]
-    units = units_of(walker)
+    units = walker.units
     expected = np.sin(stance - slope) - np.sin(stance - felt)
     np.testing.assert_allclose(ankle / units.energy, expected, rtol=0.0, atol=1e-15)
     expected = np.sin(thigh - slope) - np.sin(thigh - felt)
@@ -100,7 +99,7 @@ def test_a_gait_of_one_slope_walks_on_any_other(name, slope):
     walker, own = LEGS[name], 0.009
     shaping = controlled_symmetry(walker, own)
     assert shaping.passive_twin == (walker, own)
-    gait, units = find_gait(walker, own), units_of(walker)
+    gait, units = find_gait(walker, own), walker.units
     phase = closed_loop(shaping, slope, gait.state)
     assert phase.times[-1] / units.time == pytest.approx(gait.step_period / units.time, abs=1e-12)
     off = units.to_dimensionless(after_heelstrike(walker, phase) - gait.state)
@@ -113,7 +112,7 @@ def test_a_virtual_slope_carries_a_walker_over_level_ground(name, angle):
     """Asano: as down a slope, in a time shorter by the root of the cosine, at the cost tan."""
     walker = LEGS[name]
     shaping = virtual_gravity(walker, angle)
-    gait, units = find_gait(*shaping.passive_twin), units_of(walker)
+    gait, units = find_gait(*shaping.passive_twin), walker.units
     downhill = find_gait(walker, angle)
     assert gait.stance_angle == pytest.approx(downhill.stance_angle, rel=1e-12)
     quicker = downhill.step_period * np.sqrt(np.cos(angle))
@@ -154,13 +153,13 @@ def test_motors_pay_what_gravity_does_not(name, slope):
 def test_nothing_is_asked_of_motors_where_ground_and_gravity_felt_agree():
     shaping = controlled_symmetry(COMPASS, 0.05)
     hip, ankle = shaping.torques(states(), 0.05)
-    np.testing.assert_allclose([hip, ankle], 0.0, atol=1e-13 * units_of(COMPASS).energy)
+    np.testing.assert_allclose([hip, ankle], 0.0, atol=1e-13 * COMPASS.units.energy)
 
 
 def test_the_shorter_the_ticks_the_nearer_the_law():
     walker, own, slope = COMPASS, 0.03, -0.02
     shaping, gait = controlled_symmetry(walker, own), find_gait(walker, own)
-    start, errors = tuple(units_of(walker).to_dimensionless(gait.state)), []
+    start, errors = tuple(walker.units.to_dimensionless(gait.state)), []
     for tick in (0.02, 0.01, 0.005):
         policy = HeldTorques(shaping, slope=slope, tick=tick, reset_noise_scale=0.0, start=start)
         env = gymnasium.make("PassiveWalker-v0", **policy.scene)
@@ -177,7 +176,7 @@ def test_shaped_walkers_do_not_mind_a_new_slope_at_each_episode():
     shaping = controlled_symmetry(COMPASS, 0.05)
     policy = HeldTorques(
         shaping, slope=(-0.1, 0.1), tick=0.02, reset_noise_scale=0.01,
-        start=tuple(units_of(COMPASS).to_dimensionless(find_gait(COMPASS, 0.05).state)),
+        start=tuple(COMPASS.units.to_dimensionless(find_gait(COMPASS, 0.05).state)),
     )  # fmt: skip
     envs = gymnasium.make_vec("PassiveWalker-v0", num_envs=8, **policy.scene)
     seen, _ = envs.reset(seed=3)

@@ -24,7 +24,6 @@ from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, evaluate
 from gym_passive_walker.gaits.look.dense_stride import states_at
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.models.units import units_of
 
 D = WALKERS["D"]
 KUO = kuo_gait().walker
@@ -44,7 +43,7 @@ def points_of(walker, states):
 def walk(policy, slopes, points, count):
     """Points of walkers under a policy after each of some strides, (count + 1, n, 3)."""
     walker, path = policy.scene.walker, [points]
-    units, section = units_of(walker), Section(walker=walker)
+    units, section = walker.units, Section(walker=walker)
     scale = {"hip_torque": units.torque, "push_off": units.impulse}
     for _ in range(count):
         chosen = policy.actuation(path[-1], slopes).T
@@ -61,7 +60,7 @@ def test_mid_stance_speed_is_the_hip_s_where_the_leg_stands_along_the_normal():
     speed = midstance_speed(points_of(D, gait.state), 0.009)[0]
     times = np.linspace(0.0, 0.7 * gait.step_period, 2001)
     states, _ = states_at(D, 0.009, gait.state, times, tolerance=1e-13)
-    passes = np.interp(0.0, -states[:, 0], -states[:, 3]) * units_of(D).time
+    passes = np.interp(0.0, -states[:, 0], -states[:, 3]) * D.units.time
     assert speed == pytest.approx(passes, rel=1e-6)
     assert np.isnan(midstance_speed(np.array([[0.3, -0.1, -0.1], [0.1, 0.5, 0.5]]), 0.0)).all()
 
@@ -101,7 +100,7 @@ def test_the_spring_sets_the_period_of_small_steps(stiffness):
 
     expected = brentq(closes, 1.01 * np.pi / frequency, 1.9 * np.pi / frequency)
     walker = replace(D, hip_stiffness=stiffness * D.gravity)
-    units = units_of(walker)
+    units = walker.units
     near, far = (
         find_gait(
             stride_map(walker, 0.0, controller=Actuation(push_off=push * units.impulse))
@@ -146,7 +145,7 @@ def survivors(policy, points, slopes):
     for slope in slopes:
         here = np.broadcast_to(slope, slopes.shape[1:])[going] if slopes.ndim > 1 else slope
         torque = 0.0 if policy is None else policy.actuation(points, here)[:, 0]
-        walked = stride(D, here, section.states_at(points), hip_torque=torque * units_of(D).torque)
+        walked = stride(D, here, section.states_at(points), hip_torque=torque * D.units.torque)
         on = walked.outcome == Outcome.HEELSTRIKE
         going, points = going[on], section.points_at(walked.state[on])
     return len(going)
@@ -219,7 +218,7 @@ def test_a_controller_of_once_a_stride_walks_in_the_environment(action):
     gait = kuo_gait() if action == "push_off" else find_gait(walker, slope)
     chosen = scene(
         walker, action, slope, max_hip_torque=1.0, max_push_off=0.5, reset_noise_scale=0.02,
-        start=tuple(units_of(walker).to_dimensionless(gait.state)),
+        start=tuple(walker.units.to_dimensionless(gait.state)),
     )  # fmt: skip
     # Kuo's normal gait is near a fold: a little slower he walks from farther away.
     speed = midstance_speed(points_of(walker, gait.state), slope)[0] * (0.8 if slope == 0.0 else 1)
@@ -245,7 +244,7 @@ def test_one_observation_is_decided_as_in_a_batch():
     gait = kuo_gait()
     policy = SpeedControl(scene(KUO, "push_off"), 0.36)
     seen = np.zeros((3, 8), np.float32)
-    seen[:, :6] = units_of(KUO).to_dimensionless(gait.state)
+    seen[:, :6] = KUO.units.to_dimensionless(gait.state)
     seen[:, 3] *= [0.9, 1.0, 1.1]
     together, _ = policy.predict(seen)
     assert together.shape == (3, 1) and together.dtype == np.float32

@@ -19,7 +19,6 @@ from gym_passive_walker import (
     stride_map,
 )
 from gym_passive_walker.gaits.control.feedback import powered_gait
-from gym_passive_walker.models.units import units_of
 
 LEVEL = {
     "A": Actuation(push_off=0.05), "C": Actuation(push_off=0.05), "E": Actuation(ankle_torque=0.01),
@@ -30,7 +29,7 @@ LEVEL = {
 
 def own(name: str, drive: Actuation) -> Actuation:
     """A dimensionless drive in a walker's own units."""
-    units = units_of(WALKERS[name])
+    units = WALKERS[name].units
     scale = (units.torque, units.energy, units.impulse)
     return Actuation(*(part * unit for part, unit in zip(drive, scale, strict=True)))
 
@@ -38,7 +37,7 @@ def own(name: str, drive: Actuation) -> Actuation:
 @pytest.mark.parametrize("name", LEVEL)
 def test_on_level_ground_motors_pay_for_what_strikes_lose(name):
     gait = find_gaits(stride_map(name, 0.0, controller=own(name, LEVEL[name])))[0]
-    walk, units = gait.stride, units_of(gait.walker)
+    walk, units = gait.stride, gait.walker.units
     np.testing.assert_allclose(walk.state, gait.state, rtol=1e-10)
     paid = walk.hip_work + walk.ankle_work + walk.push_off_work
     assert paid / units.energy == pytest.approx(gait.collision_loss / units.energy, abs=1e-14)
@@ -74,7 +73,7 @@ def test_a_family_climbs_as_steep_as_its_torque_allows_and_turns_back_there(torq
 def test_walkers_push_off_from_soft_to_hard():
     """On level ground, with Kuo's spring: harder pushes make longer steps."""
     walker = replace(WALKERS["D"], hip_stiffness=2.5127 * 9.81)
-    unit = units_of(walker).impulse
+    unit = walker.units.impulse
     family = parameter_family(
         stride_map(walker, controller=Actuation(push_off=0.1877 * unit)),
         "push_off",
@@ -95,7 +94,7 @@ def test_walkers_push_off_from_soft_to_hard():
 
 
 def test_a_torque_family_begins_with_the_passive_gait():
-    units = units_of(WALKERS["C"])
+    units = WALKERS["C"].units
     family = parameter_family("C", "hip_torque", 0.0, 0.05 * units.torque, slope=0.03)
     assert family.value[0] == 0.0
     assert family.stance_angle[0] == pytest.approx(find_gait("C", 0.03).stance_angle, rel=1e-9)
@@ -124,7 +123,7 @@ def test_a_slope_that_is_too_steep_to_climb_raises_an_error():
 @pytest.mark.parametrize("name", ["B", "D", "E", "F"])
 def test_what_is_found_under_a_push_off_steps_and_repeats(name, period):
     """Legs that hardly open lose at each strike what the push-off gives, and walk nowhere."""
-    units = units_of(WALKERS[name])
+    units = WALKERS[name].units
     for push in (0.001, 0.01, 0.05, 0.2):
         for gait in find_gaits(
             stride_map(name, 0.0, controller=Actuation(push_off=push)), period=period

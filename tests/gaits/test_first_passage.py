@@ -17,7 +17,6 @@ from gym_passive_walker.models.equations import legs, simplest
 from gym_passive_walker.models.equations.hybrid import Outcome, Phase, Reset, Stage, Strike, System
 from gym_passive_walker.models.equations.numbers import sine_cosine
 from gym_passive_walker.models.equations.systems import SYSTEMS
-from gym_passive_walker.models.units import units_of
 from validation.wheel import HALF, KEEPS, SLOPE
 
 LASTS = {2.0: 4324.9129, 3.0: 113.56971}
@@ -143,7 +142,7 @@ def test_of_walkers_that_fall_before_any_stride_counts_nothing_is_known_but_that
 
 def test_a_kneed_walker_lasts_the_longer_the_smoother_the_ground():
     walker, gait = WALKERS["C"], find_gait("C", 0.05)
-    state = units_of(walker).to_dimensionless(gait.state)
+    state = walker.units.to_dimensionless(gait.state)
     kind = Walkers(walker=walker, tolerance=1e-8)
     lasts = [
         FirstPassage.of(

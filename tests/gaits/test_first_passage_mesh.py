@@ -16,7 +16,6 @@ from gym_passive_walker.gaits.robust import first_passage_mesh as module
 from gym_passive_walker.gaits.robust.first_passage import SETTLING, FirstPassage, survivors
 from gym_passive_walker.gaits.robust.first_passage_mesh import MeshPassage, mesh_passage
 from gym_passive_walker.gaits.scenes.scene import make_scene
-from gym_passive_walker.models.units import units_of
 
 SLOPE = 0.036
 
@@ -90,7 +89,7 @@ def test_a_mesh_agrees_with_walkers_that_fall():
     ground = gpw.rough(height_std=0.002)
     left = survivors(
         Walkers(walker=strides.walker, tolerance=1e-8),
-        units_of(strides.walker).to_dimensionless(state), SLOPE, ground, walkers=4000,
+        strides.walker.units.to_dimensionless(state), SLOPE, ground, walkers=4000,
         strides=SETTLING + 100,
     )  # fmt: skip
     sampled = FirstPassage.of(left)

@@ -20,7 +20,6 @@ from gym_passive_walker import (
 )
 from gym_passive_walker.gaits.actuation import one_actuation, to_dimensionless, to_own
 from gym_passive_walker.gaits.stride import together
-from gym_passive_walker.models.units import units_of
 
 WALKER = WALKERS["E"]
 HELD = Actuation(hip_torque=0.02, ankle_torque=-0.01, push_off=0.05)
@@ -127,12 +126,12 @@ def test_a_wrong_argument_of_a_stride_is_named(message):
 def test_actuation_in_other_units_and_of_single_numbers():
     walker = gpw.Walker(**{**{f: getattr(WALKER, f) for f in vars(WALKER) if f != "title"},
                            "gravity": 3.0, "hip_mass": 2.0})  # fmt: skip
-    units, weight, length = units_of(walker), 3.0 * 3.0, 1.0
+    units, weight, length = walker.units, 3.0 * 3.0, 1.0
     scaled = to_dimensionless(units, Actuation(1.0, 2.0, 3.0))
     expected = (1.0 / weight / length, 2.0 / weight / length, 3.0 / (3.0 * np.sqrt(3.0)))
     np.testing.assert_allclose(scaled, expected)
     np.testing.assert_allclose(to_own(units, scaled), (1.0, 2.0, 3.0))
-    simplest = to_dimensionless(units_of(WALKERS["D"]), Actuation(1.0, 0.0, 0.0))
+    simplest = to_dimensionless(WALKERS["D"].units, Actuation(1.0, 0.0, 0.0))
     assert simplest.hip_torque == pytest.approx(1.0 / 9.81)
     with pytest.raises(ValueError, match="of single numbers"):
         one_actuation(WALKER, Actuation(hip_torque=np.zeros(2)))

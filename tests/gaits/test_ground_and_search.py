@@ -27,7 +27,6 @@ from gym_passive_walker import (
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.robust.first_passage import survivors
 from gym_passive_walker.gaits.terrain import Terrain, contacts, terrain_from
-from gym_passive_walker.models.units import units_of
 
 
 def rows(terrain, count, key=0):
@@ -171,7 +170,7 @@ def test_contacts_are_summed_along_the_footholds_own_slopes():
 def test_survivors_are_those_whose_every_stride_ends_in_a_heelstrike():
     gait = find_gait("lab", 0.036)
     walker, ground = gait.walker, rough(height_std=0.006)
-    units = units_of(walker)
+    units = walker.units
     left = survivors(
         Walkers(walker=walker, tolerance=1e-8), units.to_dimensionless(gait.state), 0.036, ground,
         walkers=25, strides=6, seed=3,

@@ -19,7 +19,6 @@ from gym_passive_walker import (
 )
 from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.models.equations.systems import FITTINGS
-from gym_passive_walker.models.units import units_of
 from tests.equations.examples import LONG_GAITS
 
 STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
@@ -127,7 +126,7 @@ DRIVEN = [
 def test_under_motors_a_parameter_changes_their_units_as_well(name, parameter):
     """What motors do is held in the walker's own units as its size, its mass or gravity changes."""
     walker, (slope, state) = WALKERS[name], start(name)
-    units = units_of(walker)
+    units = walker.units
     scale = {"hip_torque": units.torque, "ankle_torque": units.energy, "push_off": units.impulse}
     held = {motor: share * scale[motor] for motor, share in MOTORS.items()}
     point = coordinates(state, walker)

@@ -18,7 +18,6 @@ from gym_passive_walker import (
 from gym_passive_walker.gaits.find.search import at_heelstrike
 from gym_passive_walker.gaits.look.dense_stride import clearance_of, states_at
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.models.units import units_of
 
 ALL = WALKERS | {
     "weighted": lab_walker_from_parts(),
@@ -43,7 +42,7 @@ GAITS = [
 
 def loss_at_heelstrike(walker, before):
     """Energy that a heelstrike loses."""
-    units = units_of(walker)
+    units = walker.units
     angle, rates = before[1:2], before[3:5, None] * units.time
     _, lost, _ = at_heelstrike(Section(walker=walker), angle, *rates)
     return lost[0] * units.energy

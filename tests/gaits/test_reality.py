@@ -25,7 +25,6 @@ from gym_passive_walker.gaits.look.dense_stride import (
 )
 from gym_passive_walker.gaits.look.forces import forces
 from gym_passive_walker.gaits.map_result import NoStride
-from gym_passive_walker.models.units import units_of
 
 SLOPE = 0.036
 START = np.array([0.25, -0.25, -0.25, -1.06, -0.35, -1.5])
@@ -49,7 +48,7 @@ PUSHED = [("lab", 0.03), ("C", 0.0), ("F", 0.0), ("E", 0.0), ("D", 0.0)]
 
 def pushed(name, slope):
     """A gait with a push-off."""
-    push_off = 0.02 * units_of(WALKERS[name]).impulse
+    push_off = 0.02 * WALKERS[name].units.impulse
     return find_gait(stride_map(name, slope, controller=Actuation(push_off=push_off)))
 
 
@@ -94,7 +93,7 @@ def test_the_ground_carries_the_weight_over_a_gait(name, slope, kind):
 @pytest.mark.parametrize(("name", "slope"), PUSHED)
 def test_a_push_off_acts_along_the_leg_and_needs_that_much_friction(name, slope):
     gait = pushed(name, slope)
-    check, units = reality_check(gait), units_of(gait.walker)
+    check, units = reality_check(gait), gait.walker.units
     given, angle = check.push_off_impulse, gait.stance_angle
     expected = 0.02 * units.impulse * np.array([np.cos(angle), np.sin(angle)])
     np.testing.assert_allclose(given[:2], expected, rtol=1e-9)

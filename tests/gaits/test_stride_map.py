@@ -12,7 +12,7 @@ from gym_passive_walker.gaits.find.newton import newton
 from gym_passive_walker.gaits.look.dense_stride import states_at
 from gym_passive_walker.gaits.map_result import Change
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.models.units import growth, unit_of, units_of
+from gym_passive_walker.models.units import growth, unit_of
 from gym_passive_walker.models.walkers import PARAMETERS
 from tests.before_impact import just_before
 from tests.equations.examples import LONG_GAITS
@@ -266,15 +266,15 @@ def test_units_grow_with_parameters_as_they_say(name):
         value = getattr(walker, parameter)
         if value == 0.0:
             continue
-        units = [units_of(replace(walker, **{parameter: value * (1.0 + h)})) for h in (-1e-6, 1e-6)]
-        own = np.array(units_of(walker))
+        units = [(replace(walker, **{parameter: value * (1.0 + h)})).units for h in (-1e-6, 1e-6)]
+        own = np.array(walker.units)
         expected = (np.array(units[1]) - np.array(units[0])) / (2e-6 * value * own)
         np.testing.assert_allclose(growth(walker, parameter), expected, atol=1e-8)
 
 
 def test_units_turn_states_there_and_back():
     states = np.random.default_rng(4).standard_normal((3, 6))
-    units = units_of(WALKERS["lab"])
+    units = WALKERS["lab"].units
     np.testing.assert_allclose(units.to_own(units.to_dimensionless(states)), states, rtol=1e-15)
     np.testing.assert_array_equal(units.to_dimensionless(states)[:, :3], states[:, :3])
 
@@ -314,7 +314,7 @@ def test_a_map_is_applied_at_least_once(strides):
 @pytest.mark.parametrize("name", ["lab", "D"])
 def test_units_of_an_actuation_are_those_of_its_parameters(name):
     walker = replace(WALKERS[name], gravity=3.0)
-    units = actuation_units(units_of(walker))._asdict()
+    units = actuation_units(walker.units)._asdict()
     assert units == {part: unit_of(walker, part) for part in units}
 
 

@@ -7,14 +7,13 @@ import gym_passive_walker as gpw
 from gym_passive_walker.gaits.branches.varied_map import VariedMap
 from gym_passive_walker.gaits.control.baselines import LinearFeedback, StrideFeedback
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.models.walkers import changed
 
 LAB, SLOPE = gpw.as_walker("lab"), 0.036
 
 
 def shank(offset: float) -> StrideMap:
     """Stride map of the lab walker with another offset of its shanks."""
-    return gpw.stride_map(changed(LAB, shank_offset=offset), SLOPE)
+    return gpw.stride_map(LAB.with_parameters(shank_offset=offset), SLOPE)
 
 
 def downstairs(height: float) -> StrideMap:
@@ -73,7 +72,9 @@ def test_a_gain_changes_the_multipliers_of_a_gait_but_not_the_gait():
 def test_sizes_and_slopes_may_vary_together(slope):
     def larger(size: float) -> StrideMap:
         return gpw.stride_map(
-            changed(LAB, thigh_length=size * LAB.thigh_length, thigh_mass=size * LAB.thigh_mass),
+            LAB.with_parameters(
+                thigh_length=size * LAB.thigh_length, thigh_mass=size * LAB.thigh_mass
+            ),
             0.03 + 0.01 * (size - 1.0),
         )
 

@@ -14,7 +14,7 @@ from gym_passive_walker.envs.views import Shape
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
 from gym_passive_walker.gaits.scenes.starts import Starts
-from gym_passive_walker.models.equations.systems import bodies
+from gym_passive_walker.models.model import bodies
 from tests.envs.forms import COMPILED, function, plain_values, several
 from tests.gpu.reference import Reference
 

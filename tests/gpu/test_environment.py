@@ -11,7 +11,7 @@ torch = pytest.importorskip("torch")
 from gym_passive_walker.devices.gpu.environment import PassiveWalkerGpuEnv  # noqa: E402
 from gym_passive_walker.envs.explain import as_text  # noqa: E402
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv  # noqa: E402
-from gym_passive_walker.models.equations.systems import bodies  # noqa: E402
+from gym_passive_walker.models.model import bodies  # noqa: E402
 
 SCENE = {"slope": 0.03, "tick": 0.6, "command": (0.1, 0.2)}
 

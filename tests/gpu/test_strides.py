@@ -15,7 +15,6 @@ from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.systems import SYSTEMS
-from gym_passive_walker.models.units import units_of
 from tests.equations.examples import LONG_GAITS
 from tests.gpu.thrown import thrown
 
@@ -47,7 +46,7 @@ def test_every_outcome_comes_about_on_a_device_as_on_a_cpu():
     own, records = thrown("kneed", 40, seed=1)
     slope, beyond = LONG_GAITS["C"].slope, records[:1].copy()
     beyond["state"][:, 0, 3:] = 1e200, -1e200, 1e200
-    section = units_of(gpw.WALKERS["C"]).to_dimensionless(LONG_GAITS["C"].state)
+    section = gpw.WALKERS["C"].units.to_dimensionless(LONG_GAITS["C"].state)
     hurried = new_records(section[None], slope, end=1.0)
     scuffing = new_records(section[None], slope)
     late = new_records(section * [[1.0, 1.0, 1.0, 1.4, 1.0, 2.0]], slope)

@@ -6,8 +6,7 @@ import numpy as np
 
 import gym_passive_walker as gpw
 from gym_passive_walker.engine.run import new_records
-from gym_passive_walker.models.equations.systems import bodies
-from gym_passive_walker.models.units import units_of
+from gym_passive_walker.models.model import bodies
 from tests.equations.examples import LONG_GAITS
 
 NAMES = {"kneed": "C", "straight": "E", "simplest": "D"}
@@ -21,7 +20,7 @@ def thrown(name, count, *, seed=0, wild=0.4):
     if fitted:
         walker = replace(walker, **FITTED)
     rng, gait = np.random.default_rng(seed), LONG_GAITS[NAMES[kind]]
-    section = units_of(walker).to_dimensionless(gait.state)
+    section = walker.units.to_dimensionless(gait.state)
     states = section * (1.0 + wild * rng.uniform(-1.0, 1.0, (count, 6)))
     states[count // 2 :, 3:] *= rng.uniform(-40.0, 40.0, (count - count // 2, 3))
     states[:, 2] = states[:, 1]

@@ -17,7 +17,6 @@ import pytest
 import gym_passive_walker as gpw
 from gym_passive_walker.gaits.control.baselines import LinearFeedback
 from gym_passive_walker.gaits.scenes.scene import make_scene
-from gym_passive_walker.models.units import units_of
 from tests.equations.examples import LONG_GAITS
 from tests.options.effects import Call, Later, To, cases, check, missing
 
@@ -455,7 +454,7 @@ OPTIONS = {
             ),
             end_on_toe_stub=To(
                 True,
-                dict(state=Later(lambda: gait().state), hip_torque=-0.04 * units_of(LAB).torque),
+                dict(state=Later(lambda: gait().state), hip_torque=-0.04 * LAB.units.torque),
                 look=lambda found: found.outcome,
             ),
             threads=To(2, same=True),

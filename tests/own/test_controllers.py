@@ -155,3 +155,14 @@ def test_a_controller_of_a_system_observes_its_command():
     env = gym.make("PassiveWalker-v0", scene=scene)
     assert seen[0].shape[1:] == env.observation_space.shape
     assert (seen[0][:, -2:] == (SLOPE, 0.15)).all()
+
+
+def test_a_strike_just_after_a_step_of_the_integration_has_its_derivatives():
+    """The last step is then as short as rounding; one of fourteen strides ends so here."""
+    scene = SCENES["five links"]
+    strides = gpw.stride_map(controller=Linear(scene), scene=scene)
+    points = np.repeat(strides.beginning(scene["slope"]), 200, axis=0)
+    points *= 1.0 + 1e-4 * np.random.default_rng(0).normal(size=points.shape)
+    taken, change = strides.linearize(points, scene["slope"], by=("state",))
+    assert np.isfinite(taken.durations).all()
+    assert np.abs(change.durations).max(axis=1).min() > 1.0

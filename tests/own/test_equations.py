@@ -10,7 +10,7 @@ import pytest
 import gym_passive_walker as gpw
 from gym_passive_walker.models.equations import hybrid, kneed, simplest, straight
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.equations.systems import SYSTEMS, body_of
+from gym_passive_walker.models.equations.systems import SYSTEMS
 from gym_passive_walker.models.math import cos, sin
 
 KINDS = {"kneed": ("lab", 0.036), "straight": ("A", 0.01), "simplest": ("D", 0.009)}
@@ -26,7 +26,7 @@ def hip(body, state):
 def stated(kind, **rest):
     """A kind of walker of the package as a system of a user's own."""
     walker = gpw.WALKERS[KINDS[kind][0]]
-    return gpw.System.of(SYSTEMS[kind], body_of(walker), centre=hip, **rest)
+    return gpw.System.of(SYSTEMS[kind], walker.body, centre=hip, **rest)
 
 
 def dimensionless(kind, states):
@@ -180,16 +180,16 @@ WRONG = {
 @pytest.mark.parametrize("wrong", WRONG)
 def test_equations_that_contradict_each_other_are_refused_by_name(wrong):
     equations, said = WRONG[wrong]
-    body = body_of(gpw.WALKERS["A"])
+    body = gpw.WALKERS["A"].body
     with pytest.raises(gpw.StatementError, match=said) as raised:
         gpw.System.of(equations, body, centre=hip)
     assert "\n" not in str(raised.value) and "system 'straight'" in str(raised.value)
 
 
 def test_a_body_and_a_centre_must_fit_the_equations():
-    body = body_of(gpw.WALKERS["A"])
+    body = gpw.WALKERS["A"].body
     with pytest.raises(gpw.StatementError, match=r"body .* StraightBody"):
-        gpw.System.of(SYSTEMS["straight"], body_of(gpw.WALKERS["lab"]), centre=hip)
+        gpw.System.of(SYSTEMS["straight"], gpw.WALKERS["lab"].body, centre=hip)
     with pytest.raises(gpw.StatementError, match=r"centre .* 2 numbers"):
         gpw.System.of(SYSTEMS["straight"], body, centre=lambda body, state: (0.0,))
     with pytest.raises(TypeError, match=r"System.of has no argument links"):

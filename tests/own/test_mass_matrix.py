@@ -27,7 +27,7 @@ from gym_passive_walker.modeling import (
 )
 from gym_passive_walker.models.equations import kneed, straight
 from gym_passive_walker.models.equations.hybrid import measured
-from gym_passive_walker.models.equations.systems import SYSTEMS, body_of
+from gym_passive_walker.models.equations.systems import SYSTEMS
 from gym_passive_walker.models.math import cos, sin
 from tests.own.statements import COMPASS
 from tests.own.test_equations import dimensionless, hip, stated
@@ -72,7 +72,7 @@ def by_matrix():
 @pytest.fixture(scope="module", name="system")
 def a_kneed_walker_by_its_mass_matrix():
     gait = gpw.find_gait("lab", 0.036)
-    body = body_of(gpw.WALKERS["lab"])
+    body = gpw.WALKERS["lab"].body
     return gpw.System.of(by_matrix(), body, centre=hip, start=dimensionless("kneed", gait.state))
 
 
@@ -266,14 +266,14 @@ def test_a_wheel_of_one_link_and_one_phase_has_the_gait_of_the_closed_form():
 
 def test_given_equations_are_replaced_like_other_systems():
     system = wheel_by_matrix()
-    assert system.equations is not None
+    assert system.given is not None
     other = replace(
         system, name="heavier", start=(0.39, -0.6), body=system.body._replace(inertia=0.5)
     )
     assert other.hybrid.name == system.hybrid.name  # the equations are compiled once
     found = gpw.find_gait(other, 0.08)
     assert found.state[1] == pytest.approx(closed_form(other.body, 0.08)[0], rel=1e-12)
-    renamed = replace(system, equations=system.equations._replace(spring_gain=None))
+    renamed = replace(system, given=system.given._replace(spring_gain=None))
     assert renamed.falls.keys() == system.falls.keys()
 
 
@@ -312,8 +312,8 @@ GIVEN = {
 @pytest.mark.parametrize("name", GIVEN)
 def test_given_equations_that_are_wrong_are_refused_by_the_name_of_their_function(name):
     system, (function, said) = wheel_by_matrix(), GIVEN[name]
-    assert system.equations is not None
-    wrong = system.equations._replace(**{name: function})
+    assert system.given is not None
+    wrong = system.given._replace(**{name: function})
     with pytest.raises(StatementError, match=said) as raised:
         gpw.System.of(wrong, system.body, centre=system.centre)
     assert str(raised.value).startswith(name) and "\n" not in str(raised.value)
@@ -332,5 +332,5 @@ def test_a_stop_that_leaves_the_knee_bending_is_refused_by_name():
     strike = free.resets[Outcome.KNEESTRIKE]._replace(strike=wrong)
     phases = free._replace(resets={Outcome.KNEESTRIKE: strike}), locked
     with pytest.raises(StatementError, match="reset KNEESTRIKE of phase FREE") as raised:
-        gpw.System.of(equations._replace(phases=phases), body_of(gpw.WALKERS["lab"]), centre=hip)
+        gpw.System.of(equations._replace(phases=phases), gpw.WALKERS["lab"].body, centre=hip)
     assert "\n" not in str(raised.value)

@@ -9,7 +9,6 @@ from gym_passive_walker import WALKERS, stride
 from gym_passive_walker.gaits.look.trajectory import simulate
 from gym_passive_walker.models.equations import kneed
 from gym_passive_walker.models.equations.hybrid import State
-from gym_passive_walker.models.equations.systems import body_of
 from gym_passive_walker.pictures.pose import legs_by_identity, level, pose
 
 SLOPE = 0.036
@@ -44,7 +43,7 @@ def test_links_keep_their_lengths(name):
 def test_hip_and_stance_foot_stand_apart_as_in_the_equations(name):
     walker = WALKERS[name]
     posture = pose(walker, POSTURE)
-    length = body_of(walker).leg * walker.leg_length
+    length = walker.body.leg * walker.leg_length
     np.testing.assert_allclose(
         posture.hip - posture.stance.foot,
         [-length * math.sin(POSTURE[0]), length * math.cos(POSTURE[0])],
@@ -58,7 +57,7 @@ def test_a_positive_angle_puts_the_hip_uphill_of_the_foot():
 
 def test_the_swing_foot_is_as_high_as_the_equations_have_it():
     walker = WALKERS["lab"]
-    expected = walker.leg_length * kneed.foot_clearance(body_of(walker), State(*POSTURE))
+    expected = walker.leg_length * kneed.foot_clearance(walker.body, State(*POSTURE))
     foot = pose(walker, POSTURE).swing.foot
     assert foot[1] - walker.foot_radius == pytest.approx(expected, rel=1e-13)
 

@@ -8,7 +8,6 @@ import gym_passive_walker as gpw
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.units import units_of
 from gym_passive_walker.torch import (
     PassiveWalkerTorchEnv,
     Stride,
@@ -209,7 +208,7 @@ def test_the_state_after_a_rollout_is_the_environment_s(name):
     np.testing.assert_allclose(walked.end.times[going], times[going], atol=1e-9)
     bodies = envs.batch.walkers
     for i in np.flatnonzero(going):
-        state = units_of(bodies[i]).to_dimensionless(envs.batch.states[i])
+        state = bodies[i].units.to_dimensionless(envs.batch.states[i])
         np.testing.assert_allclose(walked.end.states[i], state, atol=1e-8)
         for parameter, values in walked.end.parameters.items():
             assert values[i] == getattr(bodies[i], parameter)

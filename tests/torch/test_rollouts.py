@@ -9,7 +9,6 @@ from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.control.feedback import powered_gait
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.units import units_of
 from gym_passive_walker.torch import initial_state, rollout
 
 COUNT = 6
@@ -33,9 +32,9 @@ class Steady(torch.nn.Module):
         super().__init__()
         walker = make_scene("level").walker
         powered = powered_gait(walker, 0.0)
-        torque = powered.hip_torque / units_of(walker).torque
+        torque = powered.hip_torque / walker.units.torque
         self.share = torch.nn.Parameter(torch.tensor(torque / 0.05))
-        self.start = units_of(walker).to_dimensionless(powered.state).tolist()
+        self.start = walker.units.to_dimensionless(powered.state).tolist()
         self.rest = network(scale=0.05)
 
     def forward(self, observations):
@@ -219,7 +218,7 @@ def test_a_push_of_a_rollout_is_the_environment_s(walker):
     for k in range(12):
         _, rewards, *_ = env.step(np.zeros((1, 1), np.float32))
         assert rewards[0] == pytest.approx(float(walked.rewards[k, 0]), abs=1e-9)
-    units = units_of(scene.walker)
+    units = scene.walker.units
     found = units.to_dimensionless(env.batch.states)
     np.testing.assert_allclose(walked.end.states, found, atol=1e-8)
 

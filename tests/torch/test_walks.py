@@ -8,7 +8,6 @@ import torch
 
 import gym_passive_walker as gpw
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.units import units_of
 from gym_passive_walker.torch import stride, tick
 
 SLOPES = {"D": 0.009, "E": 0.009, "F": 0.009, "lab": 0.036}
@@ -157,8 +156,8 @@ def test_ticks_and_strides_are_the_same_in_any_units():
     slope, states = gait("E")
     found = []
     for walker in (small, giant):
-        units = units_of(walker)
-        begun = units.to_own(units_of(small).to_dimensionless(states.detach().numpy()))
+        units = walker.units
+        begun = units.to_own(small.units.to_dimensionless(states.detach().numpy()))
         given = {
             "hip_torque": 0.01 * units.torque, "ankle_torque": 0.004 * units.energy,
             "push_off": 0.01 * units.impulse, "height_change": -0.002 * units.length,

@@ -12,7 +12,6 @@ import pytest
 
 from gym_passive_walker import WALKERS, Outcome
 from gym_passive_walker.apps.viewer.walk import LiveWalk, Setup
-from gym_passive_walker.models.units import units_of
 from gym_passive_walker.pictures import colours
 from gym_passive_walker.pictures.brush import Brush
 
@@ -124,7 +123,7 @@ def test_the_gait_s_multipliers_and_the_last_stride_s_measures_are_written(playe
     assert "none yet" in texts and "was disturbed" not in texts
     while player.walk.strides < 1:
         player.frame(1 / FRAME_RATE)
-    texts, unit = shown(), units_of(LAB)
+    texts, unit = shown(), LAB.units
     speed = gait.step_length / gait.step_period / unit.speed
     for text in (
         f"speed {speed:.4f} √(g l)", f"length {gait.step_length / unit.length:.4f} l",
@@ -251,7 +250,7 @@ def test_sliders_have_the_range_of_their_kind_and_rows_below_each_other(name):
     walker = WALKERS[name]
     sliders = sliders_of(Setup(walker, 0.02, 0.01))
     length, mass = walker.leg_length, walker.total_mass
-    felt = 0.2 * units_of(walker).torque
+    felt = 0.2 * walker.units.torque
     assert [slider.name for slider in sliders[:3]] == ["slope", "controller", "gravity"]
     for slider in sliders:
         home = {"slope": 0.02, "controller": 0.0}.get(slider.name)
@@ -281,7 +280,7 @@ def test_the_trail_holds_evenly_spaced_samples_of_the_latest_strides():
     assert len(walk.trail) <= 800
     free = {sample.free for sample in walk.trail}
     assert free == {False} and walk.trail[-1].strides == walk.strides
-    expected = units_of(WALKERS["D"]).to_dimensionless(walk.state)
+    expected = WALKERS["D"].units.to_dimensionless(walk.state)
     np.testing.assert_allclose(walk.trail[-1].state, expected)
     kneed = LiveWalk(Setup(LAB, SLOPE))
     for _ in range(40):

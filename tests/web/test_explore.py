@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.models.units import units_of
 from tests.web.browser import LISTEN, WebKit, served
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -41,7 +40,7 @@ READY = """new Promise((done) => {
 def test_points_of_the_branch_are_gaits():
     found = explore.of_family(explore.family())
     for i in range(0, len(found["slope"]), 20):
-        state = units_of(gpw.WALKERS["lab"]).to_own(np.array(found["state"][i]))
+        state = gpw.WALKERS["lab"].units.to_own(np.array(found["state"][i]))
         walk = gpw.stride("lab", found["slope"][i], state)
         assert walk.state == pytest.approx(state, abs=1e-6)
 
@@ -66,9 +65,7 @@ def test_cells_of_the_basin_end_as_their_codes_say():
     for j, i in np.random.default_rng(0).integers(40, size=(30, 2)):
         angle, rate = found["angles"][i], found["rates"][j]
         swing = found["ratios"][i] * rate
-        own = units_of(gpw.WALKERS["D"]).to_own(
-            np.array([angle, -angle, -angle, rate, swing, swing])
-        )
+        own = gpw.WALKERS["D"].units.to_own(np.array([angle, -angle, -angle, rate, swing, swing]))
         walk = gpw.simulate("D", found["slope"], own, 100)
         assert codes[j, i] // 32 == kinds.get(int(walk.outcomes[-1]), 0)
 

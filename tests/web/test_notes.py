@@ -17,7 +17,6 @@ from gym_passive_walker.envs.policies import DESCRIPTION, TENSORS, shipped_polic
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.scenes.starts import REFERENCE_SLOPES
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.units import units_of
 from tests.own.statements import DRIVEN, PROGRESSIVE
 
 build = importlib.import_module(
@@ -101,7 +100,7 @@ def test_walkers_of_a_page_have_their_parameters_and_gaits_that_repeat(name, dat
     assert found["about"] == gpw.models.walkers.ABOUT[name]
     slopes = [slope for slope, _ in found["gaits"]]
     assert slopes == sorted({*slopes}) and {*slopes} & {*REFERENCE_SLOPES}
-    given = units_of(walker).to_own([state for _, state in found["gaits"]])
+    given = walker.units.to_own([state for _, state in found["gaits"]])
     for slope, state in zip(slopes, given, strict=True):
         after = gpw.stride(walker, slope, state).state
         np.testing.assert_allclose(after, state, atol=1e-6 * np.abs(state).max())

@@ -13,7 +13,7 @@ from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.envs.policies import shipped_policies
-from gym_passive_walker.models.equations.systems import bodies, system_of
+from gym_passive_walker.models.model import bodies
 from tests.web.browser import LISTEN, Chromium, served
 from tests.web.test_walks import SIX, _job, _near, _unlike
 
@@ -133,7 +133,7 @@ def test_strides_in_a_page_are_the_cpus_byte_for_byte(page):
         walker = gpw.WALKERS[name]
         records = new_records(_near(walker, 0.03, 100), 0.03)
         jobs.append(_job(walker, name, records))
-        there.append(advance(system_of(walker), bodies(walker), records, tolerance=1e-8))
+        there.append(advance(walker.equations(), bodies(walker), records, tolerance=1e-8))
     found = done_in(page(), jobs)
     assert [_unlike(*pair) for pair in zip(found, there, strict=True)] == [0] * len(SIX)
 

@@ -13,7 +13,7 @@ from gym_passive_walker.devices import web
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.engine.run import advance, new_records, states_in
 from gym_passive_walker.envs.constraints import ROOM, hooks
-from gym_passive_walker.models.equations.systems import bodies
+from gym_passive_walker.models.model import bodies
 from tests.own.statements import DRIVEN, PROGRESSIVE
 
 TICKS, EVERY, IMPULSE, SEED = 130, 7, 0.002, 5

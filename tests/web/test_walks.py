@@ -16,8 +16,7 @@ from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.scenes.starts import Starts, gait_near
-from gym_passive_walker.models.equations.systems import bodies, system_of
-from gym_passive_walker.models.units import units_of
+from gym_passive_walker.models.model import bodies
 from gym_passive_walker.pictures.pose import pose
 
 SIX = ("lab", "C", "A", "B", "D", "lab-straight")
@@ -64,7 +63,7 @@ def strides(run):
         walker = gpw.WALKERS[name]
         records = new_records(_near(walker, 0.03, 1000), 0.03)
         jobs.append(_job(walker, name, records))
-        there.append(advance(system_of(walker), bodies(walker), records, tolerance=1e-8))
+        there.append(advance(walker.equations(), bodies(walker), records, tolerance=1e-8))
     return dict(zip(SIX, zip(run(*jobs), there, strict=True), strict=True))
 
 
@@ -86,7 +85,7 @@ def test_strides_at_each_tolerance_are_the_cpus(run, tolerance):
     walker = gpw.WALKERS["C"]
     records = new_records(_near(walker, 0.02, 50), 0.02)
     (found,) = run(_job(walker, "C", records, tolerance=tolerance))
-    advance(system_of(walker), bodies(walker), records, tolerance=tolerance)
+    advance(walker.equations(), bodies(walker), records, tolerance=tolerance)
     assert _unlike(found, records) == 0
 
 
@@ -96,7 +95,7 @@ def test_strides_with_springs_and_friction_are_the_cpus(run, name):
     walker = gpw.as_walker(given)
     records = new_records(_near(gpw.WALKERS[name], 0.03, 100), 0.03, 0.01)
     (found,) = run(_job(walker, given, records))
-    advance(system_of(walker), bodies(walker), records, tolerance=1e-8)
+    advance(walker.equations(), bodies(walker), records, tolerance=1e-8)
     assert _unlike(found, records) == 0
 
 
@@ -109,7 +108,7 @@ def test_strides_on_uneven_ground_under_all_controls_are_the_cpus(run, name):
         height_change=rng.normal(0.0, 0.002, 100), slope_change=rng.normal(0.0, 0.002, 100),
     )  # fmt: skip
     (found,) = run(_job(walker, name, records, terrain={"stairs": {"rise": 0.0}}))
-    system = system_of(walker, using=("height_change",))
+    system = walker.equations(("height_change",))
     advance(system, bodies(walker), records, tolerance=1e-8)
     assert _unlike(found, records) == 0
 
@@ -282,7 +281,7 @@ def test_joints_are_those_of_pictures(run):
     ]
     for name, each, found in zip(names, states, run(*jobs), strict=True):
         walker = gpw.WALKERS[name]
-        there = pose(walker, units_of(walker).to_own(np.array(each)))
+        there = pose(walker, walker.units.to_own(np.array(each)))
         for i, joints in enumerate(found):
             assert joints["hip"] == pytest.approx(there.hip[i], abs=1e-12)
             for leg in ("stance", "swing"):
@@ -297,7 +296,7 @@ def test_joints_are_those_of_pictures(run):
 def test_the_gait_and_multipliers_of_a_page_are_pythons(run, name, slope):
     (found,) = run({"what": "gait", "walker": name, "slope": slope})
     gait = gpw.find_gait(name, slope)
-    units = units_of(gpw.WALKERS[name])
+    units = gpw.WALKERS[name].units
     assert found["state"] == pytest.approx(units.to_dimensionless(gait.state), abs=1e-8)
     multipliers = sorted(abs(complex(*each)) for each in found["multipliers"])[-2:]
     assert multipliers == pytest.approx(np.sort(np.abs(gait.multipliers))[-2:], abs=1e-5)

@@ -12,7 +12,6 @@ import pytest
 import gym_passive_walker as gpw
 from examples.torso import TORSO
 from gym_passive_walker.envs.policies import policy_folder
-from gym_passive_walker.models.units import units_of
 
 pytest.importorskip("anywidget")
 
@@ -30,9 +29,7 @@ def test_a_gait_is_shown_as_it_is(notebook):
     gait = gpw.find_gait("C", 0.02)
     widget = gpw.play(gait)
     assert (widget.given["walker"], widget.given["changes"]) == ("C", {})
-    assert widget.given["start"] == pytest.approx(
-        units_of(gait.walker).to_dimensionless(gait.state)
-    )
+    assert widget.given["start"] == pytest.approx(gait.walker.units.to_dimensionless(gait.state))
     assert (widget.slope, widget.hip_torque, widget.policy) == (0.02, 0.0, "")
     assert widget.walker == gait.walker
     assert (widget.state, widget.strides, widget.outcome) == ([], 0, "")
@@ -48,7 +45,7 @@ def test_a_walker_is_its_preset_and_the_changes(notebook):
 
 def test_a_gait_under_a_torque_keeps_it(notebook):
     walker = gpw.WALKERS["C"]
-    torque = 0.001 * units_of(walker).torque
+    torque = 0.001 * walker.units.torque
     strides = gpw.stride_map(walker, 0.02, controller=gpw.Actuation(hip_torque=torque))
     assert gpw.play(gpw.find_gait(strides)).hip_torque == pytest.approx(0.001, rel=1e-12)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.apps.sweeps.description import Given
 from gym_passive_walker.apps.sweeps.tasks import task
 from gym_passive_walker.gaits.actuation import Actuation
-from gym_passive_walker.models.units import KINDS, UNITS, Units, units_of
+from gym_passive_walker.models.units import KINDS, UNITS, Units
 from gym_passive_walker.models.walkers import Walker
 from gym_passive_walker.pictures.axes import ANGLE, SLOPE, SPEED
 
@@ -64,4 +64,4 @@ def _size(unit: Callable[[Walker, Units], float], analysis: str, given: Given) -
     except ValueError:
         return np.nan
     walker = taken.get("walker") or taken.get("changes", {}).get("walker")
-    return 1.0 if walker is None else unit(walker, units_of(walker))
+    return 1.0 if walker is None else unit(walker, walker.units)

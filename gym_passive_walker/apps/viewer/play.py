@@ -15,7 +15,6 @@ from gym_passive_walker.apps.viewer.walk import LiveWalk, Setup, gentle_slope
 from gym_passive_walker.envs.policies import TrainedPolicy, load_policy
 from gym_passive_walker.gaits.actuation import PASSIVE
 from gym_passive_walker.gaits.given import GaitLike, walk_of
-from gym_passive_walker.models.units import units_of
 from gym_passive_walker.models.walkers import as_any
 from gym_passive_walker.pictures.screen import load_pygame, open_window
 from gym_passive_walker.pictures.video import video_path
@@ -54,7 +53,7 @@ def _asked(
     walker, slope = as_any(walker), given
     controller: Any = policy
     if policy is None:
-        held = motors.hip_torque / units_of(walker).torque
+        held = motors.hip_torque / walker.units.torque
         controller = held if strides is None else strides.controller
         smooth = strides is None or strides.terrain is None
         shown = smooth and isinstance(controller, TrainedPolicy | float)

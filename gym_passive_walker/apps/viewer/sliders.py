@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 from pygame import Rect
 
 from gym_passive_walker.apps.viewer.walk import LiveWalk, Setup
-from gym_passive_walker.models.units import units_of
 from gym_passive_walker.models.walkers import PARAMETERS, Mechanism, Walker
 
 PANEL = Rect(800, 0, 480, 560)
@@ -115,4 +114,4 @@ def _range(walker: Walker, name: str, value: float) -> tuple[float, float]:
         case "gyration" | "com" | "radius":
             return 0.0, 0.6 * walker.leg_length
         case _:  # a stiffness or friction
-            return 0.0, max(2.0 * value, _FELT * units_of(walker).torque)
+            return 0.0, max(2.0 * value, _FELT * walker.units.torque)

@@ -25,7 +25,6 @@ from gym_passive_walker.gaits.scenes.scene import SceneError
 from gym_passive_walker.gaits.scenes.starts import REFERENCE_SLOPES, checked_state, gait_near
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.equations.hybrid import Outcome, Stage
-from gym_passive_walker.models.units import units_of
 from gym_passive_walker.models.walkers import Mechanism, Walker
 
 _SAMPLE = 0.015  # sqrt(l/g) between two samples of the trail: its curve has no visible corners
@@ -57,7 +56,7 @@ class Setup(NamedTuple):
         if isinstance(acts, float) and isinstance(self.walker, Mechanism):
             acts = {name: acts * self.walker.total_mass for name in self.walker.controls[:1]}
         elif isinstance(acts, float):
-            acts = Actuation(hip_torque=acts * units_of(self.walker).torque)
+            acts = Actuation(hip_torque=acts * self.walker.units.torque)
         return stride_map(self.walker, self.slope, controller=acts)
 
     def gait(self) -> Gait | None:

@@ -25,7 +25,7 @@ from gym_passive_walker.envs.transitions import NOTE
 from gym_passive_walker.gaits.scenes.checks import checked
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, make_scene
 from gym_passive_walker.gaits.scenes.starts import Starts
-from gym_passive_walker.models.equations.systems import bodies
+from gym_passive_walker.models.model import bodies
 from gym_passive_walker.models.walkers import Walker, check_parametric
 
 DRAWN = 4096

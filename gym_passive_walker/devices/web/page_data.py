@@ -22,7 +22,6 @@ from gym_passive_walker.gaits.scenes.checks import CHECKS
 from gym_passive_walker.gaits.scenes.scene import SCENES, make_scene
 from gym_passive_walker.gaits.scenes.starts import REFERENCE_SLOPES, searched_gait
 from gym_passive_walker.models.equations.hybrid import Outcome, System
-from gym_passive_walker.models.equations.systems import kind_of
 from gym_passive_walker.models.walkers import WALKERS, Mechanism
 from gym_passive_walker.models.walkers.presets import ABOUT
 from gym_passive_walker.models.walkers.walker import PARAMETERS
@@ -125,7 +124,7 @@ def _noted(
 
 def _rules(kind: System) -> dict[str, list[float]]:
     """Return the rules of a passive walker of a kind that a page does not change."""
-    name = next(name for name, walker in WALKERS.items() if kind_of(walker) == kind.name)
+    name = next(name for name, walker in WALKERS.items() if walker.kind == kind.name)
     rules = rules_of(make_scene({"walker": name}), kind, 0.0)[0]
     left = ("tick", "step_limit")  # infinite here or in a page
     return {
@@ -145,7 +144,7 @@ def of_all() -> dict[str, Any]:
         "parameters": PARAMETERS,
         "walkers": {
             name: {
-                "kind": kind_of(walker),
+                "kind": walker.kind,
                 "about": ABOUT[name],
                 "parameters": {field: getattr(walker, field) for field in (*PARAMETERS, "knees")},
                 "gaits": _gaits(name),

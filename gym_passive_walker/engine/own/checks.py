@@ -192,12 +192,12 @@ def check(system: Any) -> None:
             raise checks.error("limits", f"has no control {name!r}: choose from {known}")
         if checks.numbers("limits", [limit])[0] <= 0.0:
             raise checks.error("limits", f"must be positive, not {limit!r} of {name!r}")
-    if system.equations is not None:
+    if system.given is not None:
         if system.centre is None:
             raise checks.error("centre", "is missing: give x and y of the centre of mass")
         if not checks.numbers("mass", [system.mass])[0] > 0.0:
             raise checks.error("mass", f"must be positive, not {system.mass!r}")
-        _check_statement(checks, system.equations)
+        _check_statement(checks, system.given)
         return
     if system.centre is not None or system.mass != 1.0:
         raise checks.error("centre and mass", "follow from its links: leave them out")

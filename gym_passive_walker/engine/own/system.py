@@ -98,7 +98,7 @@ class System(Mechanism):
             environment. For other controls it is the scene's `max_hip_torque` times the weight.
         pose: Function of body and state: lines of points (x, y) for pictures. None draws a
             line from the foot to each mass, or to the centre of mass.
-        equations: The hybrid system that was given to `of`; None otherwise. `State`, `Control`,
+        given: The hybrid system that was given to `of`; None otherwise. `State`, `Control`,
             `travel` and `falls` are then those of the equations.
         mass: Its total mass, as given to `of`.
         centre: Function of body and state: x and y of its centre of mass, as given to `of`.
@@ -123,16 +123,16 @@ class System(Mechanism):
     start: Sequence[float] | None = None
     limits: Mapping[str, float] = field(default_factory=dict)
     pose: Callable[[Any, Any], Sequence[Sequence[tuple[Any, Any]]]] | None = None
-    equations: hybrid.System | None = None
+    given: hybrid.System | None = None
     mass: float = 1.0
     centre: Any = None
     _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if self.equations is not None:
-            check_given(self, self.equations)
-            given = stated(_pushed(self.equations), self.name)
-            self.__dict__.update(equations=given, falls=_falls_of(given), travel=given.travel)
+        if self.given is not None:
+            check_given(self, self.given)
+            given = stated(_pushed(self.given), self.name)
+            self.__dict__.update(given=given, falls=_falls_of(given), travel=given.travel)
         self.__dict__.update({name: self._stated_as(name) for name in _FUNCTIONS})
         check(self)
 
@@ -188,7 +188,7 @@ class System(Mechanism):
             "travel": equations.travel, "falls": _falls_of(equations),
         }  # fmt: skip
         return cls(
-            body=body, equations=equations, centre=centre, mass=mass, links=absent,
+            body=body, given=equations, centre=centre, mass=mass, links=absent,
             landing=absent, relabel=absent, **(given | rest),
         )  # fmt: skip
 
@@ -225,7 +225,7 @@ class System(Mechanism):
         """Lines of points (x, y) that show a state of a body, of the kind of numbers given."""
         if self.pose is not None:
             return self.pose(body, state)
-        if self.equations is not None:
+        if self.given is not None:
             return [[(0.0, 0.0), self.centre(body, state)]]
         links = (Link(*link) for link in self.links(body, state))
         return [[(0.0, 0.0), (link.x, link.y)] for link in links]
@@ -292,13 +292,13 @@ class System(Mechanism):
     def hybrid(self) -> hybrid.System:  # type: ignore[override]
         """The hybrid system that the engine compiles."""
         if "hybrid" not in self._made:
-            self._made["hybrid"] = _registered(self.equations or self._stated())
+            self._made["hybrid"] = _registered(self.given or self._stated())
         return self._made["hybrid"]
 
     @property
     def uneven(self) -> hybrid.System:  # type: ignore[override]
         """The same on footholds of different heights."""
-        if self.equations is not None and "height_change" in self.equations.absent:
+        if self.given is not None and "height_change" in self.given.absent:
             raise StatementError(
                 f"equations of system {self.name!r} are for even ground: `height_change` is absent"
             )
@@ -315,8 +315,8 @@ class System(Mechanism):
 
     def _clearance(self, body: Any, state: Any) -> Any:
         """Height of the swing foot."""
-        if self.equations is not None:
-            return self.equations.foot_clearance(body, state)
+        if self.given is not None:
+            return self.given.foot_clearance(body, state)
         return self.landing(body, state)[1]
 
     def _stated(self) -> hybrid.System:
@@ -409,7 +409,7 @@ class System(Mechanism):
 
     def _centre(self, body: Any, state: Any) -> tuple[Any, Any, Any]:
         """The whole mass, and its first moments along x and y."""
-        if self.equations is not None:
+        if self.given is not None:
             x, y = self.centre(body, state)
             return self.mass, self.mass * x, self.mass * y
         mass: Any = 0.0

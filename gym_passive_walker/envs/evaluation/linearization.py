@@ -17,7 +17,6 @@ from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.checks import checked
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS
 from gym_passive_walker.gaits.scenes.scene import UNDISTURBED, Scene, SceneError, undisturbed
-from gym_passive_walker.models.equations.systems import system_of
 from gym_passive_walker.models.walkers import PARAMETERS, check_parametric
 
 _STATE, _STANCE, _ACTION, _START = slice(0, 6), 0, 6, 7  # columns of derivatives
@@ -120,7 +119,7 @@ class StepRecorder:
         standing = stands(fallen, begins)
         distance = distance[:, 1:] * standing.reshape(-1, 1)
         energy = np.zeros_like(distance)
-        if system_of(scene.walker).works.hip:
+        if scene.walker.equations().works.hip:
             charged = int(settings["charged"])
             moved, turned = (results[:, report.at[name, 0]] for name in ("moved", "turned"))
             energy += rules.motor_charge(charged, torques[:, None], moved[:, 1:], turned[:, 1:])

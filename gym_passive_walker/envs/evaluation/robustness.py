@@ -31,7 +31,6 @@ from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, rough
-from gym_passive_walker.models.units import units_of
 from gym_passive_walker.models.walkers import (
     Mechanism,
     Walker,
@@ -389,7 +388,7 @@ class _Tries:
                 walker=scene.walker, tolerance=scene.tolerance,
                 end_on_toe_stub=scene.end_on_toe_stub,
             )  # fmt: skip
-            state = units_of(scene.walker).to_dimensionless(self.gait)
+            state = scene.walker.units.to_dimensionless(self.gait)
             slope = float(np.mean(scene.slope))
             return survivors(kind, state, slope, terrain, walkers=count, strides=strides, seed=seed)
         starts = np.repeat(self.gait[None], count, axis=0)
@@ -453,7 +452,7 @@ class _Tries:
         """Return the strides until walkers a little off the gait are ten times as near to it."""
         starts = self.near(off, 32, seed)
         found = self.walk(starts, _ANSWERS)
-        units = units_of(self.scene.walker)
+        units = self.scene.walker.units
         gait, seen = units.to_dimensionless(self.gait), self.section.coordinates
         away = np.abs(units.to_dimensionless(found.states) - gait)[..., seen].max(axis=2)
         began = np.abs(units.to_dimensionless(starts) - gait)[:, seen].max(axis=1)

@@ -30,8 +30,7 @@ from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.stride import STATE_NAMES
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
-from gym_passive_walker.models.units import units_of
-from gym_passive_walker.models.walkers import Walker, changed, describe, name_of
+from gym_passive_walker.models.walkers import Walker, describe, name_of
 
 _TOLERANCE = 1e-12
 _FINEST = 1e-3  # resolution
@@ -94,7 +93,7 @@ class GaitFamily(Table):
     @property
     def froude_speed(self) -> NDArray[np.float64]:
         """Speed over sqrt(g l) of `walker`."""
-        return self.speed / units_of(self.walker).speed
+        return self.speed / self.walker.units.speed
 
     @property
     def stable(self) -> NDArray[np.bool_]:
@@ -339,7 +338,7 @@ def parameter_family(
     for value in (low, high):
         try:
             if own:
-                changed(stride_map.walker, **{parameter: value})
+                stride_map.walker.with_parameters(**{parameter: value})
             else:
                 held = stride_map.controller or Actuation()
                 one_actuation(stride_map.walker, held._replace(**{parameter: value}))

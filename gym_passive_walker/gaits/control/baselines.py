@@ -20,7 +20,6 @@ from gym_passive_walker.gaits.control.policy import Policy
 from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.models.units import units_of
 
 _STANDS = 1e-5  # rad, in single precision: legs that mirror each other have just changed roles
 _SWAPPED = 0.1  # rad: angles of both legs jump by more where they change roles on uneven ground
@@ -200,7 +199,7 @@ class LinearFeedback(StrideFeedback):
         walker, slope = scene.walker, float(np.mean(scene.slope))
         self.gait = powered_gait(walker, slope)
         point = Section(walker=walker).points_at(self.gait.state)[0]
-        torque = self.gait.hip_torque / units_of(walker).torque
+        torque = self.gait.hip_torque / walker.units.torque
         free = ticked_stride(walker, slope, point, np.array([torque]), tick=np.inf)
         count = 1 if scene.control == "stride" else math.ceil(free.duration / scene.tick)
         torques = np.full(count, torque)

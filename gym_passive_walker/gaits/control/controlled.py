@@ -22,7 +22,7 @@ from gym_passive_walker._tools.progress import progress
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.actuation import for_each
 from gym_passive_walker.gaits.control.baselines import StrideFeedback
-from gym_passive_walker.gaits.control.ticks import Choice, Steps, follow, hold, inputs_of
+from gym_passive_walker.gaits.control.ticks import Choice, Steps, follow, hold
 from gym_passive_walker.gaits.flow import (
     Walkers,
     go_on,
@@ -140,7 +140,7 @@ class ControlledMap(StrideMap):
     @cached_property
     def _inputs(self) -> list[str]:
         """Name of each action's input, as in derivatives."""
-        return [inputs_of(self.walker)[motor] for motor in self._motors]
+        return [self.walker.inputs[motor] for motor in self._motors]
 
     @cached_property
     def walkers(self) -> Walkers:
@@ -497,7 +497,7 @@ class ControlledMap(StrideMap):
         steps = self._steps(states, slopes, each, rises=rises, turns=turns, ahead=ahead)
         found = Samples(
             np.full((n, k, self.size), np.nan), np.zeros((n, k), np.int64),
-            np.zeros((n, k, len(inputs_of(self.walker)))),
+            np.zeros((n, k, len(self.walker.inputs))),
         )  # fmt: skip
         rows, columns = np.nonzero(np.isfinite(times))
         wanted = times[rows, columns]

@@ -20,7 +20,6 @@ from gym_passive_walker.gaits.find.newton import newton
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.models.units import units_of
 from gym_passive_walker.models.walkers import Walker
 
 Method = Literal["lqr", "deadbeat"]
@@ -102,7 +101,7 @@ def first_driven(
         State (6,) and actuation of the gait, in the walker's own units; None if there is none.
     """
     for amount in amounts:
-        held = to_own(units_of(walker), Actuation(**{part: amount}))
+        held = to_own(walker.units, Actuation(**{part: amount}))
         gait = seek(StrideMap.of(walker, controller=held), slope).gait
         if gait is not None:
             return gait.state, held

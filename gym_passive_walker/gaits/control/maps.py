@@ -37,7 +37,6 @@ from gym_passive_walker.models.walkers import (
     as_any,
     check_heights_only,
     check_parametric,
-    state_size,
 )
 
 
@@ -156,7 +155,7 @@ def _held(walker: Any, controls: Mapping[str, Any]) -> tuple[Policy | None, Scen
     shares = [[held.get(name, 0.0) / x for name, x in zip(scene.actions, largest, strict=True)]]
     if np.max(np.abs(shares)) > 1.0 + 1e-12:
         raise ValueError(f"the limits of system {walker.title!r} are smaller than {dict(held)}")
-    point = np.zeros(state_size(walker))
+    point = np.zeros(walker.size)
     return StrideFeedback("held controls", scene, point, np.array(shares)), scene
 
 

@@ -26,7 +26,6 @@ from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.models.units import units_of
 
 STORE = Path(__file__).parent / "gaits"
 """Folder of the stored optimal gaits of named scenes."""
@@ -180,7 +179,7 @@ def constant_gait(scene: Scene) -> OptimalGait:
     walker, slope = scene.walker, slope_of(scene)
     state, held = _driven(scene)
     point = Section(walker=walker).points_at(state)[0]
-    hip, ankle, push_off = to_dimensionless(units_of(walker), held)
+    hip, ankle, push_off = to_dimensionless(walker.units, held)
     torques = np.array([[hip], [ankle]])
     walked = ticked_stride(walker, slope, point, torques, tick=math.inf, push_off=push_off)
     ticks = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)

@@ -21,7 +21,6 @@ from gym_passive_walker.gaits.flow import (
     STATE_BEFORE,
     Reported,
     Walkers,
-    controls_of,
     go_on,
     new_records,
     numbers_of,
@@ -31,17 +30,11 @@ from gym_passive_walker.gaits.flow import (
 from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.gaits.stride_map import LONGEST
 from gym_passive_walker.models.equations.hybrid import Outcome, State
-from gym_passive_walker.models.walkers import Mechanism, Walker
+from gym_passive_walker.models.walkers import Walker
 
 _TOGETHER = 2048, 128  # walkers that are followed at once, without tangents and with them
 _STATE = len(State._fields)
 _RUNNING, _STRUCK = int(Outcome.RUNNING), int(Outcome.HEELSTRIKE)
-
-
-def inputs_of(walker: Walker) -> tuple[str, ...]:
-    """Names of tangents by what a walker's actuators hold, in the order of a scene's channels."""
-    controls = controls_of(walker)
-    return controls if isinstance(walker, Mechanism) else (*controls, "push_off")
 
 
 class Choice(NamedTuple):
@@ -112,7 +105,7 @@ def follow(
         records: Records at the beginning of strides, (n, 1).
         choose: Function of which walkers (c,), their records (c, 1), the control step's number, and
             the indices (d,) among them of those with strides that go on; it returns their controls.
-        motors: Names of the actuators, some of `inputs_of`.
+        motors: Names of the actuators, some of `Model.inputs`.
         tick: Length of a control step, over sqrt(l/g).
         max_stride_time: Time after which a stride is given up, over sqrt(l/g).
         lanes: Index of each walker among `batch`, where these differ in a parameter.
@@ -133,7 +126,7 @@ def follow(
         parts = [chosen[i : i + most] for i in range(0, len(chosen), most)]
         return _beside([again(chosen=part, in_turn=in_turn) for part in parts])
     by, report = ("state", *motors, *moving, "start") if width else (), report_of(batch.system())
-    found, inputs = records.take(chosen, axis=0), inputs_of(batch.walker)
+    found, inputs = records.take(chosen, axis=0), batch.walker.inputs
     places = [inputs.index(motor) for motor in motors]
     if not len(chosen):
         shapes = ((report.size, width), (len(motors), 1 + width), (len(report.entries), 1 + width))

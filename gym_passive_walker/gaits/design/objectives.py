@@ -18,7 +18,7 @@ from gym_passive_walker.gaits.branches.sensitivity import SLOPE, Sensitivity, ch
 from gym_passive_walker.gaits.look.reality import reality_check
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.equations.hybrid import State
-from gym_passive_walker.models.units import growth, units_of
+from gym_passive_walker.models.units import growth
 
 SPECTRAL_RADIUS = "spectral_radius"
 
@@ -29,7 +29,7 @@ Graded = tuple[float, NDArray[np.float64]]
 def _in_units(gait: Sensitivity, quantity: Graded, *, length: int = 0, time: int = 0) -> Graded:
     """Convert a dimensionless quantity by powers of the walker's units of length and time."""
     walker, (value, gradient) = gait.place.section.walker, quantity
-    units = units_of(walker)
+    units = walker.units
     own = units.length**length * units.time**time
     grown = np.zeros(len(gait.by))
     for i, name in enumerate(gait.by):

@@ -30,7 +30,6 @@ from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import SMOOTH, Outcome
 from gym_passive_walker.models.equations.numbers import exponential, logarithm
-from gym_passive_walker.models.equations.systems import body_of, system_of
 from gym_passive_walker.models.walkers import Walker
 
 ACCURACY = 1e-12
@@ -87,9 +86,9 @@ def at_heelstrike(
     Returns:
         Points after the heelstrike, (n, m); the energy lost and the push-off's work, (n,) each.
     """
-    reset = system_of(section.walker).phases[-1].resets[Outcome.HEELSTRIKE]
+    reset = section.walker.equations().phases[-1].resets[Outcome.HEELSTRIKE]
     before = legs.straight(-angles, angles, stance_rates, swing_rates)
-    struck = reset.strike(body_of(section.walker), before, push_off, SMOOTH)
+    struck = reset.strike(section.walker.body, before, push_off, SMOOTH)
     work = np.broadcast_to(struck.work, struck.lost.shape)
     return section.point(np.stack(struck.after, axis=-1)), struck.lost, work
 
@@ -114,7 +113,7 @@ def _starts(stride_map: StrideMap, slope: float) -> NDArray:
     if stride_map.terrain is not None:
         rise = float(stride_map.ground[:, 1].mean())
         angles = exponential(u[0, :, 0])
-        lengths = legs.step_length(body_of(stride_map.walker), angles, angles)
+        lengths = legs.step_length(stride_map.walker.body, angles, angles)
         supply = supply - rise * math.cos(slope) / lengths
     if not np.any(supply > 0.0):
         return np.empty((0, stride_map.dimension))
@@ -148,7 +147,7 @@ def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray, NDArray | 
     stance_rate = np.repeat(stance, len(angles)) * angle
     swing_rate = np.repeat(stance + excess, len(angles)) * angle
     points, *energies = at_heelstrike(stride_map, angle, stance_rate, swing_rate, push_off)
-    shape, lengths = (len(stance), len(angles)), legs.step_length(body_of(walker), angle, angle)
+    shape, lengths = (len(stance), len(angles)), legs.step_length(walker.body, angle, angle)
     lost, pushed = ((energy / lengths).reshape(shape) for energy in energies)
     u = stride_map.at(points).chart.reshape(*shape, -1)
     loss = logarithm(np.maximum(lost, _LEAST))

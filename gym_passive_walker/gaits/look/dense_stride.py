@@ -26,8 +26,6 @@ from gym_passive_walker.gaits.stride import Stride
 from gym_passive_walker.gaits.stride_map import MapLike, Samples, StrideMap
 from gym_passive_walker.models.equations.hybrid import Ground, State
 from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
-from gym_passive_walker.models.equations.systems import body_of, system_of
-from gym_passive_walker.models.units import units_of
 from gym_passive_walker.models.walkers import Walker
 
 _SHORTEST = 1e-12  # share of a stride below which a phase is none
@@ -67,7 +65,7 @@ def states_at(
     )
     held = Actuation(*map(float, motors))
     strides = controlled or StrideMap.of(walker, controller=held)
-    strides, units = strides.with_tolerance(tolerance), units_of(walker)
+    strides, units = strides.with_tolerance(tolerance), walker.units
     instants = np.asarray(times, dtype=float)[None] / units.time
     seen = strides.look(strides.dimensionless(state), np.array([slope], dtype=float), instants)
     return units.to_own(seen.states[0]), seen.stages[0]
@@ -81,7 +79,7 @@ def clearance_of(walker: Walker, states: NDArray) -> tuple[NDArray, NDArray]:
     # Angles that move by infinitesimal rates move the height by as much of its own rate.
     angles, rates = np.split(states, 2, axis=1)
     moving = State(*complex_step(angles, rates).T, *rates.T)
-    clearance = system_of(walker).foot_clearance(body_of(walker), moving) * walker.leg_length
+    clearance = walker.equations().foot_clearance(walker.body, moving) * walker.leg_length
     return np.real(clearance), step_derivative(clearance)
 
 
@@ -244,7 +242,7 @@ def dense_phases(
         NoStride: if one of two phases takes no time.
     """
     walker, tolerance = stride_map.walker, stride_map.tolerance
-    own, first_state = units_of(walker), stride_map.dimensionless(start)
+    own, first_state = walker.units, stride_map.dimensionless(start)
     units = np.repeat([1.0, own.rate, 1.0, own.length, own.force, own.energy], [3, 3, 1, 1, 2, 2])
 
     def look(times: NDArray) -> Samples:
@@ -293,8 +291,8 @@ def kneestrike_impulses(
     Returns:
         That on the stance foot, and that on the stance knee's stop, positive when it is pressed.
     """
-    jumps = (after - last.state_at(last.end))[3:] * units_of(walker).time
-    return _given(walker, struck(body_of(walker), after[:3], jumps, (0.0, 0.0)), last.end)
+    jumps = (after - last.state_at(last.end))[3:] * walker.units.time
+    return _given(walker, struck(walker.body, after[:3], jumps, (0.0, 0.0)), last.end)
 
 
 def heelstrike_impulses(
@@ -312,7 +310,7 @@ def heelstrike_impulses(
         That of the ground on the new stance foot, and that on the new stance knee's stop, positive
         when it is pressed; the same of the push-off, on the old foot and knee; NaN without one.
     """
-    units, body, level = units_of(walker), body_of(walker), Ground(0.0, 1.0)
+    units, body, level = walker.units, walker.body, Ground(0.0, 1.0)
     before = State(*units.to_dimensionless(last.state_at(last.end)))
     left = pushed_off(body, before, push_off, level) if push_off else (np.nan,) * 4
     old, (back, up) = landing(body, before, push_off, level)
@@ -326,7 +324,7 @@ def _given(
     walker: Walker, carried: tuple[float, ...], time: float
 ) -> tuple[Impulse, TimedExtremum]:
     """Impulses (back, up, on the stance knee's stop, …), in the walker's own units."""
-    units, (back, up, knee, _) = units_of(walker), map(float, carried)
+    units, (back, up, knee, _) = walker.units, map(float, carried)
     scale = units.force * units.time
     ground = Impulse(up * scale, -back * scale, time)
     return ground, TimedExtremum(knee * units.energy * units.time if walker.knees else np.nan, time)

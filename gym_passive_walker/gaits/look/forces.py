@@ -21,8 +21,7 @@ from gym_passive_walker.models.equations.legs import hip_torque as torque_at_hip
 from gym_passive_walker.models.equations.legs import impulse, turned
 from gym_passive_walker.models.equations.legs import knee_torque as torque_at_knee
 from gym_passive_walker.models.equations.numbers import sine_cosine
-from gym_passive_walker.models.equations.systems import bodies, body_of, system_of
-from gym_passive_walker.models.units import units_of
+from gym_passive_walker.models.model import bodies
 from gym_passive_walker.models.walkers import Walker
 
 
@@ -231,7 +230,7 @@ def forces(
         hip_torque: Torque, as for `stride`.
         ankle_torque: Torque, as for `stride`.
     """
-    units, system, body = units_of(walker), system_of(walker), body_of(walker)
+    units, system, body = walker.units, walker.equations(), walker.body
     given = units.to_dimensionless(np.array(states, dtype=float))
     state, stages = State(*given.T), np.asarray(phases)
     control = Control(hip_torque / units.torque, ankle_torque / units.energy)

@@ -13,8 +13,6 @@ from gym_passive_walker.gaits.look.forces import struck
 from gym_passive_walker.gaits.section import OFF
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import State
-from gym_passive_walker.models.equations.systems import body_of, system_of
-from gym_passive_walker.models.units import units_of
 from gym_passive_walker.models.walkers import WalkerLike, as_walker
 
 
@@ -79,7 +77,7 @@ def foot_velocity(walker: WalkerLike, state: ArrayLike) -> FootVelocity:
             "angles of thigh and shank, such as walk.states[-1] of gpw.simulate, not "
             f"{shown(state)}"
         )
-    back, up = legs.striking_velocity(body_of(walker), State(*np.moveaxis(states, -1, 0)))
+    back, up = legs.striking_velocity(walker.body, State(*np.moveaxis(states, -1, 0)))
     return FootVelocity(-back * walker.leg_length, up * walker.leg_length)
 
 
@@ -104,19 +102,19 @@ def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.floa
     if walker.massless_legs:
         leg = np.array([-np.sin(stance_angle), np.cos(stance_angle)])
         return walker.total_mass * np.outer(leg, leg)
-    system = system_of(walker)
+    system = walker.equations()
     assert system.mass_matrix is not None
     links = system.phases[0].links
     state = State(stance_angle, -stance_angle, -stance_angle, 0.0, 0.0, 0.0)
     mass = np.zeros((links, links))
-    mass[np.triu_indices(links)] = system.mass_matrix(body_of(walker), state)
+    mass[np.triu_indices(links)] = system.mass_matrix(walker.body, state)
     mass += np.triu(mass, 1).T
-    units, jumps = units_of(walker), np.eye(3)[:links]
+    units, jumps = walker.units, np.eye(3)[:links]
     mass = mass * walker.total_mass * units.length**2
     if not walker.knees:
         jumps[1, 2] = 1.0
     angles = np.tile(state[:3], (links, 1))
-    back, up, *_ = struck(body_of(walker), angles.T, jumps.T * units.time, (0.0, 0.0))
+    back, up, *_ = struck(walker.body, angles.T, jumps.T * units.time, (0.0, 0.0))
     momentum = np.stack([-back, up]) * units.force * units.time
     matrix = walker.total_mass * np.eye(2) - momentum @ np.linalg.solve(mass, momentum.T)
     return 0.5 * (matrix + matrix.T)

@@ -41,7 +41,6 @@ from gym_passive_walker.gaits.look.dense_stride import (
 from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.units import units_of
 from gym_passive_walker.models.walkers import Walker, check_parametric, describe, name_of
 
 _SWING_KNEE, _DEPTH = "swing knee's least torque", "  its depth below the ground"
@@ -144,7 +143,7 @@ class RealityCheck(Table):
     @property
     def readings(self) -> list[Reading]:
         """All measured quantities, item by item."""
-        length, time, torque, _ = units = units_of(self.walker)
+        length, time, torque, _ = units = self.walker.units
         weight = units.force
         knee, heel = self.kneestrike_impulse, self.heelstrike_impulse
         knee_normal, heel_normal = (
@@ -303,7 +302,7 @@ def reality_check(
     phases: list[DensePhase] = []
     knees, heels, pushes = [], [], []
     velocities, depths, clearances, flexions = [], [], [], []
-    own = units_of(walker)
+    own = walker.units
     for count in range(1, strides + 1):
         end = walks.stride(here, slope)
         if end.outcome != Outcome.HEELSTRIKE:

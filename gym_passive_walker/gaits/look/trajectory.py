@@ -23,8 +23,7 @@ from gym_passive_walker.gaits.stride import STATE_NAMES, stride, together
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, contacts, terrain_from
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.units import units_of
-from gym_passive_walker.models.walkers import Mechanism, Walker, name_of, state_size
+from gym_passive_walker.models.walkers import Mechanism, Walker, name_of
 
 COARSEST_SAMPLES = 1e-4
 """Largest tolerance at which samples just before an impact differ from the impact itself."""
@@ -79,7 +78,7 @@ class Trajectory(Table):
 
     def facts(self) -> dict[str, str]:
         """Duration and distance of the walk, and how the walk ended."""
-        units = units_of(self.walker)
+        units = self.walker.units
         return {
             "walker": name_of(self.walker),
             "slope": f"{self.slope:.6g} rad",
@@ -163,7 +162,7 @@ def simulate(
     walker, slope, state, motors, _, controlled = walk_of(
         walker, slope, state, hip_torque, ankle_torque, push_off
     )
-    size, slope = state_size(walker), one_slope(slope)
+    size, slope = walker.size, one_slope(slope)
     if state is None:
         held = motors if isinstance(walker, Mechanism) else one_actuation(walker, motors)
         state = state_on(controlled or StrideMap.of(walker, controller=held), slope, None)
@@ -202,7 +201,7 @@ def simulate(
     first, tilts = np.array(starts[:made]), ground[:made, 0]
     # Impact times of the two integrations differ by the tolerance: end earlier by more than that.
     instants = np.linspace(0.0, 1.0 - 10.0 * tolerance - 1e-12, samples) * durations[:, None]
-    units = units_of(walker)
+    units = walker.units
     if controlled is None:
         held = to_dimensionless(units, Actuation(*(part[:made] for part in parts)))
         strides_of = replace(strides_of, actuation=held)

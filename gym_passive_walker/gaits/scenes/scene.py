@@ -41,7 +41,6 @@ from gym_passive_walker.models.walkers import (
     as_any,
     as_walker,
     check_heights_only,
-    state_size,
 )
 
 CONTROLS = ("tick", "stride")
@@ -201,7 +200,7 @@ class Scene:
         put("randomization_pool", self._checked_pool())
         put("observe_body", several("observe_body", self.observe_body, PROPORTIONS))
         put("pushes", checked_pushes(self.pushes))
-        size = SIZE if self.own_system is None else state_size(self.walker) + 1
+        size = SIZE if self.own_system is None else self.walker.size + 1
         put("observation_noise", checked_noise(self.observation_noise, size))
         put("action_delay", self._checked_delay())
         if self.command is not None:
@@ -344,7 +343,7 @@ class Scene:
             start = real_array(self.start, "start", "numbers")  # type: ignore[arg-type]
         except ValueError:
             start = np.empty(0)
-        if start.shape != (size := state_size(self.walker),):
+        if start.shape != (size := self.walker.size,):
             parts = "angles and rates" if self.own_system is None else "coordinates and rates"
             raise SceneError(
                 f"start must be {size} finite numbers, {parts}, not {shown(self.start)}"

@@ -20,7 +20,7 @@ from gym_passive_walker.engine.jit import Kernel, jitted
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.scenes.scene import SCENES, Scene, SceneError, make_scene
-from gym_passive_walker.models.walkers import WALKERS, Mechanism, Walker, WalkerError, state_size
+from gym_passive_walker.models.walkers import WALKERS, Mechanism, Walker, WalkerError
 
 REFERENCE_SLOPES = (0.01, 0.02, 0.036, 0.06, 0.09, 0.005, 0.0025)
 """Slopes in rad of substitute gaits for slopes without a gait. Level ground and uphill slopes use
@@ -73,7 +73,7 @@ def searched_gait(walker: Walker, slope: float, guess: Start | None = None) -> S
     """
     if isinstance(walker, Mechanism) and walker.start is None and guess is None:
         return None
-    half = state_size(walker) // 2
+    half = walker.size // 2
     units = np.array([*[1.0] * half, *[walker.time_unit] * half])
     for start in (None,) if guess is None else (np.array(guess) / units, None):
         gait = seek(walker, slope, guess=start).gait

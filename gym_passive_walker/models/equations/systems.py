@@ -1,19 +1,11 @@
-"""The systems of all kinds of walkers, and the selection of the system of a walker."""
+"""The systems of all kinds of walkers, by name."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from functools import lru_cache
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.models.equations import kneed, legs, simplest, straight
-from gym_passive_walker.models.equations.bodies import body_from
 from gym_passive_walker.models.equations.hybrid import State, System
-from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
-from gym_passive_walker.models.walkers import Mechanism, Walker, varied
 
 FITTINGS = ("hip_stiffness", "hip_friction", "knee_stiffness")
 """Constants of springs and friction at a walker's joints."""
@@ -66,74 +58,3 @@ def register_system(system: System) -> System:
 for _made in (_bare, _on_smooth_ground, _anywhere):
     for _kind in _KINDS:
         register_system(_made(_kind))
-
-
-def kind_of(walker: Walker) -> str:
-    """Kind of a walker's legs: "kneed", "straight", "simplest", or the name of a user's system."""
-    if isinstance(walker, Mechanism):
-        return walker.hybrid.name
-    if walker.massless_legs:
-        return simplest.SYSTEM.name
-    return kneed.SYSTEM.name if walker.knees else straight.SYSTEM.name
-
-
-def system_of(*walkers: Walker, using: Collection[str] = ()) -> System:
-    """System of equations of walkers of one kind.
-
-    Args:
-        walkers: The walkers.
-        using: Further features in use, of `EXTRAS` and `UNEVEN`: controls, parameters that vary,
-            and changes of the ground.
-    """
-    if isinstance(walkers[0], Mechanism):
-        smooth = set(UNEVEN).isdisjoint(using)
-        return walkers[0].hybrid if smooth else walkers[0].uneven
-    if not set(UNEVEN).isdisjoint(using):
-        return SYSTEMS[f"{kind_of(walkers[0])}-uneven"]
-    fitted = any(getattr(walker, name) for walker in walkers for name in FITTINGS)
-    fitted = fitted or not set(EXTRAS).isdisjoint(using)
-    return SYSTEMS[f"{kind_of(walkers[0])}-fitted" if fitted else kind_of(walkers[0])]
-
-
-def body_of(walker: Walker) -> Any:
-    """The constants of a walker."""
-    return body_from(walker, SYSTEMS[kind_of(walker)].Body)
-
-
-@lru_cache(maxsize=4096)
-def _row(walker: Walker) -> NDArray[np.float64]:
-    if isinstance(walker, Mechanism):
-        return np.array(walker.body, dtype=float)[None, None]
-    return np.array(body_of(walker), dtype=float)[None, None]
-
-
-def bodies(*walkers: Walker) -> NDArray[np.float64]:
-    """Constants of walkers of one kind in the form of the engine, (walkers, 1, constants)."""
-    return np.concatenate([_row(walker) for walker in walkers])
-
-
-def varied_bodies(walker: Walker, parameters: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
-    """Constants of walkers that differ from one walker in some parameters.
-
-    Args:
-        walker: The walker.
-        parameters: Values of parameters, one for all or (n,).
-
-    Returns:
-        Shape (1 or n, constants).
-    """
-    if isinstance(walker, Mechanism):
-        body = walker.body._replace(**parameters)
-    else:
-        body = body_from(varied(walker, parameters), system_of(walker).Body)
-    constants = np.broadcast_arrays(*body)
-    return np.stack(constants, axis=-1).reshape(-1, len(constants))
-
-
-def bodies_by(
-    walker: Walker, parameters: Mapping[str, ArrayLike], name: str
-) -> NDArray[np.float64]:
-    """Derivatives of the constants of `varied_bodies` by a parameter, of the same shape."""
-    own = walker.body if isinstance(walker, Mechanism) else walker
-    value = parameters.get(name, getattr(own, name))
-    return step_derivative(varied_bodies(walker, {**parameters, name: complex_step(value)}))

@@ -17,7 +17,6 @@ from gym_passive_walker.models.walkers.mechanism import (
     Mechanism,
     check_heights_only,
     check_parametric,
-    state_size,
 )
 from gym_passive_walker.models.walkers.names import describe, name_of
 from gym_passive_walker.models.walkers.parts import Part, assemble, combine, lab_walker_from_parts
@@ -30,13 +29,7 @@ from gym_passive_walker.models.walkers.presets import (
     is_walker,
 )
 from gym_passive_walker.models.walkers.tuning import TuningErrors, interpolate, tune, tuning_errors
-from gym_passive_walker.models.walkers.walker import (
-    PARAMETERS,
-    Walker,
-    WalkerError,
-    changed,
-    varied,
-)
+from gym_passive_walker.models.walkers.walker import PARAMETERS, Walker, WalkerError, varied
 
 __all__ = [
     "ABOUT",
@@ -51,7 +44,6 @@ __all__ = [
     "as_any",
     "as_walker",
     "assemble",
-    "changed",
     "check_heights_only",
     "check_parametric",
     "combine",
@@ -60,7 +52,6 @@ __all__ = [
     "is_walker",
     "lab_walker_from_parts",
     "name_of",
-    "state_size",
     "tune",
     "tuning_errors",
     "varied",

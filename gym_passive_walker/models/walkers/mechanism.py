@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.models.equations.systems import UNEVEN
+from gym_passive_walker.models.model import constants_from
+from gym_passive_walker.models.units import Units
 
 
 class Mechanism:
@@ -39,11 +45,44 @@ class Mechanism:
     with_body: Any
     vary: Any
     centre_of_mass: Any
+    units = Units(1.0, 1.0, 1.0, 1.0)
 
+    @property
+    def size(self) -> int:
+        """Numbers of a state."""
+        return 2 * self.coordinates
 
-def state_size(walker: Any) -> int:
-    """Size of a walker's state: coordinates and their rates."""
-    return 2 * walker.coordinates if isinstance(walker, Mechanism) else 6
+    @property
+    def kind(self) -> str:
+        """Name of its equations."""
+        return self.hybrid.name
+
+    @property
+    def weight(self) -> float:
+        """Weight; gravity is 1."""
+        return self.total_mass
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of what actuators hold, as derivatives by them are named."""
+        return tuple(f"control {name}" for name in self.controls)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Fields of `body` by name."""
+        return self.body._asdict()
+
+    def with_parameters(self, **values: float) -> Any:
+        """Return a system with other values of some fields of `body`."""
+        return self.vary(**values)
+
+    def equations(self, using: Collection[str] = ()) -> Any:
+        """Return the equations of motion, for uneven ground if a change of it is in use."""
+        return self.hybrid if set(UNEVEN).isdisjoint(using) else self.uneven
+
+    def constants(self, **values: ArrayLike) -> NDArray[Any]:
+        """Return the constants of systems that differ in some, (1 or n, constants)."""
+        return constants_from(self.body._replace(**values))
 
 
 def check_heights_only(walker: Any, slopes: Any) -> None:

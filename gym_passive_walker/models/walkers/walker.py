@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from copy import copy
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker._tools.arguments import shown, unknown
 from gym_passive_walker._tools.shown import Shown
+from gym_passive_walker.models.equations.bodies import body_from
+from gym_passive_walker.models.equations.hybrid import System
+from gym_passive_walker.models.equations.systems import EXTRAS, FITTINGS, SYSTEMS, UNEVEN
+from gym_passive_walker.models.model import constants_from
+from gym_passive_walker.models.units import Units
 
 _PLACES = ("thigh_com", "thigh_offset", "thigh_gyration")
 _PLACES += ("shank_com", "shank_offset", "shank_gyration")
@@ -81,6 +88,8 @@ class Walker(Shown):
     gravity: float = 9.81
     title = ""
     """Name in pictures and messages; walkers that differ in it alone are equal."""
+    coordinates, size = 3, 6
+    inputs = ("hip_torque", "ankle_torque", "push_off")
 
     def __new__(cls, **parameters: Any) -> Walker:
         """Check the names of the parameters; `__init__` would raise Python's own error."""
@@ -190,6 +199,62 @@ class Walker(Shown):
         return 2.0 * (self.thigh_mass + self.shank_mass) + self.hip_mass
 
     @property
+    def units(self) -> Units:
+        """Units in which the walker is dimensionless."""
+        return _units(self)
+
+    @property
+    def weight(self) -> float:
+        """Weight m g."""
+        return self.units.force
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters that may vary, by name."""
+        return {name: getattr(self, name) for name in PARAMETERS}
+
+    def with_parameters(self, **values: float) -> Walker:
+        """Return a walker with other values of some parameters.
+
+        Raises:
+            WalkerError: if it cannot have these values.
+        """
+        return replace(self, **values)
+
+    @property
+    def kind(self) -> str:
+        """Kind of the legs: "kneed", "straight" or "simplest"."""
+        return "simplest" if self.massless_legs else "kneed" if self.knees else "straight"
+
+    def equations(self, using: Collection[str] = ()) -> System:
+        """Return the equations of motion.
+
+        Args:
+            using: Further features in use, of `EXTRAS` and `UNEVEN`: controls, parameters that
+                vary, and changes of the ground.
+        """
+        if not set(UNEVEN).isdisjoint(using):
+            return SYSTEMS[f"{self.kind}-uneven"]
+        fitted = any(getattr(self, name) for name in FITTINGS) or not set(EXTRAS).isdisjoint(using)
+        return SYSTEMS[f"{self.kind}-fitted" if fitted else self.kind]
+
+    @property
+    def body(self) -> Any:
+        """Constants in the equations of motion."""
+        return body_from(self, SYSTEMS[self.kind].Body)
+
+    def constants(self, **values: ArrayLike) -> NDArray[Any]:
+        """Return the constants of walkers that differ from this one in some parameters.
+
+        Args:
+            **values: Values of parameters, one for all or (n,); complex ones carry derivatives.
+
+        Returns:
+            Shape (1 or n, constants).
+        """
+        return constants_from(body_from(varied(self, values), SYSTEMS[self.kind].Body))
+
+    @property
     def massless_legs(self) -> bool:
         """Whether this is the simplest walker, the limit of vanishing foot mass."""
         return self.thigh_mass == 0.0 and self.shank_mass == 0.0
@@ -210,18 +275,15 @@ PARAMETERS = tuple(field.name for field in fields(Walker) if field.name != "knee
 """Names of the numerical parameters of a walker."""
 
 
-def changed(walker: Any, **parameters: float) -> Any:
-    """A walker or system with other values of some parameters.
-
-    Raises:
-        ValueError: if it cannot have these values.
-    """
-    if isinstance(walker, Walker):
-        return replace(walker, **parameters)
-    return walker.vary(**parameters)
+_units = lru_cache(maxsize=4096)(Units.of)
 
 
-def varied(walker: Walker, parameters: Mapping[str, Any]) -> Any:
-    """An object with a walker's attributes and other values of some parameters, such as tensors."""
-    attributes = {**vars(walker), "massless_legs": walker.massless_legs, **parameters}
-    return SimpleNamespace(**attributes)
+class Varied(SimpleNamespace):
+    """The attributes of walkers that differ in some parameters: numbers, arrays or tensors."""
+
+    units: Any = property(Units.of)
+
+
+def varied(walker: Walker, parameters: Mapping[str, Any]) -> Varied:
+    """Return a walker's attributes with other values of some parameters, such as tensors."""
+    return Varied(**{**vars(walker), "massless_legs": walker.massless_legs, **parameters})
