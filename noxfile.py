@@ -96,7 +96,7 @@ def _programs(place: Path) -> Path:
 
 @nox.session(default=False, python="3.11")
 def arm(session: nox.Session) -> None:
-    """Walk on emulated ARM processors, by wheels, and compare the bytes with those of this one.
+    """Walk on emulated ARM CPUs, by wheels, and compare the bytes with those of this CPU.
 
     Needs Debian's packages qemu-user and mmdebstrap, which bring Debian 12 for ARM.
     """

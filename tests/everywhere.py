@@ -1,4 +1,4 @@
-"""Walks that have the same bytes on every processor, and gaits, which are close.
+"""Walks that have the same bytes on every CPU, and gaits, which are close.
 
     python -m tests.everywhere
 

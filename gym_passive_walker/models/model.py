@@ -17,7 +17,7 @@ from gym_passive_walker.models.equations.numbers import complex_step, step_deriv
 
 
 class Model(Protocol):
-    """A walker, whoever states it.
+    """A walker of the package, or a system that a user has stated.
 
     Attributes:
         title: Name in pictures and messages.

@@ -224,7 +224,7 @@ def test_it_does_not_matter_what_a_lane_held_before(name):
 @pytest.mark.parametrize("name", ["D", pytest.param("lab", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("lanes", [2, 4])
 def test_vectors_may_be_shorter(name, lanes):
-    """Those of an ARM processor hold two numbers."""
+    """Those of an ARM CPU hold two numbers."""
     slopes, states, _ = many(name, 60)
     states, own = statements.dimensionless(WALKERS[name], states), bodies(WALKERS[name])
     system = SYSTEMS[WALKERS[name].equations().name]

@@ -27,7 +27,7 @@ def warmup(command: ArgumentParser) -> Callable[[Namespace], Report]:
             return Report(said, {"seconds": 0.0})
         begun, every = time.monotonic(), range(len(list(pieces())))
         with ProcessPoolExecutor() as pool, progress("pieces compiled", len(every)) as compiled_one:
-            for _ in pool.map(compile_piece, every):
+            for _each in pool.map(compile_piece, every):
                 compiled_one()
         took = time.monotonic() - begun
         return Report(f"everything is compiled, after {took:.1f} s", {"seconds": took})

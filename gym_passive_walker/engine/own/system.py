@@ -465,7 +465,7 @@ def _registered(stated: hybrid.System) -> hybrid.System:
     """Name a system by its compiled text, and make it known by this name."""
     module = compiled.written(stated)
     name = f"own-{hashlib.sha256(str(module).encode()).hexdigest()[:16]}"
-    if module.group == group():  # else it is written anew for this CPU
+    if module.group == group():  # else it is written again for this CPU
         compiled.WRITTEN[name] = module
     return register_system(stated._replace(name=name))
 
