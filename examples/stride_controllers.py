@@ -93,7 +93,7 @@ class OnceAStride:
     ) -> tuple[NDArray[np.float32], Any]:
         """The action of a stride, from one observation or a batch."""
         seen = np.atleast_2d(np.asarray(observation, dtype=float))
-        plan = self.plan(seen[:, self.strides.coordinates], seen[:, 7])
+        plan = self.plan(seen[:, self.strides.chart.coordinates], seen[:, 7])
         action = np.clip(plan, -1.0, 1.0).astype(np.float32)
         return action.reshape(*np.shape(observation)[:-1], len(self.parts)), state
 

@@ -34,8 +34,6 @@ from gym_passive_walker.models.walkers import Walker
 
 _SIZE = len(State._fields)
 _STRUCK = int(Outcome.HEELSTRIKE)  # greater outcomes are falls: no strike but this ends a flow
-MIRRORED = np.array([1.0, -1.0, -1.0])
-"""Angles of a state on the section, by the stance angle's."""
 
 _ALL = slice(None)
 _OF_ONE_STRIDE = ("time", "step", "knee_time", "knee_loss", "friction_loss", "moved", "turned")
@@ -140,7 +138,7 @@ def _tangents(walker: Walker, by: tuple[str, ...], directions: int | None = None
     points = np.eye(section.dimension)
     if directions is not None:
         points = np.zeros((directions, section.dimension))
-    starts = np.eye(size // 2) if section.own else MIRRORED[None]
+    starts = section.chart.starts
     of_start = np.zeros((len(starts), size))
     of_state = {"state": np.eye(size), "point": section.state(points), "start": of_start}
     states = [of_state.get(name, np.zeros((1, size))) for name in by]

@@ -261,16 +261,17 @@ def gait_equations(
         period: Strides of the gait.
         by: Quantities to differentiate by besides the coordinates, as for `StrideMap.linearize`.
     """
-    points, m = stride_map.from_chart(u), u.shape[1]
+    points, m = stride_map.searched(u), u.shape[1]
     passage, change = stride_map.linearize(
-        points.values, slopes, strides=period, by=("state", *by), along=points.by_chart
+        points.values, slopes, strides=period, by=("state", *by), along=points.by_search
     )
     ends = stride_map.at(passage.ends)
-    values, derivatives = ends.chart - u, ends.in_chart(change.ends)
+    values, derivatives = ends.search - u, ends.in_search(change.ends)
     map_derivatives = derivatives[:, :, :m].copy()
     derivatives[:, :, :m] -= np.eye(m)
-    if not stride_map.own:
-        values[:, 1], derivatives[:, 1] = passage.imbalance, change.imbalance
+    balance = stride_map.chart.balance
+    if balance is not None:
+        values[:, balance], derivatives[:, balance] = passage.imbalance, change.imbalance
     return Violation(values, derivatives, map_derivatives, passage, change)
 
 
@@ -282,6 +283,8 @@ def _kind(walker: Walker, map_derivative: NDArray, duration: float) -> GaitKind:
     half a period of the hanging leg (0.7 to 1.05 times that on the published walkers). On the slow
     end of an untuned walker's long-step branch it takes 1.2 to 1.9 times that.
     """
+    if "step kinds" not in walker.supports:
+        return "long"
     if np.linalg.det(np.eye(len(map_derivative)) - map_derivative) > 0.0:
         return "long"
     return "short" if duration < 1.1 * _half_swing(walker) else "long"
@@ -311,11 +314,11 @@ def gait_at(point: Points, slope: float, period: int) -> Gait:
         period: Strides until the motion repeats.
     """
     exact: StrideMap = point.section.with_tolerance(_EXACT)
-    gait = gait_equations(exact, point.chart, slope, period=period)
+    gait = gait_equations(exact, point.search, slope, period=period)
     multipliers = multipliers_of(gait.map[0])  # first, as it raises if no stride exists
     error = 0.0
     if not exact.exact:
-        coarse = gait_equations(exact.coarser(), point.chart, slope, period=period).map[0]
+        coarse = gait_equations(exact.coarser(), point.search, slope, period=period).map[0]
         error = float(np.abs(np.abs(multipliers_of(coarse)) - np.abs(multipliers)).max())
     state = point.states[0]
     strides = together(exact.walk(state, slope, period))
@@ -323,7 +326,7 @@ def gait_at(point: Points, slope: float, period: int) -> Gait:
     return Gait(
         stride_map=replace(exact, slope=slope),
         slope=slope,
-        kind="long" if exact.own else _kind(exact.walker, gait.map[0], duration / exact.units.time),
+        kind=_kind(exact.walker, gait.map[0], duration / exact.units.time),
         period=period,
         state=state,
         multipliers=multipliers,

@@ -24,19 +24,10 @@ from gym_passive_walker.gaits.actuation import PASSIVE, check_actuation, to_dime
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE, Walkers, advance, flow, states_in
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.models.equations.hybrid import Ground, Outcome, System
-from gym_passive_walker.models.walkers import Mechanism, Walker, check_heights_only
+from gym_passive_walker.models.walkers import Walker, check_heights_only
+from gym_passive_walker.models.walkers.walker import STATE_NAMES
 
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
-
-STATE_NAMES = (
-    "stance_angle",
-    "thigh_angle",
-    "shank_angle",
-    "stance_rate",
-    "thigh_rate",
-    "shank_rate",
-)
-"""Column names of the six numbers of a state in tables."""
 
 
 class _Fields(NamedTuple):
@@ -221,10 +212,12 @@ def stride(
             )
         foothold = {"height_change": ground[0], "slope_change": ground[1]} if ground else {}
         return controlled.with_tolerance(tolerance).stride(check_state(state), slope, **foothold)
-    own = isinstance(walker, Mechanism)
     size = walker.size
     states, slopes = check_state(state, size=size), check_slope(slope)  # type: ignore[arg-type]
-    actuation = PASSIVE if own else check_actuation(walker, actuation)
+    if "actuation" in walker.supports:
+        actuation = check_actuation(walker, actuation)
+    else:
+        actuation = PASSIVE
     max_stride_time = number(max_stride_time, "max_stride_time", above=0.0)
     end_on_toe_stub = boolean(end_on_toe_stub, "end_on_toe_stub")
     threads = None if threads is None else whole(threads, "threads")
@@ -244,8 +237,7 @@ def stride(
     units, count = walker.units, math.prod(shape)
     flat = np.empty((*shape, size))
     flat[:] = units.to_dimensionless(states)
-    if not (walker.knees or own):
-        flat[..., 2], flat[..., 5] = flat[..., 1], flat[..., 4]
+    walker.chart.straighten(flat)
     if shape:
         slopes = np.broadcast_to(slopes, shape).reshape(count)
     given: dict[str, Any] = {}
@@ -327,7 +319,7 @@ def account(
         kneestrike_loss=shaped(record["knee_loss"] * units.energy),
         heelstrike_loss=shaped(record["heel_loss"] * units.energy),
         gravity_work=shaped(gravity * units.energy),
-        weight=walker.total_mass if isinstance(walker, Mechanism) else units.force,
+        weight=walker.weight,
         spring_work=shaped(spring * units.energy),
         friction_loss=shaped(record["friction_loss"] * units.energy),
         ankle_work=shaped(ankle[0]),

@@ -170,10 +170,8 @@ class StrideMap(Section):
     @property
     def parameters(self) -> dict[str, float]:
         """Parameters of walker and constant actuation that may be varied, in the walker's units."""
-        if self.own:
-            return self.walker.body._asdict()  # type: ignore[attr-defined]
-        parameters = {name: getattr(self.walker, name) for name in PARAMETERS}
-        if self.controlled:
+        parameters = dict(self.walker.parameters)
+        if self.controlled or "actuation" not in self.walker.supports:
             return parameters
         return parameters | to_own(self.walker.units, self.actuation)._asdict()
 
@@ -218,7 +216,7 @@ class StrideMap(Section):
     def state(self, points: NDArray, place: int = 0) -> NDArray:
         """Return dimensionless states (..., 6) at points (..., m), on foothold `place`."""
         states = super().state(points)
-        if self.terrain is not None and not self.own:
+        if self.terrain is not None and self.chart.trailing_leg_follows:
             states[..., 1] = states[..., 2] = self._trailing(points[..., 0], place)[0]
         return states
 
@@ -236,7 +234,7 @@ class StrideMap(Section):
     def state_by(self, points: NDArray, seeds: Seeds, place: int = 0) -> NDArray:
         """Return changes of states (n, 6, k) at points (n, m) along tangents."""
         states = super().state(seeds.points.swapaxes(1, 2)).swapaxes(1, 2)
-        if self.terrain is None or self.own:
+        if self.terrain is None or not self.chart.trailing_leg_follows:
             return states
         # The trailing leg's angle depends on the points and on the leg length.
         _, by_angle, by_leg = self._trailing(points[:, 0], place)
@@ -436,7 +434,7 @@ class StrideMap(Section):
         """Return heights of the next contact points over these, in leg lengths, (n, 1 + k)."""
         _, height_change, slope_change = self.ground[place]
         heights = np.zeros(shape)
-        if not self.own:
+        if slope_change:
             radii = bodies[..., self.walkers.system().Body._fields.index("foot_radius")]
             heights[:, : radii.shape[1]] = radii * (1.0 - math.cos(slope_change))
         heights[:, 0] += height_change
@@ -511,7 +509,7 @@ class StrideMap(Section):
             self.walkers, states, slopes, controls=actuations[:, :2], save_at=times, rises=rises,
             turns=turns,
         )  # fmt: skip
-        if self.own:
+        if "actuation" not in self.walker.supports:
             actuations = np.zeros((len(states), len(self.walker.controls)))  # type: ignore[attr-defined]
         controls = np.broadcast_to(actuations[:, None, :], (*times.shape, actuations.shape[1]))
         return Samples(seen.states, seen.stages, controls)

@@ -21,11 +21,11 @@ from gym_passive_walker._tools.arguments import unknown
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.actuation import Actuation, check_actuation
 from gym_passive_walker.gaits.control.ticks import hold
-from gym_passive_walker.gaits.flow import MIRRORED, Reported, Walkers, go_on, new_records, report_of
+from gym_passive_walker.gaits.flow import Reported, Walkers, go_on, new_records, report_of
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 from gym_passive_walker.models.equations.systems import UNEVEN
-from gym_passive_walker.models.walkers import PARAMETERS, Mechanism, Walker, WalkerError
+from gym_passive_walker.models.walkers import Mechanism, Walker, WalkerError
 
 
 class Columns(NamedTuple):
@@ -54,8 +54,7 @@ class Columns(NamedTuple):
 def columns_of(walker: Walker) -> Columns:
     """Return the columns of the operation for a walker."""
     system, controls = walker.equations(), walker.inputs
-    size, own = 2 * system.coordinates, isinstance(walker, Mechanism)
-    starts = system.coordinates if own else 1
+    size, starts = walker.size, len(walker.chart.starts)
     names = ("slope", *controls, *UNEVEN, "push", *("start",) * starts, "end")
     inputs = {name: [size + i for i, each in enumerate(names) if each == name] for name in names}
     return Columns(report_of(system), controls, inputs)
@@ -238,11 +237,10 @@ def _walked(
     _check(walker, options.parameters, own[:, columns.width :])
     held = {name: own[:, places[0]] for name, places in names.items()}
     states, begun = own[:, :size].copy(), own[:, names["start"]]
-    if not isinstance(walker, Mechanism):
+    if "actuation" in walker.supports:
         check_actuation(walker, Actuation(*(held[name] for name in columns.controls)))
-        begun = begun * MIRRORED
-        if not walker.knees:
-            states[:, 2], states[:, 5] = states[:, 1], states[:, 4]
+    begun = begun @ walker.chart.starts
+    walker.chart.straighten(states)
     parameters = dict(zip(options.parameters, own[:, columns.width :].T, strict=True))
     walkers = Walkers(
         walker=walker, parameters=parameters, tolerance=options.tolerance,
@@ -354,7 +352,7 @@ def check_parameters(walker: Walker, parameters: Mapping[str, Any] | None) -> di
         WalkerError: if the walker has no such parameter.
     """
     given = dict(parameters or {})
-    known = walker.body._fields if isinstance(walker, Mechanism) else tuple(PARAMETERS)
+    known = tuple(walker.parameters)
     if strange := unknown(given, known, "this walker"):
         raise WalkerError(strange)
     return {name: as_tensor(value, name) for name, value in given.items()}

@@ -16,7 +16,7 @@ from gym_passive_walker.gaits.flow import LONGEST_STRIDE
 from gym_passive_walker.gaits.scenes.rules import work_of
 from gym_passive_walker.models.equations.systems import UNEVEN
 from gym_passive_walker.models.units import Units
-from gym_passive_walker.models.walkers import Mechanism, Walker, WalkerLike, as_any, varied
+from gym_passive_walker.models.walkers import Walker, WalkerLike, as_any
 from gym_passive_walker.torch.operation import (
     FlowOptions,
     FlowResult,
@@ -274,7 +274,7 @@ def _found(
     done = {"hip": (nothing, nothing), "ankle": (nothing, nothing)}
     for j, work in enumerate(works):
         # All controls of a `System` count as the hip's. The gradient is zero after a fall.
-        name = "ankle" if j and not isinstance(walker, Mechanism) else "hip"
+        name = "ankle" if j and "actuation" in walker.supports else "hip"
         torque = torch.where(moved.walks, held[:, j], held[:, j].detach()) * work
         net, absolute = work_of(torque, moved.result("moved", j), moved.result("turned", j))
         done[name] = done[name][0] + net, done[name][1] + absolute
@@ -303,14 +303,14 @@ def _walk(
 ) -> _Result:
     """Integrate walkers through a stride of at most `end` sqrt(l/g), or for a duration."""
     walker = as_any(walker)
-    own, given = isinstance(walker, Mechanism), check_parameters(walker, parameters)
-    units = varied(walker, given).units if given and not own else walker.units
+    given = check_parameters(walker, parameters)
+    units = walker.units_with(**given) if given else walker.units
     states, phases = as_tensor(state, "state"), torch.as_tensor(phase, dtype=torch.int64)
     columns, wanted = columns_of(walker), _controls(walker, actuation, met, controls)
     starts, size = columns.inputs["start"], columns.report.size
     names = (*columns.controls, *UNEVEN, "push", *("start",) * len(starts))
     given_held = (*wanted, *met, *(0.0,) * len(starts))
-    motors = (1.0,) * len(wanted) if own else actuation_units(units)
+    motors = actuation_units(units) if "actuation" in walker.supports else (1.0,) * len(wanted)
     in_units = (*motors, units.length, 1.0, units.impulse, *(1.0,) * len(starts))
     held_inputs = [
         as_tensor(x, name) / unit for name, x, unit in zip(names, given_held, in_units, strict=True)
@@ -368,7 +368,7 @@ def _controls(
         ValueError: if the walker has no such actuator, or the foothold's slope changes.
     """
     asked = dict(controls or {})
-    if not isinstance(walker, Mechanism):
+    if "actuation" in walker.supports:
         if asked:
             raise ValueError(
                 "controls are those of a System: give hip_torque, ankle_torque and push_off"

@@ -219,7 +219,7 @@ def test_values_are_the_same_with_derivatives_and_without(name):
     walker, gait = WALKERS[name], LONG_GAITS[name]
     strides = StrideMap.of(walker)
     point = strides.points_at(gait.state)
-    m, coordinates = strides.dimension, strides.coordinates
+    m, coordinates = strides.dimension, strides.chart.coordinates
     driven = replace(strides, actuation=Actuation(hip_torque=0.003))
     _, change = driven.linearize(point, gait.slope, by=("state", "slope", "hip_torque"))
     found = derivatives(name, start(name))[1:]

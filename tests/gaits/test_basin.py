@@ -72,7 +72,7 @@ def walked(name, slope, gaits, angle, rate, near=1e-4):
     for index, gait in enumerate(gaits):
         state = gait.state
         for _ in range(gait.period):
-            places.append((index, walker_map.points(state).chart[0]))
+            places.append((index, walker_map.points(state).search[0]))
             state = stride(name, slope, state, tolerance=1e-12).state
     state = state_at(name, slope, angle, rate)
     for count in range(300):
@@ -80,7 +80,7 @@ def walked(name, slope, gaits, angle, rate, near=1e-4):
         if end.outcome != Outcome.HEELSTRIKE:
             return count, FELL, end.outcome
         state = end.state
-        u = walker_map.points(state).chart[0]
+        u = walker_map.points(state).search[0]
         for index, place in places:
             if np.abs(u - place).max() < near:
                 return count + 1, index, Outcome.HEELSTRIKE

@@ -24,7 +24,7 @@ from gym_passive_walker.gaits.branches.continuation import (
     TANGENTIAL,
     VANISHED,
 )
-from gym_passive_walker.gaits.stride import STATE_NAMES
+from gym_passive_walker.models.walkers.walker import STATE_NAMES
 
 
 @pytest.fixture(scope="module")

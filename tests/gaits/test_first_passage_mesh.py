@@ -105,7 +105,7 @@ def test_a_mesh_agrees_with_walkers_that_fall():
 
 def test_a_mesh_takes_a_system_of_ones_own():
     strides = gpw.stride_map(TORSO, 0.03)
-    assert strides.own
+    assert strides.chart.balance is None
     found = mesh_passage(strides, gpw.find_gait(strides).state, gpw.rough(0.001), error=0.05)
     asked: Any = dict(slope=0.03, roughness=0.001, strides=60, starts=2)
     sampled = gpw.robustness(TORSO, walkers=1000, **asked).first_passage

@@ -52,7 +52,7 @@ def multiplier_changes(map_derivative, change):
 def found_beside(gait, name, column, distance):
     """The gait of the walker with a changed parameter, by Newton's method."""
     place = gait.place
-    guess = place.chart[0] + distance * gait.coordinates[:, column]
+    guess = place.search[0] + distance * gait.coordinates[:, column]
     walker, slope = place.section.walker, place.section.slope
     if name == "slope":
         slope += distance
@@ -76,7 +76,7 @@ def differenced(gait, column, quantity):
 def test_a_gait_moves_as_the_implicit_function_theorem_says(name):
     gait = gait_of(name)
     for column in range(len(gait.by)):
-        moved = differenced(gait, column, lambda gait: gait.place.chart[0])
+        moved = differenced(gait, column, lambda gait: gait.place.search[0])
         np.testing.assert_allclose(
             gait.coordinates[:, column], moved, atol=1e-8 * np.abs(moved).max() + 1e-10
         )
@@ -147,7 +147,7 @@ def test_where_the_knee_stop_turns_the_swing_foot_up_its_height_is_followed_ther
 
 def test_there_is_no_gait_near_to_a_guess_far_from_any():
     gait = gait_of("lab")
-    assert place_near(StrideMap.of("lab"), 0.001, gait.place.chart[0]) is None
+    assert place_near(StrideMap.of("lab"), 0.001, gait.place.search[0]) is None
 
 
 def test_all_roots_lie_inside_a_circle_just_where_its_conditions_are_positive():

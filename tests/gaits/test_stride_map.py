@@ -228,10 +228,10 @@ def test_the_verge_of_a_strike_is_the_same_in_any_units():
 def test_logarithmic_coordinates_come_back_and_have_exact_derivatives():
     section = StrideMap.of("lab")
     points = section.at(np.abs(np.random.default_rng(3).standard_normal((5, 4))))
-    back = section.from_chart(points.chart)
+    back = section.searched(points.search)
     np.testing.assert_allclose(back.values, points.values, rtol=1e-14)
-    assert back.chart is points.chart  # rounded once only
-    both = points.in_chart(points.by_chart)
+    assert back.search is points.search  # rounded once only
+    both = points.in_search(points.by_search)
     np.testing.assert_allclose(both, np.broadcast_to(np.eye(4), (5, 4, 4)), atol=1e-14)
 
 
@@ -323,7 +323,7 @@ def test_a_gait_is_a_point_of_its_map():
     point = gait.point
     np.testing.assert_allclose(point.states, gait.state[None], rtol=1e-15)
     np.testing.assert_array_equal(point.values, gait.stride_map.points_at(gait.state))
-    np.testing.assert_allclose(point.chart[0, 0], np.log(gait.stance_angle), rtol=1e-15)
+    np.testing.assert_allclose(point.search[0, 0], np.log(gait.stance_angle), rtol=1e-15)
     ends = gait.stride_map.apply(point).ends
     np.testing.assert_array_equal(ends, gait.stride_map.apply(point.values).ends)
-    np.testing.assert_allclose(gait.stride_map.at(ends).chart, point.chart, rtol=1e-9)
+    np.testing.assert_allclose(gait.stride_map.at(ends).search, point.search, rtol=1e-9)

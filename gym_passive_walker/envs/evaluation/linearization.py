@@ -17,7 +17,8 @@ from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.checks import checked
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS
 from gym_passive_walker.gaits.scenes.scene import UNDISTURBED, Scene, SceneError, undisturbed
-from gym_passive_walker.models.walkers import PARAMETERS, check_parametric
+from gym_passive_walker.models.model import need
+from gym_passive_walker.models.walkers import PARAMETERS
 
 _STATE, _STANCE, _ACTION, _START = slice(0, 6), 0, 6, 7  # columns of derivatives
 _WIDTH = 1e-6  # of differences
@@ -52,7 +53,7 @@ def differentiable(scene: Scene) -> Scene:
             observation, reward or termination.
     """
     subject = "steps that are differentiated"
-    checked(check_parametric, scene.walker, "a step with derivatives")
+    checked(need, scene.walker, "step derivatives")
     if scene.actions != ("hip",):
         raise SceneError(
             f"{subject} are driven by the hip alone, and this scene's actions are "

@@ -32,7 +32,6 @@ from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, rough
 from gym_passive_walker.models.walkers import (
-    Mechanism,
     Walker,
     WalkerLike,
     as_any,
@@ -437,9 +436,10 @@ class _Tries:
 
         Fewer than `count` if some of a `System` cannot have both feet down.
         """
-        draw, walker = np.random.default_rng(seed).uniform, self.scene.walker
+        draw = np.random.default_rng(seed).uniform
+        walker: Any = self.scene.walker
         low, high = 1.0 - initial_error, 1.0 + initial_error
-        if not isinstance(walker, Mechanism):
+        if walker.chart.trailing_leg_follows:
             return self.gait * draw(low, high, (count, 3))[:, [0, 0, 0, 1, 2, 2]]
         states, angles = self.gait * draw(low, high, (count, self.section.size)), walker.coordinates
         if angles == 1:  # both feet of a wheel are down at one angle only
@@ -453,7 +453,7 @@ class _Tries:
         starts = self.near(off, 32, seed)
         found = self.walk(starts, _ANSWERS)
         units = self.scene.walker.units
-        gait, seen = units.to_dimensionless(self.gait), self.section.coordinates
+        gait, seen = units.to_dimensionless(self.gait), self.section.chart.coordinates
         away = np.abs(units.to_dimensionless(found.states) - gait)[..., seen].max(axis=2)
         began = np.abs(units.to_dimensionless(starts) - gait)[:, seen].max(axis=1)
         near = np.all(away <= 0.1 * began.max(), axis=0)  # walkers that fell are not

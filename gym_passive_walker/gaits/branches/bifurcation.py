@@ -369,11 +369,11 @@ def lyapunov_exponents(
             if len(walking) == 0:
                 break
             # In logarithmic coordinates, as rates are of another size than angles.
-            along = stride_map.at(points).by_chart @ frames
+            along = stride_map.at(points).by_search @ frames
             passage, change = stride_map.linearize(points, values[walking], along=along)
             on = passage.alive
             walking, points, sums = walking[on], passage.ends[on], sums[on]
-            frames, triangle = np.linalg.qr(stride_map.at(points).in_chart(change.ends[on]))
+            frames, triangle = np.linalg.qr(stride_map.at(points).in_search(change.ends[on]))
             with np.errstate(divide="ignore"):  # a direction that a strike forgets: minus infinity
                 sums = sums + np.log(np.abs(np.diagonal(triangle, axis1=1, axis2=2)))
     exponents[walking] = sums / strides

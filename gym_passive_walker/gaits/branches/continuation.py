@@ -138,7 +138,7 @@ class Curve:
         """
         ys = np.array([point.y for point in points])
         stride_map, slopes, values = self._setting(ys)
-        return stride_map, stride_map.from_chart(ys[:, :-1]).values, slopes, values
+        return stride_map, stride_map.searched(ys[:, :-1]).values, slopes, values
 
     def _setting(self, ys: NDArray) -> tuple[StrideMap, NDArray, NDArray]:
         """Return stride map, slopes and varied quantity at coordinates (n, m + 1)."""
@@ -418,7 +418,7 @@ def margins(curve: Curve, points: list[Point]) -> Margins:
     stride_map, here, slopes, _ = curve.gaits_at(points)
     knee, landing, pace = (np.full(len(points), np.inf) for _ in range(3))
     time = np.zeros(len(points))
-    if stride_map.own:
+    if "contact margins" not in stride_map.walker.supports:
         return Margins(knee, landing, pace, stride_map.apply(here, slopes).durations)
     roughly = stride_map.with_tolerance(_ROUGHLY)
     for _ in range(curve.period):

@@ -118,12 +118,12 @@ def doubling_cascade(
     slope = family.period_doublings[0]
     nearest = int(np.argmin(np.abs(family.slope - slope)))
     curve = Curve(stride_map, Axis("slope", slope_min, slope_max))
-    u = stride_map.points(family.state[nearest]).chart[0]
+    u = stride_map.points(family.state[nearest]).search[0]
     here = curve.correct(np.append(u, curve.axis.coordinate(slope)))
     gaits: list[Gait] = []
     with progress("period doublings", doublings) as located:
         while here is not None:
-            point = stride_map.from_chart(here.y[None, :-1])
+            point = stride_map.searched(here.y[None, :-1])
             gaits.append(gait_at(point, curve.value_at(here), curve.period))
             located()
             if len(gaits) == doublings:

@@ -28,7 +28,6 @@ from gym_passive_walker.gaits.branches.varied_map import MapOfValue, map_at
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
-from gym_passive_walker.gaits.stride import STATE_NAMES
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.walkers import Walker, describe, name_of
 
@@ -124,12 +123,12 @@ class GaitFamily(Table):
     def columns(self) -> dict[str, NDArray]:
         """A row for each gait, in order along the curve."""
         varied = {} if self.parameter == "slope" else {self.parameter: self.value}
-        names, columns = STATE_NAMES[:1] + STATE_NAMES[3:], [0, 3, 4, 5]
-        if self.stride_map.own:
-            names, columns = self.stride_map.walker.State._fields, slice(None)  # type: ignore[attr-defined]
+        names, columns = self.walker.state_names, range(self.stride_map.size)
+        if self.stride_map.chart.trailing_leg_follows:
+            columns = [0, 3, 4, 5]
         return varied | {
             "slope": self.slope,
-            **dict(zip(names, self.state.T[columns], strict=True)),
+            **{names[i]: self.state[:, i] for i in columns},
             "step_length": self.step_length,
             "step_period": self.step_period,
             "speed": self.speed,
@@ -145,7 +144,7 @@ def _family(
     """Return the family of a gait, followed in both directions from a value."""
     period, walker = gait.period, stride_map.walker
     curve = Curve(stride_map.with_tolerance(_TOLERANCE), axis, period)
-    start = curve.correct(np.append(gait.point.chart[0], axis.coordinate(value)))
+    start = curve.correct(np.append(gait.point.search[0], axis.coordinate(value)))
     if start is None:
         raise GaitNotFound(f"the gait of {describe(walker)} at {value} could not be followed")
     up = follow_branch(curve, start, resolution)
@@ -182,7 +181,7 @@ def _halts(
     def pace(point: Point) -> float:
         return float(margins(curve, [point]).pace[0])
 
-    if curve.stride_map.own:
+    if "contact margins" not in curve.stride_map.walker.supports:
         return (), ends
     paces = margins(curve, points).pace
     halts = []
@@ -327,7 +326,7 @@ def parameter_family(
     here = known[parameter]
     if not low < high or not low <= here <= high:
         raise ValueError(f"{parameter} of this walker is {here}: give low <= {here} <= high")
-    own = stride_map.own or parameter in vars(stride_map.walker)
+    own = parameter in stride_map.walker.parameters
     unit = stride_map.unit(parameter)
     size = max(abs(here), size_of(parameter, stride_map.walker, slope) if own else unit)
     if not high - low <= _WIDEST * size:

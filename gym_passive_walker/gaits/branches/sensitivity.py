@@ -21,7 +21,7 @@ from gym_passive_walker.gaits.map_result import Change, Passage
 from gym_passive_walker.gaits.section import Points
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.units import unit_of
-from gym_passive_walker.models.walkers import Mechanism, Walker
+from gym_passive_walker.models.walkers import Walker
 
 SLOPE = "slope"
 
@@ -65,7 +65,7 @@ def place_near(stride_map: StrideMap, slope: float, guess: NDArray) -> Points | 
     )  # fmt: skip
     if not found.sizes[0] < stride_map.closes:
         return None
-    return replace(stride_map, slope=slope).from_chart(found.points)
+    return replace(stride_map, slope=slope).searched(found.points)
 
 
 def sensitivity(place: Points, by: Sequence[str]) -> Sensitivity:
@@ -80,7 +80,7 @@ def sensitivity(place: Points, by: Sequence[str]) -> Sensitivity:
         numpy.linalg.LinAlgError: at a fold, where the derivatives do not exist.
     """
     m = place.section.dimension
-    gait = gait_equations(place.section, place.chart, place.section.slope, by=by)
+    gait = gait_equations(place.section, place.search, place.section.slope, by=by)
     coordinates = -np.linalg.solve(gait.derivatives[0, :, :m], gait.derivatives[0, :, m:])
     along = {
         name: value[..., :m] @ coordinates + value[..., m:]
@@ -91,8 +91,8 @@ def sensitivity(place: Points, by: Sequence[str]) -> Sensitivity:
 
 def size_of(name: str, walker: Walker, slope: float) -> float:
     """Return what counts as a large change of a parameter or of the slope, in their own units."""
-    if isinstance(walker, Mechanism):
-        return abs(getattr(walker.body, name, slope)) or 1.0
+    if "units" not in walker.supports:
+        return abs(walker.parameters.get(name, slope)) or 1.0
     return abs(slope) if name == SLOPE else unit_of(walker, name)
 
 
@@ -111,7 +111,7 @@ def change_along(gait: Sensitivity, sizes: Sequence[float], look: Look) -> NDArr
     Returns:
         Derivatives (..., k), by the parameters in the last axis.
     """
-    stride_map, u = gait.place.section, gait.place.chart[0]
+    stride_map, u = gait.place.section, gait.place.search[0]
     slope = stride_map.slope
     columns = []
     for name, direction, size in zip(gait.by, gait.coordinates.T, sizes, strict=True):

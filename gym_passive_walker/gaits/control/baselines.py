@@ -98,7 +98,7 @@ class StrideFeedback:
         self.actions = actions.reshape(len(actions), -1)
         rows = np.zeros((self.actions.size, len(point))) if rows is None else rows
         self.rows = rows.reshape(*self.actions.shape, -1)
-        self._seen = Section(walker=scene.walker).coordinates
+        self._seen = scene.walker.chart.coordinates
 
     def plan(self, points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
         """Actions of strides, (n, N, actions), that start at points (n, m), on any slope."""

@@ -43,7 +43,6 @@ from gym_passive_walker.models.units import proportions
 
 _STATE = len(State._fields)
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
-_SLOPE = 7  # its place in an observation
 _SHIFTS = 1e-6, 5e-4  # of a coordinate, for differences in double and in single precision
 _SETTLING, _BESIDE = 100, 15  # strides and walkers before a search begins
 _FAR = 0.1  # how far from the start these are, as a share of it
@@ -145,7 +144,7 @@ class ControlledMap(StrideMap):
     @cached_property
     def walkers(self) -> Walkers:
         """The walkers, and how exactly they are followed."""
-        using = () if self.own else tuple(name for name in self._inputs if name != "hip_torque")
+        using = tuple(name for name in self._inputs if name != "hip_torque")
         return Walkers(
             walker=self.walker, using=using, tolerance=self.tolerance,
             parameters={} if self.values is None else {str(self.parameter): self.values},
@@ -230,9 +229,7 @@ class ControlledMap(StrideMap):
         if width and not self.exact:
             return self._differences(points, slopes, lanes, seeds, place)
         tilt, height_change, slope_change = self.ground[place]
-        slopes, sound = slopes + tilt, np.isfinite(points).all(axis=1)
-        if not self.own:  # the stance foot is ahead, and no leg lies on the ground
-            sound = (points[:, 0] > 0.0) & (points[:, 0] < 0.5 * math.pi)
+        slopes, sound = slopes + tilt, self.chart.walking(points)
         states = self.state(np.where(np.isfinite(points), points, 0.5), place)
         change = self.state_by(points, seeds, place)
         steps = self._steps(
@@ -246,7 +243,7 @@ class ControlledMap(StrideMap):
         outcomes = np.full(n, int(Outcome.DIVERGED))
         results[sound, m + 2 :], outcomes[sound] = 0.0, _STALLED
         outcomes[of[over]] = steps.outcomes[over]
-        results[there, : m + 2] = ended[:, [*self.coordinates, at["time"], at["step_length"]]]
+        results[there, : m + 2] = ended[:, [*self.chart.coordinates, at["time"], at["step_length"]]]
         results[of[steps.locked], m + 4] = rows[steps.locked, at["knee_time"]]
         lost, supplied = results[:, m + 2], results[:, m + 3]
         losses = [at[f"{name}_loss"] for name in ("knee", "heel", "friction")]
@@ -416,10 +413,10 @@ class ControlledMap(StrideMap):
                 actions = agent.mean_actions(seen)  # those of `linearize`, in a tenth of its time
             elif self.exact:
                 actions, by_seen = agent.linearize(seen)
-                clipped_at = np.inf if self.own else rules.BOUNDS[:_STATE]
+                clipped_at = self.scene.clipped_at
                 inside = np.abs(self._states(records)) < clipped_at
                 by_state = by_seen[:, :, : self.size] * inside[:, None]
-                slope = self.size if self.own else _SLOPE
+                slope = self.scene.place_of_slope
                 along = by_seen[:, :, slope, None] * by_slope
             else:
                 if self._single:
@@ -473,7 +470,7 @@ class ControlledMap(StrideMap):
         before, after = steps.before[:, 0], steps.after[:, 0]
         for motor, unit in enumerate(system.works):
             power = before["control"][:, motor] * (unit * units.energy)
-            place = 0 if self.own else motor
+            place = motor if "actuation" in self.walker.supports else 0
             np.add.at(works[place, 0], steps.walkers, power * after["moved"][:, motor])
             np.add.at(works[place, 1], steps.walkers, np.abs(power) * after["turned"][:, motor])
         numbers_of(ended)[steps.walkers] = numbers_of(steps.after)  # the last of a walker's stays
@@ -515,7 +512,7 @@ class ControlledMap(StrideMap):
             seen = go_on(self.walkers, records, lanes=here[0], on_section=first)
             found.states[here], found.stages[here] = seen.states, seen.stages
             controls = records["control"][:, 0]
-            if not self.own:
+            if "push_off" in self.walker.inputs:
                 controls = np.column_stack([controls, records["push_off"]])
             found.controls[here] = controls[:, : found.controls.shape[2]]
         return found

@@ -31,12 +31,11 @@ from gym_passive_walker.gaits.scenes.scene import (
 )
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, terrain_from
+from gym_passive_walker.models.model import need
 from gym_passive_walker.models.walkers import (
-    Mechanism,
     WalkerLike,
     as_any,
     check_heights_only,
-    check_parametric,
 )
 
 
@@ -103,7 +102,7 @@ def stride_map(
             raise ValueError("stride_map needs a walker, a scene, or a policy")
         own, held = as_any(walker), controller or PASSIVE
         if held is not PASSIVE:
-            check_parametric(own, "an Actuation")
+            need(own, "actuation")
         check_heights_only(own, 0.0 if ground is None else ground.slopes)
         return StrideMap.of(
             own, slope=None if slope is None else one_slope(slope), tolerance=tolerance,
@@ -140,7 +139,7 @@ def _held(walker: Any, controls: Mapping[str, Any]) -> tuple[Policy | None, Scen
     Raises:
         ValueError: if the walker is no `System`, or has no such control.
     """
-    if not isinstance(walker, Mechanism):
+    if walker is None or "actuation" in as_any(walker).supports:
         raise ValueError(
             "a mapping of controls is a controller of a System; give an Actuation for others"
         )

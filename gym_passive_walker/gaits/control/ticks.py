@@ -404,7 +404,7 @@ def ticked_strides(
     held_in = np.minimum(steps.numbers, count - 1)
     np.add.at(angles, (steps.walkers, slice(None), slice(None), held_in), turned)  # type: ignore[arg-type]
     struck, over = steps.outcomes == _STRUCK, steps.outcomes != _RUNNING
-    ended = [*section.coordinates, report.at["time"], report.at["step_length"]]
+    ended = [*section.chart.coordinates, report.at["time"], report.at["step_length"]]
     found[steps.walkers[struck], : m + 2] = steps.rows[struck][:, ended]
     found[steps.walkers[struck], -2] = steps.rows[struck, report.at["push_work"]]
     found[steps.walkers[steps.locked], -1] = steps.rows[steps.locked, report.at["knee_time"]]

@@ -28,12 +28,12 @@ from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, gait_at
 from gym_passive_walker.gaits.stride_map import MapLike, map_of
+from gym_passive_walker.models.model import need
 from gym_passive_walker.models.walkers import (
     PARAMETERS,
     Walker,
     WalkerLike,
     as_walker,
-    check_parametric,
     describe,
     tune,
 )
@@ -122,7 +122,7 @@ def optimize_walker(
     """
     stride_map = map_of(walker, tolerance=1e-13)
     walker, slope = stride_map.walker, stride_map.chosen(slope)
-    check_parametric(walker, "optimize_walker")
+    need(walker, "tuning")
     _known(objective)
     maximize, iterations = boolean(maximize, "maximize"), whole(iterations, "iterations")
     kind = gait_kind(kind)
@@ -337,5 +337,5 @@ def _nearest(start: Gait, tuned: Walker, radius: float) -> Gait | None:
         return None
     place = judged.gait.place
     tuned_map = place.section.with_walker(tune(place.section.walker))
-    exact = place_near(tuned_map, tuned_map.slope, place.chart[0])  # tuned to the last digit
+    exact = place_near(tuned_map, tuned_map.slope, place.search[0])  # tuned to the last digit
     return exact and gait_at(exact, tuned_map.slope, 1)

@@ -124,7 +124,7 @@ class Candidates:
             for share in np.arange(1, pieces + 1) / pieces:
                 goal = origin + share * (values - origin)
                 moved = goal - self._values(here.place)
-                place = self._beside(goal, here.place.chart[0] + here.coordinates @ moved)
+                place = self._beside(goal, here.place.search[0] + here.coordinates @ moved)
                 if place is None:
                     break
                 here = sensitivity(place, self._parameters)
@@ -139,7 +139,7 @@ class Candidates:
         slope = changed.pop(SLOPE, self._start.slope)
         walker = replace(self._start.walker, **changed)
         place = place_near(self._start.stride_map.with_walker(walker), slope, guess)
-        return place if place and np.abs(place.chart[0] - guess).max() < _LEAP else None
+        return place if place and np.abs(place.search[0] - guess).max() < _LEAP else None
 
     def _judged(self, values: NDArray) -> Judged | None:
         gait = self._followed(values)

@@ -77,7 +77,7 @@ def _clearance(gait: Sensitivity) -> Graded:
     corner = abs(time - knee) < 1e-9
 
     def look(walkers: StrideMap, beside: NDArray, slopes: NDArray) -> NDArray:
-        points = walkers.from_chart(beside).values
+        points = walkers.searched(beside).values
         times = walkers.apply(points, slopes).knee_times if corner else np.full(len(points), time)
         states = walkers.sample(points, slopes, times[:, None]).states[:, 0]
         body = walkers.system.Body(*walkers.walkers.constants[:, 0].T)

@@ -82,7 +82,7 @@ def find_gait(
     tried = ", ".join(f"{count} {name}" for name, count in ends.most_common()) or "none"
     others = f", only a {gaits[0].kind}-step gait was found" if gaits else ""
     name = stride_map.controller_name
-    if stride_map.own:
+    if "step kinds" not in stride_map.walker.supports:
         advice = "give a guess near the gait, a state just after heelstrike"
     elif not stride_map.passive:
         advice = "give a guess near the gait, or follow it from where there is one by gait_family"

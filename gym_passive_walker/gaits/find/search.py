@@ -40,7 +40,6 @@ _PATIENCE = 2  # iterations left to the other guesses after the first has led to
 _LATTICE = 216  # guesses in a quick search; a kneed walker's full grid has 864
 _APART = 0.03  # guesses closer than this are tried once
 _LOOKS = 64  # samples of the swing leg in a stride
-_LARGEST = 1.4  # stance angle of a gait, in rad
 _ROUGHLY, _FINELY = 1e-6, 1e-14  # tolerances
 _ALIKE, _NEARLY = 1e-6, 1e-3  # gaits closer than this are one: exact derivatives, differences
 
@@ -149,7 +148,7 @@ def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray, NDArray | 
     points, *energies = at_heelstrike(stride_map, angle, stance_rate, swing_rate, push_off)
     shape, lengths = (len(stance), len(angles)), legs.step_length(walker.body, angle, angle)
     lost, pushed = ((energy / lengths).reshape(shape) for energy in energies)
-    u = stride_map.at(points).chart.reshape(*shape, -1)
+    u = stride_map.at(points).search.reshape(*shape, -1)
     loss = logarithm(np.maximum(lost, _LEAST))
     return u, loss, pushed if push_off else 0.0
 
@@ -170,8 +169,8 @@ def _returns(stride_map: StrideMap, slope: float, gaits: list[Gait]) -> NDArray:
     roughly = stride_map.with_tolerance(_RETURNING)
     beside = np.random.default_rng(0).standard_normal((_WALKERS, stride_map.dimension))
     size = np.geomspace(1e-4, 0.03, _WALKERS)[:, None]
-    near = stride_map.points([gait.state for gait in gaits]).chart
-    points = stride_map.from_chart(np.concatenate([u + size * beside for u in near])).values
+    near = stride_map.points([gait.state for gait in gaits]).search
+    points = stride_map.searched(np.concatenate([u + size * beside for u in near])).values
     points = roughly.apply(points, slope, strides=_SETTLING).ends
     points = points[np.isfinite(points[:, 0])]
     kept = []
@@ -179,7 +178,7 @@ def _returns(stride_map: StrideMap, slope: float, gaits: list[Gait]) -> NDArray:
         points = roughly.apply(points, slope).ends
         kept.append(points)
     points = np.concatenate(kept)
-    return stride_map.at(points[np.isfinite(points[:, 0])]).chart
+    return stride_map.at(points[np.isfinite(points[:, 0])]).search
 
 
 def _distinct(u: NDArray, others: list[NDArray], apart: float) -> NDArray:
@@ -241,22 +240,21 @@ def _search(
     gaits: list[Gait] = []
     found: list[NDArray] = []
     roughly, finely = stride_map.with_tolerance(_ROUGHLY), stride_map.with_tolerance(_FINELY)
+    kinds = "step kinds" in stride_map.walker.supports
     closes, alike = stride_map.closes, _ALIKE if stride_map.exact else _NEARLY
 
     def solutions(followed: StrideMap, guesses: NDArray, accuracy: float, limit: float) -> NDArray:
         def equations(u: NDArray) -> tuple[NDArray, NDArray]:
-            if not followed.own:
-                u = np.where(u[:, :1] < math.log(_LARGEST), u, np.nan)
-            return gait_equations(followed, u, slope, period=period)[:2]
+            return gait_equations(followed, followed.chart.within(u), slope, period=period)[:2]
 
         solved = newton(equations, guesses, accuracy=accuracy, patience=patience)
         return solved.points[solved.sizes < limit]
 
-    first = roughly.apply(stride_map.from_chart(u).values, slope, strides=period)
+    first = roughly.apply(stride_map.searched(u).values, slope, strides=period)
     ends = Counter({Outcome(i).name: n for i, n in enumerate(np.bincount(first.outcomes)) if n})
     # A heelstrike behind the stance foot starts no walk.
-    ahead = first.alive if stride_map.own else first.ends[:, 0] > 0.0
-    candidates = _Guesses(u[ahead], stride_map.at(first.ends[ahead]).chart)
+    ahead = first.alive & stride_map.chart.ahead(first.ends)
+    candidates = _Guesses(u[ahead], stride_map.at(first.ends[ahead]).search)
     for batch in batches:
         chosen = candidates.best(batch)
         if len(chosen) == 0:
@@ -268,16 +266,16 @@ def _search(
             orbit = _orbit(stride_map, point, slope, period, 0.1 * alike)
             if len(orbit) == period:
                 with suppress(np.linalg.LinAlgError):  # rounding may leave no stride
-                    gait = gait_at(stride_map.from_chart(point[None]), slope, period)
-                    if stride_map.own or _human(roughly, gait):
+                    gait = gait_at(stride_map.searched(point[None]), slope, period)
+                    if not kinds or _human(roughly, gait):
                         gaits.append(gait)
             for stride in orbit:
                 found.append(stride)
                 candidates.avoid(stride)
         if enough(gaits):
             break
-    # Steps of a user's system have no common measure: the most stable gait comes first.
-    gaits.sort(key=lambda g: abs(g.multipliers[0]) if stride_map.own else -g.stance_angle)
+    # Steps without kinds have no common measure: the most stable gait comes first.
+    gaits.sort(key=lambda g: -g.stance_angle if kinds else abs(g.multipliers[0]))
     return gaits, ends
 
 
@@ -287,8 +285,8 @@ def _orbit(
     """Return the points of a gait from one of them on, until it repeats."""
     orbit = [u]
     while len(orbit) < period:
-        start = stride_map.from_chart(orbit[-1][None]).values
-        end = stride_map.at(stride_map.apply(start, slope).ends).chart[0]
+        start = stride_map.searched(orbit[-1][None]).values
+        end = stride_map.at(stride_map.apply(start, slope).ends).search[0]
         if period % len(orbit) == 0 and np.abs(end - u).max() < alike:
             break
         orbit.append(end)
@@ -311,13 +309,14 @@ def _guesses(
     """Return initial guesses (n, m) in the chart: `guess`, or those for this period."""
     if guess is not None:
         states = np.atleast_2d(check_state(guess, "guess", stride_map.size))
-        return stride_map.points(states).chart
-    if slope <= 0.0 and stride_map.passive and stride_map.terrain is None and not stride_map.own:
+        return stride_map.points(states).search
+    kinds = "step kinds" in stride_map.walker.supports
+    if slope <= 0.0 and stride_map.passive and stride_map.terrain is None and kinds:
         return np.empty((0, stride_map.dimension))
-    if stride_map.own:
+    if not kinds:
         u = _beside_start(stride_map)
     elif stride_map.controlled:
-        u = stride_map.at(stride_map.likely(slope)).chart  # type: ignore[attr-defined]
+        u = stride_map.at(stride_map.likely(slope)).search  # type: ignore[attr-defined]
     else:
         u = _starts(stride_map, slope)
     if period == 1:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker._tools.arguments import check_state, instance, one_slope, shown
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.look.forces import struck
-from gym_passive_walker.gaits.section import OFF
+from gym_passive_walker.models.chart import OFF
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import State
 from gym_passive_walker.models.walkers import WalkerLike, as_walker

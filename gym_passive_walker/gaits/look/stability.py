@@ -23,7 +23,7 @@ from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.units import growth
-from gym_passive_walker.models.walkers import PARAMETERS, Mechanism
+from gym_passive_walker.models.walkers import PARAMETERS
 
 
 def stride_jacobian(
@@ -78,7 +78,7 @@ def stride_jacobian(
         walker, slope, state, hip_torque, ankle_torque, push_off
     )
     slope = one_slope(slope)
-    motors = motors if isinstance(walker, Mechanism) else one_actuation(walker, motors)
+    motors = one_actuation(walker, motors) if "actuation" in walker.supports else motors
     stride_map = (controlled or StrideMap.of(walker, controller=motors)).with_tolerance(tolerance)
     stride_map = replace(stride_map, max_stride_time=LONGEST_STRIDE)
     names = [wrt] if isinstance(wrt, str) else list(wrt) if np.iterable(wrt) else []
@@ -91,7 +91,8 @@ def stride_jacobian(
     moved = set(names)
     # A parameter also changes the units, hence the dimensionless state and torques.
     driven = [name for name in Actuation._fields if getattr(motors, name)]
-    if not stride_map.own and moved & set(PARAMETERS):
+    scaled = "units" in walker.supports
+    if scaled and moved & set(PARAMETERS):
         moved |= {"state", *driven}
     by = sorted(moved)
     passage, change = stride_map.linearize(points, slope, by=by)
@@ -111,7 +112,7 @@ def stride_jacobian(
         """Return the dimensionless point's derivative by a quantity in the walker's own units."""
         if name == "state":
             return found["state"] * time
-        if name == "slope" or stride_map.own:
+        if name == "slope" or not scaled:
             return found[name]
         if name in driving:
             return found[name] / driving[name]

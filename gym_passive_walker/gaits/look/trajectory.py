@@ -19,11 +19,11 @@ from gym_passive_walker._tools.shown import Table
 from gym_passive_walker.gaits.actuation import Actuation, one_actuation, to_dimensionless
 from gym_passive_walker.gaits.find.fixed_point import state_on
 from gym_passive_walker.gaits.given import GaitLike, walk_of
-from gym_passive_walker.gaits.stride import STATE_NAMES, stride, together
+from gym_passive_walker.gaits.stride import stride, together
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, contacts, terrain_from
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.walkers import Mechanism, Walker, name_of
+from gym_passive_walker.models.walkers import Walker, name_of
 
 COARSEST_SAMPLES = 1e-4
 """Largest tolerance at which samples just before an impact differ from the impact itself."""
@@ -95,9 +95,7 @@ class Trajectory(Table):
 
     def columns(self) -> dict[str, NDArray]:
         """One row for each instant."""
-        names, acting = STATE_NAMES, ("hip_torque", "ankle_torque")
-        if isinstance(self.walker, Mechanism):
-            names, acting = self.walker.State._fields, self.walker.controls  # type: ignore[attr-defined]
+        names = self.walker.state_names
         return {
             "time": self.times,
             "stride": self.strides,
@@ -106,7 +104,7 @@ class Trajectory(Table):
             "contact_x": self.contact_x,
             "contact_y": self.contact_y,
             "tilt": self.tilts,
-            **dict(zip(acting, self.torques.T, strict=True)),
+            **dict(zip(self.walker.controls, self.torques.T, strict=True)),
         }
 
 
@@ -164,7 +162,7 @@ def simulate(
     )
     size, slope = walker.size, one_slope(slope)
     if state is None:
-        held = motors if isinstance(walker, Mechanism) else one_actuation(walker, motors)
+        held = one_actuation(walker, motors) if "actuation" in walker.supports else motors
         state = state_on(controlled or StrideMap.of(walker, controller=held), slope, None)
     state = check_state(state, size=size)
     if state.shape != (size,):
@@ -225,11 +223,9 @@ def simulate(
         strides=np.repeat(np.arange(made), samples),
         phases=seen.stages.ravel(),
         outcomes=taken.outcome,
-        torques=(
-            seen.controls
-            if isinstance(walker, Mechanism)
-            else seen.controls[..., :2] * [units.torque, units.energy]
-        ).reshape(len(first) * samples, -1),
+        torques=(seen.controls[..., : len(walker.controls)] * walker.control_units).reshape(
+            len(first) * samples, -1
+        ),
         terrain=footholds,
         terrain_seed=terrain_seed,
     )

@@ -34,7 +34,8 @@ from gym_passive_walker.gaits.find.search import at_heelstrike, seek
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.walkers import Walker, check_parametric, describe, name_of
+from gym_passive_walker.models.model import need
+from gym_passive_walker.models.walkers import Walker, describe, name_of
 
 FELL, UNSETTLED = -1, -2
 """Values in place of a gait's index: the walker fell, or still walks but on none of the gaits."""
@@ -130,14 +131,14 @@ class Attractors:
         self.atol, self._stride_map = atol, stride_map
         every = len(stride_map.ground)  # strides of one application on ground that repeats
         states = [gait.strides.state[every - 1 :: every] for gait in gaits]
-        self.points = [point for own in states for point in stride_map.points(own).chart]
+        self.points = [point for own in states for point in stride_map.points(own).search]
         self.owner = [i for i, own in enumerate(states) for _ in own]
 
     def of(self, points: NDArray) -> NDArray[np.int8]:
         """Return the index (n,) of the gait near each point (n, m); UNSETTLED if there is none."""
         index = np.full(len(points), UNSETTLED, np.int8)
         with np.errstate(invalid="ignore"):  # on a step the stance angle may be negative
-            u = self._stride_map.at(points).chart
+            u = self._stride_map.at(points).search
         for point, owner in zip(self.points, self.owner, strict=True):
             index[np.abs(u - point).max(axis=1) < self.atol] = owner
         return index
@@ -232,7 +233,7 @@ def _slice(
     assert gait is not None
     duration = float(gait.stride.duration) / stride_map.units.time
     before = gait.stride_map.before_strike(gait.point.values[0], gait.slope, duration)
-    if stride_map.own:
+    if "ratios" not in stride_map.walker.supports:
         system: Any = stride_map.walker
         m = system.coordinates
         near = system.with_both_feet_down(gait.state[:m] * (angles / gait.state[0])[:, None])
@@ -295,7 +296,7 @@ def basin_of_attraction(
     resolution = whole(resolution, "resolution", 1, _FINEST)
     strides = whole(strides, "strides")
     if ratios is not None:
-        check_parametric(stride_map.walker, "the argument `ratios` of a basin")
+        need(stride_map.walker, "ratios")
         allowed = "two numbers, thigh and shank rate over the stance rate"
         if real_array(ratios, "ratios", allowed).shape != (2,):
             raise ValueError(f"ratios must be {allowed}, not {shown(ratios)}")
@@ -312,11 +313,11 @@ def basin_of_attraction(
         )
     share = np.linspace(_SPAN / resolution, _SPAN, resolution)
     angles = _axis(stance_angles, share * (gait.stance_angle if gait else 0.0), "stance_angles")
-    if stride_map.own and stride_map.size < 4:
+    if stride_map.size < 4:
         raise ValueError("the slice of a basin needs a system of two coordinates or more")
     rates = share[::-1] * (gait.state[stride_map.size // 2] if gait else 0.0)
     rates = _axis(stance_rates, rates, "stance_rates")
-    if np.any(angles <= 0.0) and not stride_map.own:
+    if np.any(angles <= 0.0) and stride_map.chart.balance is not None:
         raise ValueError("stance_angles must be positive: they are those just after heelstrike")
     grid = np.meshgrid(angles, rates * stride_map.units.time)
     points = _slice(stride_map, gait, grid[0].ravel(), grid[1].ravel(), ratios)

@@ -44,7 +44,7 @@ class Chain:
         self._std, self.strides = height_std, 0
         self._gait = strides.dimensionless(state)[0]
         # A walker's trailing leg is free as well: its angle depends on the last height change.
-        self._free = strides.coordinates if strides.own else [0, 1, *strides.coordinates[1:]]
+        self._free = strides.chart.free
         self._ahead = max(strides.terrain_lookahead, 1)
         self.gait = np.concatenate([self._gait[self._free] / height_std, np.zeros(self._ahead)])
         self._scale()
@@ -56,10 +56,7 @@ class Chain:
         changes = np.diff(feet, axis=1) * self._std
         own = np.repeat(self._gait[None], len(states), axis=0)
         own[:, self._free] = states[:, :size] * self._std
-        if not self._map.own:
-            own[:, 2] = own[:, 1]  # the trailing leg is straight
-            if not self._map.walker.knees:
-                own[:, 5] = own[:, 4]
+        self._map.chart.trail(own)
         seen = np.zeros((len(states), 2 * ahead))
         seen[:, ::2] = changes[:, :ahead]
         ends, struck = np.empty((len(states), size)), np.empty(len(states), bool)

@@ -24,6 +24,8 @@ heelstrike."""
 SIZE = 8
 """Numbers in the default observation; scenes may add some."""
 
+PLACE_OF_SLOPE = 7
+
 RATE_BOUND = 10.0
 """Bound of observed angular velocities, in sqrt(g/l); those of walkers stay well below."""
 

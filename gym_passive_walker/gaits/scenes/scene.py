@@ -31,7 +31,7 @@ from gym_passive_walker.gaits.scenes.checks import (
     spread,
 )
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, checked_rule
-from gym_passive_walker.gaits.scenes.rules import CHANNELS, ENERGIES, SIZE
+from gym_passive_walker.gaits.scenes.rules import BOUNDS, CHANNELS, ENERGIES, PLACE_OF_SLOPE, SIZE
 from gym_passive_walker.gaits.terrain import Terrain, terrain_from
 from gym_passive_walker.models.units import PROPORTIONS
 from gym_passive_walker.models.walkers import (
@@ -262,6 +262,16 @@ class Scene:
     def own_system(self) -> Mechanism | None:
         """The user's `System`; None with a walker of the package."""
         return self.walker if isinstance(self.walker, Mechanism) else None
+
+    @property
+    def clipped_at(self) -> Any:
+        """Bounds of the state in a default observation: a number, or one for each entry."""
+        return BOUNDS[:6] if self.own_system is None else np.inf
+
+    @property
+    def place_of_slope(self) -> int:
+        """Place of the slope in a default observation."""
+        return PLACE_OF_SLOPE if self.own_system is None else self.walker.size
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
 
@@ -71,7 +70,7 @@ def searched_gait(walker: Walker, slope: float, guess: Start | None = None) -> S
         The state, with angular velocities in units of 1/sqrt(l/g) as in the guess. None if the
         search finds no gait.
     """
-    if isinstance(walker, Mechanism) and walker.start is None and guess is None:
+    if "step kinds" not in walker.supports and walker.start is None and guess is None:
         return None
     half = walker.size // 2
     units = np.array([*[1.0] * half, *[walker.time_unit] * half])
@@ -100,7 +99,7 @@ def gait_near(walker: Walker, slope: float, guess: Start | None = None) -> Start
             state = searched_gait(walker, candidate, guess if candidate == slope else None)
         if state is not None:
             return state
-    if isinstance(walker, Mechanism) and walker.start is not None:
+    if walker.start is not None:
         return tuple(map(float, walker.start))
     raise SceneError(
         f"this walker has no passive gait at slope {slope:g} nor at any of {REFERENCE_SLOPES}: "
@@ -170,15 +169,13 @@ class Starts:
             return self.walker
         for _ in range(100):
             factors = 1.0 + np.array(list(shares.values())) * rng.uniform(-1.0, 1.0, len(shares))
-            nominal = self.walker.body if isinstance(self.walker, Mechanism) else self.walker
+            nominal = self.walker.parameters
             changed = {
-                name: getattr(nominal, name) * factor
+                name: nominal[name] * factor
                 for name, factor in zip(shares, factors.tolist(), strict=True)
             }
             try:
-                if isinstance(self.walker, Mechanism):
-                    return self.walker.with_body(changed)
-                return replace(self.walker, **changed)
+                return self.walker.with_body(changed)
             except WalkerError:
                 continue
         raise SceneError(
@@ -204,9 +201,7 @@ class Starts:
 def as_recorded(walker: Walker, states: Sequence[Start]) -> NDArray[np.float64]:
     """Return states (n, 2 m) in rows of a record's length, which can be longer."""
     found = np.array(states, dtype=float)
-    if not isinstance(walker, Mechanism):
-        return found
-    room, half = layout_of(walker.hybrid).links, walker.coordinates
+    room, half = layout_of(walker.equations()).links, walker.coordinates
     rows = np.zeros((len(found), 2 * room))
     rows[:, :half], rows[:, room : room + half] = found[:, :half], found[:, half:]
     return rows

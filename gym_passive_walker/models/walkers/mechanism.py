@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.models.chart import Whole
 from gym_passive_walker.models.equations.systems import UNEVEN
 from gym_passive_walker.models.model import constants_from
 from gym_passive_walker.models.units import Units
@@ -46,11 +47,31 @@ class Mechanism:
     vary: Any
     centre_of_mass: Any
     units = Units(1.0, 1.0, 1.0, 1.0)
+    supports: frozenset[str] = frozenset()
 
     @property
     def size(self) -> int:
         """Numbers of a state."""
         return 2 * self.coordinates
+
+    def units_with(self, **values: ArrayLike) -> Units:
+        """Return the units, on which the body has no effect."""
+        return self.units
+
+    @property
+    def chart(self) -> Whole:
+        """Coordinates of its states just after heelstrike."""
+        return Whole(self.size)
+
+    @property
+    def control_units(self) -> NDArray[np.float64]:
+        """Units of the controls: 1."""
+        return np.ones(len(self.controls))
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the numbers of a state."""
+        return self.State._fields  # type: ignore[attr-defined]
 
     @property
     def kind(self) -> str:
@@ -93,7 +114,7 @@ def check_heights_only(walker: Any, slopes: Any) -> None:
     Raises:
         ValueError: if it is a `Mechanism` and a slope is not 0.
     """
-    if isinstance(walker, Mechanism) and np.any(slopes):
+    if "tilted footholds" not in walker.supports and np.any(slopes):
         raise ValueError(
             f"footholds of the system {walker.title!r} may differ in height, not in slope"
         )

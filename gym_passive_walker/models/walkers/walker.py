@@ -15,16 +15,28 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker._tools.arguments import shown, unknown
 from gym_passive_walker._tools.shown import Shown
+from gym_passive_walker.models.chart import Mirrored
 from gym_passive_walker.models.equations.bodies import body_from
 from gym_passive_walker.models.equations.hybrid import System
 from gym_passive_walker.models.equations.systems import EXTRAS, FITTINGS, SYSTEMS, UNEVEN
-from gym_passive_walker.models.model import constants_from
+from gym_passive_walker.models.model import FEATURES, constants_from
 from gym_passive_walker.models.units import Units
 
 _PLACES = ("thigh_com", "thigh_offset", "thigh_gyration")
 _PLACES += ("shank_com", "shank_offset", "shank_gyration")
 _NOT_NEGATIVE = ("thigh_mass", "shank_mass", "hip_mass", "thigh_gyration", "shank_gyration")
 _NOT_NEGATIVE += ("hip_stiffness", "hip_friction", "knee_stiffness")
+
+
+STATE_NAMES = (
+    "stance_angle",
+    "thigh_angle",
+    "shank_angle",
+    "stance_rate",
+    "thigh_rate",
+    "shank_rate",
+)
+"""Column names of the six numbers of a state in tables."""
 
 
 class WalkerError(ValueError):
@@ -89,7 +101,11 @@ class Walker(Shown):
     title = ""
     """Name in pictures and messages; walkers that differ in it alone are equal."""
     coordinates, size = 3, 6
+    state_names = STATE_NAMES
     inputs = ("hip_torque", "ankle_torque", "push_off")
+    controls = inputs[:2]
+    start = None
+    supports = frozenset(FEATURES)
 
     def __new__(cls, **parameters: Any) -> Walker:
         """Check the names of the parameters; `__init__` would raise Python's own error."""
@@ -203,6 +219,15 @@ class Walker(Shown):
         """Units in which the walker is dimensionless."""
         return _units(self)
 
+    def units_with(self, **values: ArrayLike) -> Units:
+        """Return the units of walkers that differ in some parameters: numbers, or arrays (n,)."""
+        return varied(self, values).units
+
+    @property
+    def chart(self) -> Mirrored:
+        """Coordinates of its states just after heelstrike."""
+        return Mirrored(self.knees)
+
     @property
     def weight(self) -> float:
         """Weight m g."""
@@ -220,6 +245,15 @@ class Walker(Shown):
             WalkerError: if it cannot have these values.
         """
         return replace(self, **values)
+
+    def with_body(self, values: Mapping[str, float]) -> Walker:
+        """Return a walker with other values, as `with_parameters` does."""
+        return replace(self, **values)
+
+    @property
+    def control_units(self) -> NDArray[np.float64]:
+        """Units of the controls."""
+        return np.array([self.units.torque, self.units.energy])
 
     @property
     def kind(self) -> str:
