@@ -131,7 +131,6 @@ _CONCERNING = {
     "envs/policies/onnx_file": "onnx",
     "envs/policies/sb3_file": "sb3_file",
     "envs/policies/tensors": "plain network",
-    "pictures/panels": "panels viewer/viewer",
     "apps/sweeps/quantities": "rows meaning description",
     "apps/sweeps/tasks": "tasks meaning rows",
     "torch/environment": "lanes environment conformance/conformance",
@@ -184,7 +183,7 @@ _SINGLE = {
 }
 """All tests of modules outside packages, where tests have other names."""
 _KEPT: dict[str, tuple[str, ...]] = {
-    **dict.fromkeys(("agents", "viewer"), ("tests/pictures/test_drawn.py",)),
+    "agents": ("tests/pictures/test_drawn.py",),
     **dict.fromkeys(("cli", "gpu", "pictures", "sweeps", "validation", "web"), ()),
 }
 """Tests by package that compare with a file of results, instead of `tests/test_results.py`."""
