@@ -122,7 +122,7 @@ def announcement(server: PageServer) -> str:
 def draw(
     setup: Setup, seconds: float | None, video: str | Path | None, picture: str | Path | None
 ) -> None:
-    """Write a walk's video and the picture of its last frame; arguments are as of `play`."""
+    """Write a walk's video and the picture of its last frame; see `play` for the arguments."""
     seconds = SECONDS if seconds is None else number(seconds, "seconds", above=0.0)
     need("pygame", "render")
     if video is not None:

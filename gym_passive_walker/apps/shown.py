@@ -179,7 +179,7 @@ def _as_changes(walker: Walker) -> tuple[str, dict[str, float]]:
 
 
 def _check_scene(policy: TrainedPolicy) -> None:
-    """Refuse a policy whose scene has what a page lacks."""
+    """Refuse a policy if its scene has what a page lacks."""
     scene = page_data.of_policy(policy.folder)["scene"]
     lacking = [name for name in page_data.IN_PYTHON if scene.get(name)]
     if lacking:

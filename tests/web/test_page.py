@@ -286,7 +286,7 @@ def test_keys_choose_walkers_policies_and_speeds_and_a_slider_goes_home(page):
             there.run(key.format(each))
         assert there.run("player.settings.speed") == speed
     for event in ("new KeyboardEvent('keydown', { key: 'Delete' })", "new Event('dblclick')"):
-        for name, home in (("slope", 0.02), ("foot_radius", 0.21), ("gravity", 1.0)):
+        for name, home in (("slope", 0.02), ("foot_radius", 0.21), ("gravity", 9.81)):
             there.run(f"""(() => {{
                 const {{ input }} = player.sliders.{name};
                 input.value = 1.1 * {home};
