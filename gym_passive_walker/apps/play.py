@@ -89,7 +89,7 @@ def play(
         WebError: if the WebAssembly modules cannot be compiled here.
     """
     if video is not None or picture is not None:
-        draw(Setup.of(walker, slope, policy, start), seconds, video, picture)
+        draw_walk(Setup.of(walker, slope, policy, start), seconds, video, picture)
     elif seconds is None and _in_notebook():
         from gym_passive_walker.apps.widget import PlayerWidget
 
@@ -119,7 +119,7 @@ def announcement(server: PageServer) -> str:
     return f"the walker is on {server.address} until Ctrl-C"
 
 
-def draw(
+def draw_walk(
     setup: Setup, seconds: float | None, video: str | Path | None, picture: str | Path | None
 ) -> None:
     """Write a walk's video and the picture of its last frame; see `play` for the arguments."""

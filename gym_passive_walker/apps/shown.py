@@ -53,7 +53,7 @@ class Setup(NamedTuple):
             (2 m,) of a `System`. None is a periodic gait.
     """
 
-    walker: Walker | Mechanism
+    walker: Walker
     slope: float
     controller: TrainedPolicy | float = 0.0
     start: ArrayLike | None = None

@@ -77,7 +77,7 @@ class PlayerWidget(anywidget.AnyWidget):
 
     def __init__(
         self,
-        walker: Walker | Mechanism,
+        walker: Walker,
         slope: float,
         controller: TrainedPolicy | float = 0.0,
         start: ArrayLike | None = None,

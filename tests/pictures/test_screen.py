@@ -11,7 +11,7 @@ from gym_passive_walker import rough
 from gym_passive_walker.gaits.look.trajectory import simulate
 from gym_passive_walker.pictures import colours, level, pose, tiled
 from gym_passive_walker.pictures.screen import Screen
-from gym_passive_walker.pictures.video import _SAMPLES, FPS, video
+from gym_passive_walker.pictures.video import FPS, SAMPLES, video
 
 pygame = pytest.importorskip("pygame")
 
@@ -276,7 +276,7 @@ def test_a_video_shows_the_walk_that_is_asked_for(changes, tmp_path, monkeypatch
     monkeypatch.setattr(Screen, "draw", drawn)
     frames = video("lab", SLOPE, GAIT, tmp_path / "walk.gif", strides=2, **changes)
     walk, plain = (
-        simulate("lab", SLOPE, GAIT, 2, samples=_SAMPLES, **options) for options in (changes, {})
+        simulate("lab", SLOPE, GAIT, 2, samples=SAMPLES, **options) for options in (changes, {})
     )
     assert frames == len(shown) > 0
     at = np.searchsorted(walk.times, np.arange(frames) / FPS)

@@ -96,14 +96,14 @@ def play(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add("--picture", metavar="FILE", help="open no page: write the last frame, such as a .png")
 
     def run(arguments: Namespace) -> Report:
-        from gym_passive_walker.apps.play import announcement, draw, server_of
+        from gym_passive_walker.apps.play import announcement, draw_walk, server_of
         from gym_passive_walker.apps.shown import Setup
         from gym_passive_walker.devices.web.build import WebError
 
         setup = Setup.of(arguments.walker, arguments.slope, arguments.policy, None)
         seconds, paths = arguments.seconds, (arguments.video, arguments.picture)
         if any(path is not None for path in paths):
-            draw(setup, seconds, *paths)
+            draw_walk(setup, seconds, *paths)
             return _saved([Path(path) for path in paths if path is not None])
         try:
             server = server_of(setup, seconds)
