@@ -387,16 +387,23 @@ export class Player {
       this.recorder.stop();
       return;
     }
-    const parts = [], recorder = new MediaRecorder(this.canvas.captureStream());
+    const parts = [];
+    let recorder;
+    try {
+      recorder = new MediaRecorder(this.canvas.captureStream());
+      recorder.start();
+    } catch (error) {
+      this.#announce(`This browser records no video: ${error.message}`);
+      return;
+    }
     recorder.ondataavailable = ({ data }) => parts.push(data);
     recorder.onstop = () => {
-      const type = recorder.mimeType, href = URL.createObjectURL(new Blob(parts, { type }));
+      const { type } = parts[0], href = URL.createObjectURL(new Blob(parts, { type }));
       element("a", { href, download: type.includes("mp4") ? "walk.mp4" : "walk.webm" }).click();
       setTimeout(() => URL.revokeObjectURL(href), 1000);
       this.recorder = null;
       this.#show();
     };
-    recorder.start();
     this.recorder = recorder;
     this.#show();
   }
