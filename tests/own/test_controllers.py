@@ -155,3 +155,16 @@ def test_a_controller_of_a_system_observes_its_command():
     env = gym.make("PassiveWalker-v0", scene=scene)
     assert seen[0].shape[1:] == env.observation_space.shape
     assert (seen[0][:, -2:] == (SLOPE, 0.15)).all()
+
+
+def test_held_controls_are_a_controller_of_a_system():
+    strides = gpw.stride_map(DRIVEN, SLOPE, controller={"hip": 0.01})
+    gait = gpw.find_gait(strides)
+    assert strides.exact and gait.strides.hip_work[0] > 0.0
+    assert gpw.stride_map(DRIVEN, SLOPE, controller={"hip": 0.0}).passive
+    with pytest.raises(ValueError, match="has no knee; it has hip"):
+        gpw.stride_map(DRIVEN, SLOPE, controller={"knee": 0.01})
+    with pytest.raises(ValueError, match="hip must be one number"):
+        gpw.stride_map(DRIVEN, SLOPE, controller={"hip": "much"})
+    with pytest.raises(ValueError, match="play shows gaits"):
+        gpw.play(gait, seconds=0.1)
