@@ -180,6 +180,10 @@ _SINGLE = {
     "_tools/extras": "test_shown cli/test_commands",
     "_tools/files": "test_files cli/test_files cli/test_answers",
     "models/math": "envs/test_custom own/test_limits own/test_numbers",
+    "apps/play": "web/test_play cli/test_files",
+    "apps/serve": "web/test_play",
+    "apps/shown": "web/test_play web/test_widget",
+    "apps/widget": "web/test_widget web/test_page",
 }
 """All tests of modules outside packages, where tests have other names."""
 _KEPT: dict[str, tuple[str, ...]] = {
