@@ -131,7 +131,6 @@ _CONCERNING = {
     "envs/policies/onnx_file": "onnx",
     "envs/policies/sb3_file": "sb3_file",
     "envs/policies/tensors": "plain network",
-    "pictures/panels": "panels viewer/viewer",
     "apps/sweeps/quantities": "rows meaning description",
     "apps/sweeps/tasks": "tasks meaning rows",
     "torch/environment": "lanes environment conformance/conformance",
@@ -181,10 +180,14 @@ _SINGLE = {
     "_tools/extras": "test_shown cli/test_commands",
     "_tools/files": "test_files cli/test_files cli/test_answers",
     "models/math": "envs/test_custom own/test_limits own/test_numbers",
+    "apps/play": "web/test_play cli/test_files",
+    "apps/serve": "web/test_play",
+    "apps/shown": "web/test_play web/test_widget",
+    "apps/widget": "web/test_widget web/test_page",
 }
 """All tests of modules outside packages, where tests have other names."""
 _KEPT: dict[str, tuple[str, ...]] = {
-    **dict.fromkeys(("agents", "viewer"), ("tests/pictures/test_drawn.py",)),
+    "agents": ("tests/pictures/test_drawn.py",),
     **dict.fromkeys(("cli", "gpu", "pictures", "sweeps", "validation", "web"), ()),
 }
 """Tests by package that compare with a file of results, instead of `tests/test_results.py`."""

@@ -3,8 +3,8 @@
 
 from gym_passive_walker import math
 from gym_passive_walker._version import __version__ as __version__
+from gym_passive_walker.apps.play import play
 from gym_passive_walker.apps.sweeps.run import SweepResult, sweep
-from gym_passive_walker.apps.viewer.play import play
 from gym_passive_walker.engine.own.mechanics import Link
 from gym_passive_walker.engine.own.system import StatementError, System
 from gym_passive_walker.envs.evaluation.gauntlet import Gauntlet, gauntlet

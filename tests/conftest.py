@@ -21,6 +21,7 @@ settings.register_profile(
 settings.load_profile("walkers")
 
 os.environ["MPLBACKEND"] = "Agg"  # no test opens a window
+os.environ["BROWSER"] = "true"  # nor a page: `play` starts this program, which does nothing
 
 STRICT = bool(os.environ.get("FAIL_ON_SKIP"))
 """Whether a test that is skipped for a missing library fails, as in `.ci/run`."""

@@ -2,52 +2,32 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from gym_passive_walker._tools.extras import extra
-from gym_passive_walker.devices.web import page_data
-from gym_passive_walker.devices.web.build import DATA, PACKAGE, files, system_module
-from gym_passive_walker.envs.policies import TENSORS, TrainedPolicy
+from gym_passive_walker.apps.shown import LIBRARY, PLAYER, STYLE, Setup, content_of
+from gym_passive_walker.devices.web.build import PACKAGE
+from gym_passive_walker.envs.policies import TrainedPolicy
 from gym_passive_walker.gaits.scenes.checks import bounded
-from gym_passive_walker.gaits.scenes.starts import checked_state
-from gym_passive_walker.models.walkers import PARAMETERS, WALKERS, Mechanism, Walker
+from gym_passive_walker.models.walkers import PARAMETERS, Mechanism, Walker
 
 with extra("notebook"):
     import anywidget
     import traitlets
 
-_LIBRARY, _PLAYER, _STYLE = "passive-walker.js", "player.js", "player.css"
-_READ = (".json", ".wasm", ".safetensors")
-_SYSTEM = "own"  # name of a user's system among the files
 _MOST_PUSH = 10.0  # m sqrt(g l), as in an environment
 
 
 def _module() -> str:
     """Return one ES module with the library, the player and the widget."""
-    library, player = ((PACKAGE / name).read_text(encoding="utf-8") for name in (_LIBRARY, _PLAYER))
-    lines = [line for line in player.splitlines() if not line.endswith(f'from "./{_LIBRARY}";')]
+    library, player = ((PACKAGE / name).read_text(encoding="utf-8") for name in (LIBRARY, PLAYER))
+    lines = [line for line in player.splitlines() if not line.endswith(f'from "./{LIBRARY}";')]
     widget = Path(__file__).with_name("widget.js").read_text(encoding="utf-8")
     return "\n".join([library, *lines, widget])
-
-
-def _as_changes(walker: Walker) -> tuple[str, dict[str, float]]:
-    """Return the most similar named walker, and the parameters in which this one differs."""
-    found = {
-        name: {
-            parameter: getattr(walker, parameter)
-            for parameter in PARAMETERS
-            if getattr(walker, parameter) != getattr(preset, parameter)
-        }
-        for name, preset in WALKERS.items()
-        if preset.kind == walker.kind
-    }
-    return min(found.items(), key=lambda entry: len(entry[1]))
 
 
 class PlayerWidget(anywidget.AnyWidget):
@@ -82,7 +62,7 @@ class PlayerWidget(anywidget.AnyWidget):
     """
 
     _esm = _module()
-    _css = (PACKAGE / _STYLE).read_text(encoding="utf-8")
+    _css = (PACKAGE / STYLE).read_text(encoding="utf-8")
     files = traitlets.Dict().tag(sync=True)
     given = traitlets.Dict().tag(sync=True)
     parameters = traitlets.Dict().tag(sync=True)
@@ -97,39 +77,20 @@ class PlayerWidget(anywidget.AnyWidget):
 
     def __init__(
         self,
-        walker: Walker | Mechanism,
+        walker: Walker,
         slope: float,
         controller: TrainedPolicy | float = 0.0,
         start: ArrayLike | None = None,
     ) -> None:
         self._walker = walker
+        content, given = content_of(Setup(walker, slope, controller, start))
         if isinstance(walker, Mechanism):
-            given: dict[str, Any] = {"system": _SYSTEM}
-            own: Any = walker
-            if start is not None:
-                given["start"] = list(checked_state(np.asarray(start, float).tolist(), own))
-            super().__init__(
-                files={f"systems/{_SYSTEM}.wasm": system_module(walker)}, given=given,
-                parameters=walker.body._asdict(), slope=slope,
-            )  # fmt: skip
-            return
-        content = {name: file for name, file in files().items() if name.endswith(_READ)}
-        preset, changes = _as_changes(walker)
-        given = {"walker": preset, "changes": changes}
-        if start is not None:
-            given["start"] = list(checked_state(np.asarray(start, dtype=float).tolist(), walker))
-        if isinstance(controller, TrainedPolicy):
-            policy, controller = controller, 0.0
-            given["policy"] = name = policy.folder.name
-            if f"policies/{name}.safetensors" not in content:
-                data = json.loads(content[DATA])
-                data["policies"][name] = page_data.of_policy(policy.folder)
-                content[DATA] = json.dumps(data).encode()
-            content[f"policies/{name}.safetensors"] = (policy.folder / TENSORS).read_bytes()
-        parameters = {name: getattr(walker, name) for name in (*PARAMETERS, "knees")}
+            parameters: dict[str, Any] = walker.body._asdict()
+        else:
+            parameters = {name: getattr(walker, name) for name in (*PARAMETERS, "knees")}
         super().__init__(
             files=content, given=given, parameters=parameters, policy=given.get("policy", ""),
-            slope=slope, hip_torque=controller,
+            slope=slope, hip_torque=controller if isinstance(controller, float) else 0.0,
         )  # fmt: skip
 
     @property

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.pictures import colours
 from gym_passive_walker.pictures.pose import level
 
+_LETTERING = 0.05  # size of the font as a share of the canvas's height
+
 
 class Brush:
     """Draws on a canvas; widths are in leg lengths, places in pixels or, by `at`, on the slope.
@@ -19,33 +21,19 @@ class Brush:
     Args:
         pygame: The module.
         canvas: Its surface.
-        scale: Pixels to a leg length; 1 for a brush with widths in pixels.
+        scale: Pixels to a leg length.
         length: The leg length, in the walker's own units.
-        lettering: Font size in pixels; None is a twentieth of the canvas's height.
     """
 
-    def __init__(
-        self,
-        pygame: Any,
-        canvas: Any,
-        scale: float = 1.0,
-        length: float = 1.0,
-        *,
-        lettering: int | None = None,
-    ) -> None:
+    def __init__(self, pygame: Any, canvas: Any, scale: float, length: float) -> None:
         self.pygame, self.canvas, self.scale, self.length = pygame, canvas, scale, length
-        self.lettering = lettering or round(0.05 * canvas.get_height())
         self.camera, self._slope, self._origin = np.zeros(2), 0.0, np.zeros(2)
-        self._fonts: dict[int, Any] = {}
-
-    def open_fonts(self) -> None:
-        """Open fonts, again where other code may have shut pygame down."""
-        self.pygame.font.init()
-        self._fonts.clear()
+        self._font: Any = None
 
     def look_at(self, camera: NDArray, slope: float, origin: tuple[float, float]) -> None:
         """Begin a frame, with a place on the slope at a pixel, gravity down."""
-        self.open_fonts()
+        self.pygame.font.init()  # other code may have shut pygame down
+        self._font = self.pygame.font.Font(None, round(_LETTERING * self.canvas.get_height()))
         self.camera, self._slope, self._origin = camera, slope, np.array(origin)
 
     def at(self, points: ArrayLike) -> NDArray[np.float64]:
@@ -114,9 +102,6 @@ class Brush:
         place: ArrayLike,
         anchor: str = "midtop",
         colour: colours.Colour = colours.GROUND_LINE,
-        *,
-        size: int | None = None,
-        width: int = 0,
     ) -> float:
         """Write text, and return its height in pixels.
 
@@ -125,13 +110,8 @@ class Brush:
             place: A pixel, (right, down).
             anchor: The point of the text that lies there, by pygame's name of it.
             colour: The text's colour.
-            size: Font size in pixels; None is the brush's own.
-            width: Pixels after which a line is broken; 0 for never.
         """
-        pixels = size or self.lettering
-        if pixels not in self._fonts:
-            self._fonts[pixels] = self.pygame.font.Font(None, pixels)
-        drawn = self._fonts[pixels].render(text, True, colour, None, width)
+        drawn = self._font.render(text, True, colour)
         right, down = np.asarray(place, dtype=float)
         self.canvas.blit(drawn, drawn.get_rect(**{anchor: (float(right), float(down))}))
         return float(drawn.get_height())

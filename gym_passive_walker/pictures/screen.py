@@ -227,21 +227,6 @@ class Screen:
         pixels = 0.6 * math.hypot(*self._canvas.get_size())
         return pixels / self._brush.scale * self.walker.leg_length
 
-    def hip_on_frame(self, state: ArrayLike, slope: float) -> tuple[float, float]:
-        """Position of the hip in a frame, in pixels right and down from the upper left corner.
-
-        Of a `System` it is the centre of mass.
-        """
-        if isinstance(self.walker, Mechanism):
-            centre = self.walker.centre_of_mass(state)
-            self._look_below(centre[0], slope)
-            x, y = self._brush.at(centre) / _OVERSAMPLING
-            return float(x), float(y)
-        posture = pose(self.walker, state)
-        self._look_at(posture, slope, _LEVEL)
-        x, y = self._brush.at(posture.hip) / _OVERSAMPLING
-        return float(x), float(y)
-
     def close(self) -> None:
         """Close the window, if there is one. A closed screen draws nothing."""
         if self._window is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -15,7 +16,7 @@ from gym_passive_walker._tools.extras import extra, need
 from gym_passive_walker._tools.files import prepare, replacing
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker.gaits.given import GaitLike
-from gym_passive_walker.gaits.look.trajectory import simulate
+from gym_passive_walker.gaits.look.trajectory import Trajectory, simulate
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.pictures.ground import ground_under
 from gym_passive_walker.pictures.screen import Screen
@@ -23,7 +24,9 @@ from gym_passive_walker.pictures.screen import Screen
 FPS = 30
 """Frames per second of a video."""
 
-_SAMPLES = 200  # of a stride, from which frames are taken
+SAMPLES = 200
+"""Samples of a stride, from which frames are taken."""
+
 _KINDS = (".mp4", ".gif")
 _GIF_FPS = 30  # few browsers show more frames per second
 
@@ -151,21 +154,34 @@ def video(
     need("pygame", "render")
     need("moviepy", "render")
     walk = simulate(
-        walker, slope, state, strides=strides, samples=_SAMPLES, hip_torque=hip_torque,
+        walker, slope, state, strides=strides, samples=SAMPLES, hip_torque=hip_torque,
         terrain=terrain, terrain_seed=terrain_seed,
     )  # fmt: skip
     instants = np.arange(0.0, walk.times[-1], 1.0 / (FPS * slower))
     screen = Screen(walk.walker)
-    ground = ground_under(walk, screen.seen + walk.walker.leg_length)
     with (
         Video(path, screen.size, FPS, shrink=shrink) as written,
         progress("frames", len(instants)) as drawn,
     ):
-        for i in np.searchsorted(walk.times, instants):
-            frame = screen.draw(
-                walk.states[i], slope, float(walk.contact_x[i]), int(walk.strides[i]),
-                contact_y=float(walk.contact_y[i]), tilt=float(walk.tilts[i]), profile=ground,
-            )  # fmt: skip
-            written.write(frame)  # type: ignore[arg-type]
+        for frame in frames_of(walk, screen, instants):
+            written.write(frame)
             drawn()
     return len(instants)
+
+
+def frames_of(
+    walk: Trajectory, screen: Screen, instants: NDArray[np.float64]
+) -> Iterator[NDArray[np.uint8]]:
+    """Yield the frames of a walk, uint8 of shape (height, width, 3).
+
+    Args:
+        walk: The walk.
+        screen: Draws the frames.
+        instants: Times in the walker's unit of time, (frames,); each shows the sample that follows.
+    """
+    ground = ground_under(walk, screen.seen + walk.walker.leg_length)
+    for i in np.searchsorted(walk.times, instants):
+        yield screen.draw(
+            walk.states[i], walk.slope, float(walk.contact_x[i]), int(walk.strides[i]),
+            contact_y=float(walk.contact_y[i]), tilt=float(walk.tilts[i]), profile=ground,
+        )  # type: ignore[misc]  # fmt: skip

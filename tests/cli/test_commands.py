@@ -84,7 +84,7 @@ LINES = [shlex.join(words) for command in COMMANDS for words in examples(command
 def test_the_examples_of_the_help_work(line, tmp_path, monkeypatch, capsys):
     words = shlex.split(line)
     if words[0] == "play" and "--seconds" not in words:
-        pytest.skip("its window stays open")
+        pytest.skip("it serves a page until Ctrl-C")
     for library in {"sweep": ["pyarrow"], "figures": ["matplotlib"], "strobe": ["matplotlib"],
                     "video": ["moviepy"], "play": ["moviepy"]}.get(words[0], []):  # fmt: skip
         pytest.importorskip(library)
@@ -209,7 +209,7 @@ def test_a_table_is_printed_whatever_happens_to_its_picture(monkeypatch, tmp_pat
         "docs/tutorial.md",
         "docs/tutorial-gaits.md",
         "docs/walkers.md",
-        "docs/viewer.md",
+        "docs/web.md",
     ],
 )
 def test_what_the_pages_type_is_understood(page, mine):

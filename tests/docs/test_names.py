@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 API = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
 
 PUBLIC = (
-    "", ".modeling", ".pictures", ".torch", ".gpu", ".math", ".apps.viewer", ".devices.web",
+    "", ".modeling", ".pictures", ".torch", ".gpu", ".math", ".apps.play", ".devices.web",
 )  # fmt: skip
 """Modules with public names in `__all__`, after the package's name."""
 

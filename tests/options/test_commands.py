@@ -1,4 +1,4 @@
-"""Each option of each command has an effect: `passive-walker`, `train.py`, the viewer."""
+"""Each option of each command has an effect: `passive-walker`, `train.py`."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from tests.options.test_functions import OF_D, OPTIONS, STEEP, Later
 WALKERS = ("walker", "a", "b")
 BESIDE = {"robustness": ("controller",)}
 """Further arguments that may be walkers."""
-NO_WALKERS = {"play"}  # its frames differ by when they are drawn
+NO_WALKERS = {"play"}  # its frames take long to draw
 TAKING = [
     name
     for name, call in OPTIONS.items()

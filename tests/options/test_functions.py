@@ -47,7 +47,7 @@ def explained(env):
 
 
 def shown_by_play(video=None, picture=None, **options):
-    """The last frame in a window, and the names of the files that were asked for."""
+    """The last frame of a walk, and the names of the files that were asked for."""
     with TemporaryDirectory() as folder:
         named = {"video": video, "picture": picture}
         paths = {name: Path(folder, file) for name, file in named.items() if file}

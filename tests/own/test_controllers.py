@@ -166,3 +166,16 @@ def test_a_strike_just_after_a_step_of_the_integration_has_its_derivatives():
     taken, change = strides.linearize(points, scene["slope"], by=("state",))
     assert np.isfinite(taken.durations).all()
     assert np.abs(change.durations).max(axis=1).min() > 1.0
+
+
+def test_held_controls_are_a_controller_of_a_system():
+    strides = gpw.stride_map(DRIVEN, SLOPE, controller={"hip": 0.01})
+    gait = gpw.find_gait(strides)
+    assert strides.exact and gait.strides.hip_work[0] > 0.0
+    assert gpw.stride_map(DRIVEN, SLOPE, controller={"hip": 0.0}).passive
+    with pytest.raises(ValueError, match="has no knee; it has hip"):
+        gpw.stride_map(DRIVEN, SLOPE, controller={"knee": 0.01})
+    with pytest.raises(ValueError, match="hip must be one number"):
+        gpw.stride_map(DRIVEN, SLOPE, controller={"hip": "much"})
+    with pytest.raises(ValueError, match="play shows gaits"):
+        gpw.play(gait, seconds=0.1)

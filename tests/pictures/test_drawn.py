@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,9 +23,6 @@ from matplotlib import colors  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
 import gym_passive_walker as gpw  # noqa: E402
-from gym_passive_walker.apps.viewer.player import Player  # noqa: E402
-from gym_passive_walker.apps.viewer.view import View  # noqa: E402
-from gym_passive_walker.apps.viewer.walk import LiveWalk, Setup  # noqa: E402
 from gym_passive_walker.gaits.control import optimal  # noqa: E402
 from gym_passive_walker.gaits.control.baselines import LinearFeedback  # noqa: E402
 from gym_passive_walker.gaits.scenes.scene import make_scene  # noqa: E402
@@ -183,26 +179,6 @@ def on_footholds() -> list[str]:
     return of_frame(frames)
 
 
-def of_window() -> list[str]:
-    """The shapes of the viewer's window, when its gait is found and after a second of walking."""
-    player = Player(LiveWalk(Setup(gpw.WALKERS["lab"], 0.036)))
-    pygame.font.init()
-
-    def frames() -> None:
-        view = View()
-        for tick in range(31):
-            while not player.gait[1]:
-                time.sleep(0.01)
-            if tick % 30 == 0:
-                view.draw(player)
-            player.frame(1.0 / 30.0)
-
-    try:
-        return of_frame(frames)
-    finally:
-        player.close()
-
-
 def _gait() -> gpw.Gait:
     return gpw.find_gait("lab", 0.036)
 
@@ -274,7 +250,6 @@ FRAMES: dict[str, Callable[[], list[str]]] = {
     ),
     "frame-D": lambda: of_screen("D", torque=-1.0),
     "frame-footholds": on_footholds,
-    "window": of_window,
 }
 DRAWN: dict[str, Callable[[], list[str]]] = {
     **{name: lambda draw=draw: of_figure(draw()) for name, draw in FIGURES.items()},

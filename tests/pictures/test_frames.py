@@ -16,7 +16,6 @@ from gym_passive_walker.models.walkers import WALKERS  # noqa: E402
 from gym_passive_walker.pictures import colours, pose  # noqa: E402
 from gym_passive_walker.pictures.brush import Brush  # noqa: E402
 from gym_passive_walker.pictures.ground import height, part_between, profile  # noqa: E402
-from gym_passive_walker.pictures.panels import draw_portrait  # noqa: E402
 from gym_passive_walker.pictures.screen import Screen  # noqa: E402
 from gym_passive_walker.pictures.tiles import tile_columns, tile_size, tiled  # noqa: E402
 from gym_passive_walker.pictures.video import Video, video, video_path  # noqa: E402
@@ -142,12 +141,11 @@ def test_a_profile_passes_all_known_footholds_and_covers_what_is_asked_for(name)
     assert height(alone, x[0] + 0.6 * length) == pytest.approx(known[1, 1], abs=1e-9)
 
 
-# Brush and panels
+# Brush
 
 
 def test_lines_limbs_and_texts_are_drawn_where_they_are_asked_for():
     brush = Brush(pygame, pygame.Surface((200, 100)), 10.0, 2.0)
-    assert brush.lettering == 5
     brush.look_at(np.array([1.0, 0.5]), 0.0, (100.0, 50.0))
     # 10 pixels to a leg length, which is 2 units; up is less.
     np.testing.assert_allclose(brush.at([[1.0, 0.5], [3.0, 0.5], [1.0, 2.5]]),
@@ -156,29 +154,9 @@ def test_lines_limbs_and_texts_are_drawn_where_they_are_asked_for():
     np.testing.assert_allclose(
         brush.at([2.0, 0.0]), [10 * math.cos(0.3), 10 * math.sin(0.3)]
     )  # downhill is right and down
-    assert brush.write("walker", (0, 0)) < brush.write("walker", (0, 0), size=40)
-
-
-@pytest.mark.parametrize(
-    ("legs", "free", "strides"),
-    [(True, False, 0), (True, True, 1), (False, False, 0), (False, False, 1)],
-)
-def test_the_axes_of_a_portrait_end_at_round_numbers_with_their_units(legs, free, strides, written):
-    brush = Brush(pygame, pygame.Surface((450, 350)), lettering=18)
-    box = pygame.Rect(20, 20, 400, 300)
-    states = np.array([[0.1, -0.35, 0.2, 1.2, 0.3, -2.4], [0.2, 0.1, 0.3, 0.4, 0.5, 0.6]])
-    draw_portrait(brush, box, states, [strides] * 2, [free] * 2, legs=legs)
-    plot = pygame.Rect(64, 54, 340, 236)
-    found = {text: (tuple(place), anchor) for text, place, anchor, _ in written}
-    assert found == {
-        "phase portrait" + " (thin: free shank)" * free: ((30, 29), "topleft"),
-        "−0.4": ((plot.left, plot.bottom + 6), "midtop"),
-        "0.4": ((plot.right, plot.bottom + 6), "midtop"),
-        "−3": ((plot.left - 6, plot.bottom), "midright"),
-        "3": ((plot.left - 6, plot.top), "midright"),
-        "angle (rad)": ((plot.centerx, plot.bottom + 6), "midtop"),
-        "angular velocity × √(l/g)": ((plot.right, plot.top - 6), "bottomright"),
-    }
+    large = Brush(pygame, pygame.Surface((200, 400)), 10.0, 2.0)
+    large.look_at(np.zeros(2), 0.0, (0.0, 0.0))
+    assert 2.0 * brush.write("walker", (0, 0)) < large.write("walker", (0, 0))
 
 
 # Pictures of several frames

@@ -276,6 +276,62 @@ def test_keys_pause_and_push(page):
     assert not np.allclose(there.run("player.walk.state"), before)
 
 
+def test_keys_choose_walkers_policies_and_speeds_and_a_slider_goes_home(page):
+    there = page("walker=C&slope=0.02&foot_radius=0.21")
+    key = "player.canvas.dispatchEvent(new KeyboardEvent('keydown', {{ key: '{}' }}))"
+    wait = "new Promise((done) => setTimeout(done, {}))"
+    there.run("player.running = false")
+    for speed, pressed in ((1 / 64, "-" * 8), (4, "+" * 10)):
+        for each in pressed:
+            there.run(key.format(each))
+        assert there.run("player.settings.speed") == speed
+    for event in ("new KeyboardEvent('keydown', { key: 'Delete' })", "new Event('dblclick')"):
+        for name, home in (("slope", 0.02), ("foot_radius", 0.21), ("gravity", 9.81)):
+            there.run(f"""(() => {{
+                const {{ input }} = player.sliders.{name};
+                input.value = 1.1 * {home};
+                input.dispatchEvent(new Event("input"));
+            }})()""")
+            there.run(f"player.sliders.{name}.input.dispatchEvent({event})")
+            there.run(wait.format(50))
+            assert float(there.run(f"player.sliders.{name}.input.value")) == home
+    names, chosen = list(gpw.WALKERS), []
+    for pressed in "wWWp":
+        there.run(key.format(pressed))
+        there.run(wait.format(500))
+        chosen.append(there.run("[player.settings.walker, player.controllers.value]"))
+    place = names.index("C")
+    around = [names[place + 1], "C", names[place - 1]]
+    assert chosen[:3] == [[name, "passive"] for name in around]
+    assert chosen[3][1] == "torque"
+
+
+def test_the_picture_is_recorded(page, browser):
+    there = page()
+    if not there.run("Boolean(player.film)"):
+        pytest.skip("this browser records no canvas")
+    assert there.run("player.film.textContent") == "Record video"
+    found = there.run("""(async () => {
+        const pause = (ms) => new Promise((done) => setTimeout(done, ms));
+        const made = [], keep = URL.createObjectURL, files = [];
+        URL.createObjectURL = (blob) => (made.push(blob), keep.call(URL, blob));
+        HTMLAnchorElement.prototype.click = function () { files.push(this.download); };
+        player.film.click();
+        if (!player.recorder) return player.said.textContent;
+        const during = player.film.textContent;
+        await pause(700);
+        player.record();
+        while (!made.length) await pause(20);
+        return [during, made[0].size, made[0].type, files, player.film.textContent];
+    })()""")
+    if isinstance(found, str):
+        assert found.startswith("This browser records no video: ")
+        return
+    during, size, kind, (name,), after = found
+    assert (during, after) == ("Save video", "Record video")
+    assert size > 1000 and kind.startswith("video/") and name in ("walk.webm", "walk.mp4")
+
+
 def test_a_reader_who_prefers_reduced_motion_begins_in_pause(page, browser):
     if not isinstance(browser, Chromium):
         pytest.skip("only Chromium's protocol sets what a reader prefers")

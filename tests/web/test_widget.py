@@ -90,7 +90,7 @@ def test_a_gait_under_another_controller_is_refused(notebook, controller):
         gpw.play(gpw.find_gait(strides))
 
 
-def test_where_a_film_is_asked_for_a_window_opens(notebook, tmp_path):
+def test_where_a_picture_is_asked_for_there_is_no_widget(notebook, tmp_path):
     pytest.importorskip("pygame")
     assert gpw.play(gpw.find_gait("C", 0.02), picture=tmp_path / "last.png", seconds=0.1) is None
     assert (tmp_path / "last.png").exists()

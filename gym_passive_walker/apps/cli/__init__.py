@@ -84,3 +84,4 @@ def _command(words: Sequence[str] | None) -> None:
         write(path)
         if not arguments.json:
             print(f"\nsaved {path}")
+    report.then()

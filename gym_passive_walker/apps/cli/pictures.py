@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from gym_passive_walker._tools.arguments import near
@@ -11,7 +12,6 @@ from gym_passive_walker._tools.extras import need
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker.apps.cli.arguments import A_WALKER, a_walker, add_walk, chosen_map, start_of
 from gym_passive_walker.apps.cli.report import Report
-from gym_passive_walker.apps.viewer.play import play as shown
 from gym_passive_walker.envs.policies import shipped_policies
 
 
@@ -74,7 +74,7 @@ def video(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
 
 def play(command: ArgumentParser) -> Callable[[Namespace], Report]:
-    """Show a walker in a window; push it, and change its parameters while it walks.
+    """Show a walker in the browser; push it, and change its parameters while it walks.
 
     passive-walker play
     passive-walker play C 0.03
@@ -89,15 +89,28 @@ def play(command: ArgumentParser) -> Callable[[Namespace], Report]:
         "--seconds",
         type=float,
         metavar="TIME",
-        help="time in seconds after which the window closes",
+        help="time in seconds after which the page ends (Ctrl-C), or length of the walk in a file "
+        "(5)",
     )
-    add("--video", metavar="FILE", help="record a video to this file, .mp4 or .gif")
-    add("--picture", metavar="FILE", help="write the last frame to this file, such as a .png")
+    add("--video", metavar="FILE", help="open no page: write a video, .mp4 or .gif")
+    add("--picture", metavar="FILE", help="open no page: write the last frame, such as a .png")
 
     def run(arguments: Namespace) -> Report:
-        asked = ("walker", "slope", "policy", "seconds", "video", "picture")
-        shown(**{name: getattr(arguments, name) for name in asked})
-        return _saved([Path(x) for x in (arguments.video, arguments.picture) if x is not None])
+        from gym_passive_walker.apps.play import announcement, draw_walk, server_of
+        from gym_passive_walker.apps.shown import Setup
+        from gym_passive_walker.devices.web.build import WebError
+
+        setup = Setup.of(arguments.walker, arguments.slope, arguments.policy, None)
+        seconds, paths = arguments.seconds, (arguments.video, arguments.picture)
+        if any(path is not None for path in paths):
+            draw_walk(setup, seconds, *paths)
+            return _saved([Path(path) for path in paths if path is not None])
+        try:
+            server = server_of(setup, seconds)
+        except WebError as error:
+            raise OSError(None, str(error)) from None
+        data = {"address": server.address, "files": []}
+        return Report(announcement(server), data, then=partial(server.serve, seconds))
 
     return run
 

@@ -48,11 +48,13 @@ class Report(NamedTuple):
         data: Output for programs: anything that `plain` converts to JSON.
         files: Functions that write further files, by path. They are called after the text is
             printed, so that a full disk does not lose the result.
+        then: A function that is called at last, such as a server.
     """
 
     text: str
     data: Any
     files: Mapping[Path, Callable[[Path], object]] = MappingProxyType({})
+    then: Callable[[], object] = lambda: None
 
 
 def record(source: Any, names: Iterable[str]) -> dict[str, Any]:

@@ -32,6 +32,12 @@ TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)
 SECTION = "gym_passive_walker"
 """Name of the custom section of a module with its notes."""
 
+IN_PYTHON = (
+    "domain_randomization", "randomization_pool", "observe_body", "constraints", "friction",
+    "knee_latch", "scuff_depth", "reward", "observation", "terminated", "reward_terms",
+)  # fmt: skip
+"""Arguments of a scene that a page lacks."""
+
 _KINDS = {"f8": "f8", "f4": "f4", "i8": "i8", "u8": "u8"}
 
 
@@ -158,6 +164,7 @@ def of_all() -> dict[str, Any]:
         "every_stride": task.EVERY_STRIDE,
         "bounds": rules.BOUNDS.tolist(),
         "checks": CHECKS,
+        "in_python": IN_PYTHON,
         "latest": kernels.LATEST,
         "farthest": kernels.FARTHEST,
         "passed": disturbance_kernels.PASSED,

@@ -226,13 +226,14 @@ def between(nodes, states, slopes, found):
     interpolate_states(nodes, states, slopes, found)
 
 
-def checked_state(state: Sequence[float], walker: Walker) -> Start:
+def checked_state(state: Sequence[float], walker: Walker, name: str = "options['state']") -> Start:
     """Return a user's state with angular velocities in units of 1/sqrt(l/g), after a check.
 
     Args:
         state: [stance, thigh, shank] angles in rad and their angular velocities, (6,); coordinates
             and their rates, (2 m,), of a `System`.
         walker: The walker. The shank of a straight-legged walker is ignored.
+        name: Name of the argument, for messages.
 
     Raises:
         ValueError: if it is no state of an upright walker.
@@ -242,25 +243,24 @@ def checked_state(state: Sequence[float], walker: Walker) -> Start:
         size = 2 * walker.coordinates
         if given.shape != (size,) or not np.all(np.isfinite(given)):
             raise ValueError(
-                f"options['state'] must be {size} finite numbers, coordinates and their rates, "
-                f"not {state!r}"
+                f"{name} must be {size} finite numbers, coordinates and their rates, not {state!r}"
             )
         if not walker.standing(given.tolist()):
-            raise ValueError(f"options['state'] is of a walker that has fallen: {given.tolist()}")
+            raise ValueError(f"{name} is of a walker that has fallen: {given.tolist()}")
         return tuple(given.tolist())
     if given.shape != (6,) or not np.all(np.isfinite(given)):
         raise ValueError(
-            "options['state'] must be 6 finite numbers, [stance, thigh, shank] angles and their "
+            f"{name} must be 6 finite numbers, [stance, thigh, shank] angles and their "
             f"rates, not {state!r}"
         )
     stance, thigh, shank, *rates = given.tolist()
     if not walker.knees:
         shank, rates[2] = thigh, rates[1]
     if abs(stance) >= 0.5 * math.pi or abs(thigh) >= math.pi or abs(shank) >= math.pi:
-        raise ValueError(f"options['state'] is of a walker that has fallen: {given.tolist()}")
+        raise ValueError(f"{name} is of a walker that has fallen: {given.tolist()}")
     if shank > thigh:
         raise ValueError(
-            "options['state'] bends the knee backwards: the shank must not be ahead of the thigh: "
+            f"{name} bends the knee backwards: the shank must not be ahead of the thigh: "
             f"{given.tolist()}"
         )
     return (stance, thigh, shank, *(walker.time_unit * rate for rate in rates))

@@ -246,10 +246,6 @@ const SCENE = {
   tolerance: 1e-8, pushes: {}, observation_noise: 0, action_noise: 0, action_delay: 0,
   command: null, command_weight: 2, terrain: null, terrain_lookahead: 0, step_limit: Infinity,
 };
-const IN_PYTHON = [
-  "domain_randomization", "constraints", "friction", "knee_latch", "scuff_depth", "reward",
-  "observation", "terminated", "reward_terms",
-];
 const LARGEST = { hip: "max_hip_torque", ankle: "max_ankle_torque", push_off: "max_push_off" };
 
 function bounded(name, value, low, high) {
@@ -281,7 +277,7 @@ function whole(name, value, least, most, of = "") {
 /** A scene with all its arguments, for a walker; checked. */
 export function checkScene(given, walker, data) {
   const { walker: _, ...arguments_ } = Object.assign(Object.create(null), given);
-  for (const name of IN_PYTHON) {
+  for (const name of data.in_python) {
     const value = arguments_[name];
     const empty = value === null || value === undefined || value === false ||
       (typeof value === "object" && !Object.keys(value).length);
@@ -931,7 +927,7 @@ export class PassiveWalker {
    */
   change(others = {}) {
     const { walker = null, scene = {} } = options(others, ["walker", "scene"], "change");
-    options(scene, [...Object.keys(SCENE), ...IN_PYTHON], "a scene");
+    options(scene, [...Object.keys(SCENE), ...this.#data.in_python], "a scene");
     const block = this.#block;
     const parameters = walker === null ? this.parameters : checkWalker(walker, this.#data);
     if (kindOf(parameters) !== block.notes.kind) {

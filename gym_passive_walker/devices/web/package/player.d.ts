@@ -41,6 +41,8 @@ export class Player {
   push(impulse: number): void;
   toggle(): void;
   next(): void;
+  /** Begins a video of the picture; or ends it, and saves its file. */
+  record(): void;
   advance(seconds: number): void;
   draw(): void;
   stop(): void;

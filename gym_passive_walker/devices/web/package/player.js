@@ -11,6 +11,7 @@ const TRAIL = 900; // frames in the phase portrait
 const LONGEST_FRAME = 0.1; // s
 const PUSH_KEY = 0.01; // m sqrt(g l)
 const PUSH_PIXEL = 0.0002;
+const SLOWEST = 2 ** -6, FASTEST = 4; // times the walker's own pace
 const REST = 1.6; // s between a fall and the next start
 const ADDRESS_DELAY = 300; // ms from a change to the address that has it: WebKit allows 100 in 10 s
 const GROUNDS = {
@@ -90,6 +91,7 @@ export class Player {
       walker: "lab", changes: {}, slope: 0.036, torque: 0, policy: "", ground: "smooth", speed: 1, seed: 0,
       ...settings.settings,
     };
+    this.home = this.settings;
     const still = matchMedia("(prefers-reduced-motion: reduce)");
     this.running = settings.paused === undefined ? !still.matches : !settings.paused;
     this.trail = [];
@@ -131,6 +133,11 @@ export class Player {
       element("button", { type: "button", onclick: () => this.push(-PUSH_KEY) }, "Push uphill"),
       element("button", { type: "button", onclick: () => this.push(PUSH_KEY) }, "Push downhill"),
     ];
+    this.film = null;
+    if (globalThis.MediaRecorder && this.canvas.captureStream) {
+      this.film = element("button", { type: "button", onclick: () => this.record() });
+      buttons.push(this.film);
+    }
     if (this.share) buttons.push(element("button", { type: "button", onclick: () => this.#link() }, "Copy link"));
     this.portrait = element("canvas", {
       class: "pw-plot", width: 460, height: 320, role: "img",
@@ -184,7 +191,7 @@ export class Player {
       labelled("Ground", this.groundChoice()),
       this.slider("slope", "Slope, rad", -0.02, 0.12, 0.0005),
       this.slider("torque", "Hip torque, m g l", -0.03, 0.03, 0.0005),
-      this.slider("speed", "Speed", 0.0625, 2, 0.0625),
+      this.slider("speed", "Speed", SLOWEST, FASTEST, SLOWEST),
       this.slider("gravity", "Gravity, m/s²", 0.5, 25, 0.01),
     ];
   }
@@ -200,6 +207,8 @@ export class Player {
     const input = element("input", {
       type: "range", step,
       oninput: () => this.slide(name, Number(input.value)),
+      ondblclick: () => this.slide(name, this.homeOf(name)),
+      onkeydown: ({ key }) => key === "Delete" && this.slide(name, this.homeOf(name)),
     });
     const field = labelled(label, input, output);
     output.setAttribute("for", input.id);
@@ -220,11 +229,18 @@ export class Player {
       input.setAttribute("aria-valuetext", `${digits(value)} ${UNITS[name] ?? ""}`.trim());
     }
     this.pause.textContent = this.running ? "Pause" : "Continue";
+    if (this.film) this.film.textContent = this.recorder ? "Save video" : "Record video";
     this.showChoices();
   }
 
   valueOf(name) {
     return this.walk.parameters[name];
+  }
+
+  /** Value of a slider when the walker was chosen. */
+  homeOf(name) {
+    const { home, data } = this;
+    return home[name] ?? home.changes[name] ?? data.walkers[home.walker].parameters[name];
   }
 
   /** Least and largest value of a parameter's slider. */
@@ -271,6 +287,8 @@ export class Player {
   async set(changes, again = false) {
     const before = this.settings;
     this.settings = { ...before, ...changes };
+    const home = this.home;
+    if (before.walker !== this.settings.walker) this.home = this.settings;
     const key = ["walker", "changes", "policy", "ground", "slope", "controls"];
     try {
       this.check();
@@ -279,7 +297,7 @@ export class Player {
       else if (key.some((name) => !same(before[name], this.settings[name]))) this.#changed();
       this.#announce("");
     } catch (error) {
-      this.settings = before;
+      [this.settings, this.home] = [before, home];
       this.#announce(error.message);
     }
     this.#show();
@@ -363,12 +381,50 @@ export class Player {
     this.draw();
   }
 
+  /** Begins a video of the picture; or ends it, and saves its file. */
+  record() {
+    if (this.recorder) {
+      this.recorder.stop();
+      return;
+    }
+    const parts = [];
+    let recorder;
+    try {
+      recorder = new MediaRecorder(this.canvas.captureStream());
+      recorder.start();
+    } catch (error) {
+      this.#announce(`This browser records no video: ${error.message}`);
+      return;
+    }
+    recorder.ondataavailable = ({ data }) => parts.push(data);
+    recorder.onstop = () => {
+      const { type } = parts[0], href = URL.createObjectURL(new Blob(parts, { type }));
+      element("a", { href, download: type.includes("mp4") ? "walk.mp4" : "walk.webm" }).click();
+      setTimeout(() => URL.revokeObjectURL(href), 1000);
+      this.recorder = null;
+      this.#show();
+    };
+    this.recorder = recorder;
+    this.#show();
+  }
+
+  /** Chooses the next entry of a list, or the previous one. */
+  #further(list, step = 1) {
+    if (!list) return;
+    const { length } = list.options;
+    list.selectedIndex = (list.selectedIndex + step + length) % length;
+    list.dispatchEvent(new Event("change"));
+  }
+
   #key(event) {
     const keys = {
       " ": () => this.toggle(), n: () => this.next(), r: () => this.begin(),
+      w: () => this.#further(this.walkerChoice), W: () => this.#further(this.walkerChoice, -1),
+      p: () => this.#further(this.controllers), P: () => this.#further(this.controllers, -1),
+      f: () => this.film && this.record(),
       ArrowLeft: () => this.push(-PUSH_KEY), ArrowRight: () => this.push(PUSH_KEY),
-      "+": () => this.set({ speed: Math.min(2, this.settings.speed * 2) }),
-      "-": () => this.set({ speed: Math.max(0.0625, this.settings.speed / 2) }),
+      "+": () => this.set({ speed: Math.min(FASTEST, this.settings.speed * 2) }),
+      "-": () => this.set({ speed: Math.max(SLOWEST, this.settings.speed / 2) }),
     };
     const does = Object.hasOwn(keys, event.key) ? keys[event.key] : null;
     if (!does || event.ctrlKey || event.metaKey || event.altKey) return;
@@ -669,7 +725,7 @@ export class SystemPlayer extends Player {
     return [
       ...ground,
       this.slider("slope", "Slope, rad", -0.02, 0.12, 0.0005),
-      this.slider("speed", "Speed", 0.0625, 2, 0.0625),
+      this.slider("speed", "Speed", SLOWEST, FASTEST, SLOWEST),
       ...data.controls.map((name) => this.slider(`control ${name}`, `${name}, held`, -0.1, 0.1)),
     ];
   }
@@ -681,6 +737,12 @@ export class SystemPlayer extends Player {
   valueOf(name) {
     const [kind, ...rest] = name.split(" "), field = rest.join(" ");
     return kind === "body" ? this.walk.fields[field] : (this.settings.controls[field] ?? 0);
+  }
+
+  homeOf(name) {
+    const [kind, ...rest] = name.split(" "), field = rest.join(" "), { home } = this;
+    if (kind === "body") return home.changes[field] ?? this.data.fields[field];
+    return kind === "control" ? (home.controls[field] ?? 0) : home[name];
   }
 
   rangeOf(name) {
