@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import shown
-from gym_passive_walker.models.equations.numbers import exponential, logarithm
+from gym_passive_walker.models.equations.numbers import natural_logarithm, power_of_e
 
 OFF = 1e-6
 """Largest angle in rad by which a state may lie off an impact: many digits, but not all of them."""
@@ -111,12 +111,14 @@ class Mirrored(NamedTuple):
 
     def point(self, u: NDArray) -> NDArray[np.float64]:
         """Return points (n, m) at search coordinates (n, m)."""
-        angle = exponential(u[:, :1])
+        angle = power_of_e(u[:, :1])
         return np.concatenate([angle, u[:, 1:] * angle], axis=1)
 
     def search(self, points: NDArray) -> NDArray[np.float64]:
         """Return search coordinates (n, m) of points (n, m)."""
-        return np.concatenate([logarithm(points[:, :1]), points[:, 1:] / points[:, :1]], axis=1)
+        return np.concatenate(
+            [natural_logarithm(points[:, :1]), points[:, 1:] / points[:, :1]], axis=1
+        )
 
     def by_search(self, points: NDArray) -> NDArray[np.float64]:
         """Derivative of points (n, m) by search coordinates, (n, m, m)."""

@@ -34,7 +34,7 @@ FEATURES = {
 """What a model may support, and how a refusal calls it."""
 
 
-def need(model: Any, feature: str) -> None:
+def check_supports(model: Any, feature: str) -> None:
     """Check that a model supports one of FEATURES.
 
     Raises:

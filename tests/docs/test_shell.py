@@ -47,7 +47,7 @@ INLINE = sorted(
 
 PARSE_NOTHING = (
     "benchmarks.gpu", "examples.stride_controllers", "examples.potential_shaping",
-    "tests.control.test_matrix", "tests.web.measure", "tests.words",
+    "tests.control.test_matrix", "tests.everywhere", "tests.web.measure", "tests.words",
 )  # fmt: skip
 """Modules that run without a parser, or only where there is a GPU."""
 

@@ -25,7 +25,7 @@ from gym_passive_walker.envs.transitions import NOTE
 from gym_passive_walker.gaits.scenes.checks import checked
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, make_scene
 from gym_passive_walker.gaits.scenes.starts import Starts
-from gym_passive_walker.models.model import bodies, need
+from gym_passive_walker.models.model import bodies, check_supports
 from gym_passive_walker.models.walkers import Walker
 
 DRAWN = 4096
@@ -88,7 +88,7 @@ class DeviceBatch:
     ) -> None:
         device.need_device()
         self.scene = make_scene(scene, **changes)
-        checked(need, self.scene.walker, "gpu episodes")
+        checked(check_supports, self.scene.walker, "gpu episodes")
         self.count = whole(count, "count")
         self.custom = Custom(self.scene, 0)
         for name, rule in self.custom.rules.items():

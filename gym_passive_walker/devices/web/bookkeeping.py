@@ -84,7 +84,7 @@ def texts(name: str) -> list[str]:
 
 def main(file: Path, name: str) -> None:
     """Write the bitcode of one of `code.BOOKKEEPING` into a file."""
-    file.write_bytes(code.linked(texts(name)).as_bitcode())
+    file.write_bytes(code.one_module(texts(name)).as_bitcode())
 
 
 if __name__ == "__main__":

@@ -274,7 +274,7 @@ def of_kind(kind: str) -> list[str]:
     ]
 
 
-def linked(parts: Iterable[str | bytes]) -> Any:
+def one_module(parts: Iterable[str | bytes]) -> Any:
     """Return a module of LLVM for wasm32, from texts and bitcode."""
     whole = None
     for part in parts:
@@ -296,7 +296,7 @@ def wasm_object(texts: Iterable[str], exported: Collection[str], bookkeeping: by
         exported: Names of the functions that a page calls.
         bookkeeping: Bitcode of one of BOOKKEEPING.
     """
-    whole = linked([*texts, bookkeeping])
+    whole = one_module([*texts, bookkeeping])
     for function in whole.functions:
         if not function.is_declaration and function.name not in exported:
             function.linkage = "internal"

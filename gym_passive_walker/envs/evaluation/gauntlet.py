@@ -23,7 +23,7 @@ from gym_passive_walker.gaits.control.controllers import (
     as_policy,
 )
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
-from gym_passive_walker.models.model import need
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import name_of
 
 TIME = 100.0
@@ -168,7 +168,7 @@ def gauntlet(
     """
     count = whole(walkers, "walkers", 1, 100_000)
     _, own = acting(controller, scene)
-    need(own.walker, "gauntlet")
+    check_supports(own.walker, "gauntlet")
     walks: dict[str, Walks] = {}
     with progress("tests", len(TESTS)) as done:
         for name, changes in TESTS.items():

@@ -17,7 +17,7 @@ from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.checks import checked
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS
 from gym_passive_walker.gaits.scenes.scene import UNDISTURBED, Scene, SceneError, undisturbed
-from gym_passive_walker.models.model import need
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import PARAMETERS
 
 _STATE, _STANCE, _ACTION, _START = slice(0, 6), 0, 6, 7  # columns of derivatives
@@ -53,7 +53,7 @@ def differentiable(scene: Scene) -> Scene:
             observation, reward or termination.
     """
     subject = "steps that are differentiated"
-    checked(need, scene.walker, "step derivatives")
+    checked(check_supports, scene.walker, "step derivatives")
     if scene.actions != ("hip",):
         raise SceneError(
             f"{subject} are driven by the hip alone, and this scene's actions are "

@@ -31,7 +31,7 @@ from gym_passive_walker.gaits.scenes.scene import (
 )
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, terrain_from
-from gym_passive_walker.models.model import need
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import (
     WalkerLike,
     as_any,
@@ -102,7 +102,7 @@ def stride_map(
             raise ValueError("stride_map needs a walker, a scene, or a policy")
         own, held = as_any(walker), controller or PASSIVE
         if held is not PASSIVE:
-            need(own, "actuation")
+            check_supports(own, "actuation")
         check_heights_only(own, 0.0 if ground is None else ground.slopes)
         return StrideMap.of(
             own, slope=None if slope is None else one_slope(slope), tolerance=tolerance,

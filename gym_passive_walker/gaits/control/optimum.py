@@ -28,7 +28,7 @@ from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.gaits.scenes.scene import CHANNELS, Scene
-from gym_passive_walker.models.model import need
+from gym_passive_walker.models.model import check_supports
 
 _ITERATIONS = 600
 _FIRST = 6  # iterations among all unknowns, before those are set aside that stay at their bounds
@@ -116,7 +116,7 @@ def slope_of(scene: Scene) -> float:
     Raises:
         ValueError: if the scene has a range of slopes.
     """
-    need(scene.walker, "optimal gait")
+    check_supports(scene.walker, "optimal gait")
     if isinstance(scene.slope, tuple):
         raise ValueError(
             f"a gait is of one slope, and this scene has those from {scene.slope[0]:g} to "

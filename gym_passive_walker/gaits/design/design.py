@@ -28,7 +28,7 @@ from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, gait_at
 from gym_passive_walker.gaits.stride_map import MapLike, map_of
-from gym_passive_walker.models.model import need
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import (
     PARAMETERS,
     Walker,
@@ -122,7 +122,7 @@ def optimize_walker(
     """
     stride_map = map_of(walker, tolerance=1e-13)
     walker, slope = stride_map.walker, stride_map.chosen(slope)
-    need(walker, "tuning")
+    check_supports(walker, "tuning")
     _known(objective)
     maximize, iterations = boolean(maximize, "maximize"), whole(iterations, "iterations")
     kind = gait_kind(kind)

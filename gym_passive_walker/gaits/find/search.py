@@ -29,7 +29,7 @@ from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import SMOOTH, Outcome
-from gym_passive_walker.models.equations.numbers import exponential, logarithm
+from gym_passive_walker.models.equations.numbers import natural_logarithm, power_of_e
 from gym_passive_walker.models.walkers import Walker
 
 ACCURACY = 1e-12
@@ -45,7 +45,7 @@ _ALIKE, _NEARLY = 1e-6, 1e-3  # gaits closer than this are one: exact derivative
 
 
 def _geometric(low: float, high: float, count: int) -> NDArray:
-    return exponential(np.linspace(logarithm(low), logarithm(high), count))
+    return power_of_e(np.linspace(natural_logarithm(low), natural_logarithm(high), count))
 
 
 # Ratios to the step angle, just before heelstrike: of the stance leg's angular velocity, and of
@@ -111,14 +111,14 @@ def _starts(stride_map: StrideMap, slope: float) -> NDArray:
     supply = math.sin(slope) + given + pushed
     if stride_map.terrain is not None:
         rise = float(stride_map.ground[:, 1].mean())
-        angles = exponential(u[0, :, 0])
+        angles = power_of_e(u[0, :, 0])
         lengths = legs.step_length(stride_map.walker.body, angles, angles)
         supply = supply - rise * math.cos(slope) / lengths
     if not np.any(supply > 0.0):
         return np.empty((0, stride_map.dimension))
     found = []
     for share in _LOSS_SHARES if stride_map.walker.knees else _LOSS_SHARES[:1]:
-        excess = loss - logarithm(np.maximum(share * supply, _LEAST))
+        excess = loss - natural_logarithm(np.maximum(share * supply, _LEAST))
         short = excess < 0.0
         # With a push-off uphill, steps of two sizes are in balance.
         rows, above = np.nonzero(short[:, :-1] != short[:, 1:])
@@ -149,7 +149,7 @@ def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray, NDArray | 
     shape, lengths = (len(stance), len(angles)), legs.step_length(walker.body, angle, angle)
     lost, pushed = ((energy / lengths).reshape(shape) for energy in energies)
     u = stride_map.at(points).search.reshape(*shape, -1)
-    loss = logarithm(np.maximum(lost, _LEAST))
+    loss = natural_logarithm(np.maximum(lost, _LEAST))
     return u, loss, pushed if push_off else 0.0
 
 

@@ -41,7 +41,7 @@ from gym_passive_walker.gaits.look.dense_stride import (
 from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.model import need
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import Walker, describe, name_of
 
 _SWING_KNEE, _DEPTH = "swing knee's least torque", "  its depth below the ground"
@@ -284,7 +284,7 @@ def reality_check(
             is not defined.
     """
     walker, slope, state, motors, period, controlled = walk_of(walker, slope, state, hip_torque)
-    need(walker, "reality check")
+    check_supports(walker, "reality check")
     if controlled is not None and controlled.terrain is not None:
         raise ValueError(
             "reality_check needs smooth ground: on a terrain the ground between two footholds is "

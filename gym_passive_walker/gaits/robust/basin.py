@@ -34,7 +34,7 @@ from gym_passive_walker.gaits.find.search import at_heelstrike, seek
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.model import need
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import Walker, describe, name_of
 
 FELL, UNSETTLED = -1, -2
@@ -296,7 +296,7 @@ def basin_of_attraction(
     resolution = whole(resolution, "resolution", 1, _FINEST)
     strides = whole(strides, "strides")
     if ratios is not None:
-        need(stride_map.walker, "ratios")
+        check_supports(stride_map.walker, "ratios")
         allowed = "two numbers, thigh and shank rate over the stance rate"
         if real_array(ratios, "ratios", allowed).shape != (2,):
             raise ValueError(f"ratios must be {allowed}, not {shown(ratios)}")

@@ -41,9 +41,9 @@ def _of_library(function: Callable[[float], float], low: float, high: float) -> 
 # NumPy has algorithms of its own for AVX-512, with other last bits; the bits of walks depend on
 # these.
 _INVERSE_SINE = _of_library(math.asin, -1.0, 1.0)
-logarithm = _of_library(math.log, 5e-324, math.inf)
+natural_logarithm = _of_library(math.log, 5e-324, math.inf)
 """Logarithm of a positive number, or of an array of them."""
-exponential = _of_library(math.exp, -math.inf, 709.0)
+power_of_e = _of_library(math.exp, -math.inf, 709.0)
 """Exponential of a number up to 709, or of an array of them."""
 
 
