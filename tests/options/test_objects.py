@@ -151,6 +151,23 @@ OPTIONS = {
         besides={"_cls": "the class itself"},
         of=gpw.Link.__new__,
     ),
+    **{
+        f"{name}.equations": Call(
+            lambda using, of=of: of.equations(using).name,
+            {"using": ()},
+            {"using": ("height_change",)},
+            of=type(of).equations,
+        )
+        for name, of in {"System": COMPASS, "Walker": gpw.WALKERS["lab"]}.items()
+    },
+    **{
+        f"{kind.__name__}.{method}": Call(getattr(of, method), {}, {}, of=getattr(kind, method))
+        for kind, of in ((gpw.System, COMPASS), (gpw.Walker, gpw.WALKERS["lab"]))
+        for method in ("constants", "units_with", "with_parameters")
+    },
+    "Walker.with_body": Call(
+        gpw.WALKERS["lab"].with_body, {"values": {"hip_mass": 0.6}}, {"values": {"hip_mass": 0.7}}
+    ),
     "System.vary": Call(COMPASS.vary, {}, {}, of=gpw.System.vary),
     "System.with_body": Call(COMPASS.with_body, {"values": {"hip": 0.6}}, {"values": {"hip": 0.7}}),
     "System.centre_of_mass": Call(
@@ -203,7 +220,7 @@ OPTIONS = {
         ),
         besides={
             name: "of given equations alone: see tests/own/test_mass_matrix.py"
-            for name in ("equations", "mass", "centre")
+            for name in ("given", "mass", "centre")
         },
         of=gpw.System.__init__,
     ),
