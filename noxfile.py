@@ -25,7 +25,10 @@ QUIET = {"SDL_VIDEODRIVER": "dummy", "MPLBACKEND": "Agg"}
     "python,resolution",
     [
         ("3.11", "lowest-direct"),
-        *((python, "highest") for python in ("3.11", "3.12", "3.13", "3.14")),
+        ("3.11", "highest"),
+        ("3.12", "highest"),
+        ("3.13", "highest"),
+        ("3.14", "highest"),
     ],
 )
 def tests(session: nox.Session, resolution: str) -> None:
