@@ -29,13 +29,12 @@ def sine_cosine(x: Any) -> tuple[Any, Any]:
 def _of_library(function: Callable[[float], float], low: float, high: float) -> Any:
     """Return a function of the C library for real arrays; NaN outside its domain."""
 
-    def alone(x: float) -> float:
-        if math.isnan(x):  # to compare it could be an error
-            return x
-        return function(x) if low <= x <= high else math.nan
+    def of_each(x: Any) -> Any:
+        given = np.asarray(x, dtype=float)
+        values = [function(v) if low <= v <= high else math.nan for v in given.ravel().tolist()]
+        return np.array(values).reshape(given.shape)[()]
 
-    each = np.frompyfunc(alone, 1, 1)
-    return lambda x: np.asarray(each(x), dtype=float)[()]
+    return of_each
 
 
 # NumPy has algorithms of its own for AVX-512, with other last bits; the bits of walks depend on
