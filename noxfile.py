@@ -72,12 +72,19 @@ def base(session: nox.Session, numba: str) -> None:
             session.run(
                 "passive-walker", "evaluate", "level-ppo", "--episodes=2", env=kernels | cpu
             )
+        session.run("python", "-c", PAGE, env={"PYTHONPATH": str(programs)})
     if len(found) > 1:
         session.error("walks have other bytes by another LLVM")
 
 
 EVERYWHERE = "-m", "tests.everywhere"
 """Prints digests of walks."""
+
+PAGE = """
+from examples.torso import TORSO
+from gym_passive_walker.devices import web
+web.build("page", {"torso": TORSO})
+"""
 
 
 def _wheel(session: nox.Session, place: Path, numba: str = ">=0.61") -> Path:
