@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import io
 import os
-import tarfile
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
@@ -196,12 +195,16 @@ def _packed() -> dict[str, bytes]:
     """Return all bitcode of the package; modules share most of it, so it is compressed at once."""
     if not (BUILT / PACKED).exists():
         return {}
+    import tarfile  # seldom needed, and its import takes as long as a kernel's
+
     with tarfile.open(BUILT / PACKED) as files:
         return {file.name: files.extractfile(file).read() for file in files}  # type: ignore[union-attr]
 
 
 def pack(modules: Mapping[str, bytes], folder: Path) -> None:
     """Write bitcode, by its names, for `packed`."""
+    import tarfile
+
     with tarfile.open(folder / PACKED, "w:xz", preset=9) as files:
         for name, data in sorted(modules.items()):
             file = tarfile.TarInfo(f"{name}.bc")

@@ -17,16 +17,15 @@ from gym_passive_walker.models.equations.numbers import complex_step, step_deriv
 
 FEATURES = {
     "actuation": "an Actuation",
-    "constraints": "constraints of friction, contact and knee lock",
     "contact margins": "distances of gaits from a halt, a late knee and a grazing foot",
     "gauntlet": "the gauntlet",
     "gpu episodes": "a batch on a GPU",
+    "McGeer's parameters": "this function",
     "optimal gait": "an optimal gait",
     "ratios": "the argument `ratios` of a basin",
     "reality check": "reality_check",
     "step kinds": "long and short steps",
     "step derivatives": "a step with derivatives",
-    "terrain lookahead": "footholds ahead in observations",
     "tilted footholds": "footholds of different slopes",
     "tuning": "optimize_walker",
     "units": "units of its own",

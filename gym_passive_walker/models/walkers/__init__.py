@@ -16,7 +16,6 @@ References:
 from gym_passive_walker.models.walkers.mechanism import (
     Mechanism,
     check_heights_only,
-    check_parametric,
 )
 from gym_passive_walker.models.walkers.names import describe, name_of
 from gym_passive_walker.models.walkers.parts import Part, assemble, combine, lab_walker_from_parts
@@ -45,7 +44,6 @@ __all__ = [
     "as_walker",
     "assemble",
     "check_heights_only",
-    "check_parametric",
     "combine",
     "describe",
     "interpolate",

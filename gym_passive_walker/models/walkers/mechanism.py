@@ -118,20 +118,3 @@ def check_heights_only(walker: Any, slopes: Any) -> None:
         raise ValueError(
             f"footholds of the system {walker.title!r} may differ in height, not in slope"
         )
-
-
-def check_parametric(walker: Any, what: str) -> None:
-    """Check that a walker has legs with McGeer's parameters, which some analyses require.
-
-    Args:
-        walker: The walker.
-        what: The analysis, as the beginning of the message.
-
-    Raises:
-        ValueError: if it is a `Mechanism`.
-    """
-    if isinstance(walker, Mechanism):
-        raise ValueError(
-            f"{what} needs a walker with two legs and McGeer's parameters, not the system "
-            f"{walker.title!r}"
-        )

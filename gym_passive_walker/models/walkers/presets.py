@@ -12,7 +12,8 @@ from typing import Any, TypeAlias, TypeGuard
 from gym_passive_walker._tools.arguments import near, shown
 from gym_passive_walker._tools.console import cut
 from gym_passive_walker._tools.loading import SUFFIXES, is_file, read_content
-from gym_passive_walker.models.walkers.mechanism import Mechanism, check_parametric
+from gym_passive_walker.models.model import check_supports
+from gym_passive_walker.models.walkers.mechanism import Mechanism
 from gym_passive_walker.models.walkers.walker import Walker, WalkerError
 
 
@@ -118,7 +119,8 @@ def as_walker(walker: WalkerLike) -> Walker:
     """
     if isinstance(walker, Walker):
         return walker
-    check_parametric(walker, "this function")
+    if isinstance(walker, Mechanism):
+        check_supports(walker, "McGeer's parameters")
     if isinstance(walker, Mapping):
         return _of_parameters(walker)
     if isinstance(walker, str) and walker in WALKERS:
