@@ -468,7 +468,7 @@ class Batch:
             outcome in OUTCOMES, (2, count); the walkers that have ended a stride; and their
             EVERY_STRIDE, (walkers, entries), which is zero for all others.
         """
-        ended = np.flatnonzero(stepped & (self.ledger["outcome"] != 0))
+        ended = (stepped & (self.ledger["outcome"] != 0)).nonzero()[0]
         steps = np.empty((len(task.EVERY_STEP) - 1, self.count))
         counts = np.empty((2, self.count), np.int64)
         measures = np.empty((len(ended), len(task.EVERY_STRIDE)))

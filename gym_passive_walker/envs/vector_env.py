@@ -329,7 +329,7 @@ class PassiveWalkerVectorEnv(
             present: Mask of the environments that have these infos, (num_envs,); all if None.
         """
         steps, counts, ended, measures = self.batch.reported(stepped)
-        mask = np.array(self._everyone if present is None else present)
+        mask = (self._everyone if present is None else present).copy()
         others = self.batch.info_values(stepped)
         infos = Infos(distance=steps[0], _distance=mask)
 
