@@ -30,7 +30,6 @@ import gym_passive_walker._tools.console as console
 
 # isort: split
 # Import this first: Ctrl-C then ends the program with one line, also during the other imports.
-import numba
 import torch
 
 from agents import commands, envs, evaluation, files, pictures
@@ -72,10 +71,8 @@ def keep_to_one_thread() -> None:
     """Limit torch to one thread; for networks of this size a second one gains nothing.
 
     On a busy machine, threads that wait for each other make it fifty times slower. Their number
-    would also change the rounding. Numba resets torch's threads when it starts its own, so numba's
-    are started first.
+    would also change the rounding.
     """
-    numba.get_num_threads()
     torch.set_num_threads(1)
 
 

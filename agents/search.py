@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numba
 import torch
 import yaml
 
@@ -156,7 +155,6 @@ def _tune(
     library.init(**local, log_to_driver=False, logging_level=logging.ERROR)
 
     def trial(given: dict[str, Any]) -> None:
-        numba.get_num_threads()  # numba resets torch's number of threads, so call it first
         torch.set_num_threads(1)
         tune.report({"return": _trained(folder, given["config"], given["number"])})
 

@@ -9,10 +9,12 @@ the bitcode of the kernels for all other CPUs, and the modules of web pages.
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -23,11 +25,15 @@ from gym_passive_walker.devices.web.build import bookkeeping, modules
 from gym_passive_walker.devices.web.code import BOOKKEEPING
 from gym_passive_walker.engine import machine, run
 from gym_passive_walker.engine.compiled import PHASE, compiled
-from gym_passive_walker.engine.layout import NARROW, WIDE, Layout, record_for
+from gym_passive_walker.engine.layout import NARROW, WIDE, Layout, layout_of, record_for
 from gym_passive_walker.envs import constraints, disturbance_kernels, task, ticks, transitions
+from gym_passive_walker.envs.batch import system_in
+from gym_passive_walker.envs.custom import is_custom
+from gym_passive_walker.envs.disturbances import disturbed
 from gym_passive_walker.gaits import terrain
 from gym_passive_walker.gaits.find import newton
 from gym_passive_walker.gaits.scenes import starts
+from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.models.equations.systems import SYSTEMS
 
 GROUPS = (*SYSTEMS, *(f"kernels of {width} records" for width in ("narrow", "wide")))
@@ -60,13 +66,12 @@ def _kernels(layout: Layout) -> Iterator[Callable[[], object]]:
     ledger, phases = np.zeros(0, task.ledger_for(layout)), np.zeros(0, PHASE)
     numbers, singles, truths = np.zeros(0), np.zeros(0, np.float32), np.zeros(0, bool)
     lanes, table, keys = np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0, np.uint64)
-    cube, words = np.zeros((0, 1, 1)), np.zeros((0, 1), np.int64)
+    cube = np.zeros((0, 1, 1))
     disturbances = np.zeros(0, disturbance_kernels.DISTURBANCE)
-    settings, results = np.zeros(1, disturbance_kernels.SETTINGS), (numbers, truths, truths)
+    settings = np.zeros(1, disturbance_kernels.SETTINGS)
     ground = table, numbers
     given = [
         (run.integrate, records, cube, phases, run.options(1e-8), *run.workspace(layout=layout)),
-        (task.observe, records, ledger, phases, singles),
         (disturbance_kernels.observe, disturbances, ledger, settings, *ground, lanes, singles),
         (disturbance_kernels.add_noise, disturbances, ledger, numbers, lanes, singles),
         (
@@ -81,18 +86,53 @@ def _kernels(layout: Layout) -> Iterator[Callable[[], object]]:
         (starts.between, numbers, table, numbers, table),
         (terrain.grounds, *ground, keys, lanes, table),
     ]  # fmt: skip
-    for disturbed in (False, True):
-        for custom in (False, True):
-            of = ticks.kernels_for(layout, disturbed, custom)
-            given += [
-                (of.begin, 0, lanes, numbers, table, table, singles),
-                (of.begin_alike, 0, lanes, singles),
-                (of.step, 0, 0, 0, 0, 0, False, singles, *results),
-                (of.step_here, 0),
-                (of.write_info, 0, truths, lanes, table, words, table),
-            ]
     for kernel, *arguments in given:
         yield partial(kernel.native, *arguments)
+    for switches in product((False, True), repeat=2):
+        yield from _of_batches(layout, *switches)
+
+
+def _of_batches(layout: Layout, pushed: bool, custom: bool) -> Iterator[Callable[[], object]]:
+    """Yield the kernels of batches, those of steps last."""
+    numbers, singles, truths = np.zeros(0), np.zeros(0, np.float32), np.zeros(0, bool)
+    lanes, table, words = np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 1), np.int64)
+    ledger, phases = np.zeros(0, task.ledger_for(layout)), np.zeros(0, PHASE)
+    of = ticks.kernels_for(layout, pushed, custom)
+    records = np.zeros((0, 1), record_for(layout))
+    yield partial(of.begin.native, 0, lanes, numbers, table, table, singles)
+    yield partial(task.observe.native, records, ledger, phases, singles)
+    yield partial(of.begin_alike.native, 0, lanes, singles)
+    yield partial(of.write_info.native, 0, truths, lanes, table, words, table)
+    yield partial(of.step.native, 0, 0, 0, 0, 0, False, singles, numbers, truths, truths)
+    yield partial(of.step_here.native, 0)
+
+
+def _of_scene(system: str, wide: bool, pushed: bool, custom: bool) -> list[Callable]:
+    """Return what a scene's steps need, those kernels last that share most of their parts."""
+    _, *kernels = _of_batches(WIDE if wide else NARROW, pushed, custom)
+    return [partial(compiled, system)] * (not pushed and system in SYSTEMS) + kernels
+
+
+def prepare(scene: Scene) -> None:
+    """Compile what environments of a scene need, in two processes at once.
+
+    Nothing happens if most of it is there, as in a package from a wheel.
+    """
+    system = system_in(scene, scene.walker)
+    key = system.name, layout_of(system) is WIDE, disturbed(scene), is_custom(scene)
+    *_, step, step_here = _of_scene(*key)
+    if all(map(machine.kept, machine.asked_by([step, step_here]))):
+        return
+    code = f"from gym_passive_walker.apps import build; build.compile_others({key})"
+    with subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL):
+        step_here()
+        step()
+
+
+def compile_others(key: tuple[str, bool, bool, bool]) -> None:
+    """Compile what `prepare` does not: it is the other process."""
+    for piece in _of_scene(*key)[:-2]:
+        piece()
 
 
 def processes(wanted: int) -> int:

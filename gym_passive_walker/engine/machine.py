@@ -149,16 +149,22 @@ def kept_code(name: str, write: Callable[[], Any], what: str) -> Any:
     if _asked:
         _asked[-1][name] = write
         raise _Asked
-    built = BUILT / f"{_level()}" / f"{name}.o"
-    if built.exists():
-        return loaded(built.read_bytes())
-    file = f"{name}-{sha256(_machine()[1].encode()).hexdigest()[:16]}.o"
-    data = cache.found(file)
+    data = kept(name)
     if data is None:
         with compiling(what):
             data = object_code(packed(name) or write())
-        cache.keep(file, data)
+        cache.keep(_file(name), data)
     return loaded(data)
+
+
+def kept(name: str) -> bytes | None:
+    """Return machine code from the package or the cache, by its name; None if there is none."""
+    built = BUILT / f"{_level()}" / f"{name}.o"
+    return built.read_bytes() if built.exists() else cache.found(_file(name))
+
+
+def _file(name: str) -> str:
+    return f"{name}-{sha256(_machine()[1].encode()).hexdigest()[:16]}.o"
 
 
 class _Asked(Exception):

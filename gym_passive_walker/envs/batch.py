@@ -18,11 +18,10 @@ from gym_passive_walker.engine.layout import layout_of, record_for
 from gym_passive_walker.engine.run import in_parts, options, states_in, thread_workspace, workspace
 from gym_passive_walker.envs import saved, task, ticks
 from gym_passive_walker.envs.constraints import ROOM
-from gym_passive_walker.envs.custom import Custom
+from gym_passive_walker.envs.custom import Custom, is_custom
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
 from gym_passive_walker.envs.interface import observation_space, refuse
 from gym_passive_walker.envs.one_thread import Token
-from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS
 from gym_passive_walker.gaits.scenes.rules import ENERGIES, proportion
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError
 from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts, as_recorded, checked_state
@@ -91,7 +90,7 @@ class Batch:
         walkers: Walkers of one kind, (count,), instead of the scene's.
         slopes: Slopes in rad, (count,), instead of the scene's.
         step_limit: Steps after which an episode is truncated.
-        threads: Number of threads of large batches; numba's number when None.
+        threads: Number of threads of large batches; that of all free CPUs when None.
 
     Attributes:
         walkers: The walker of each environment, (count,).
@@ -130,8 +129,7 @@ class Batch:
         self.scene, self.count, self.token = scene, count, Token()
         self._given = {"walkers": walkers, "slopes": slopes, "step_limit": step_limit}
         self.observation_size = observation_space(scene).shape[0]
-        has_rules = scene.own_system is not None or any(getattr(scene, name) for name in FUNCTIONS)
-        self.custom = Custom(scene, count) if has_rules else None
+        self.custom = Custom(scene, count) if is_custom(scene) else None
         # The default observation, if the user's function returns another one.
         self._plain: NDArray[np.float32] | None = None
         if self.custom and self.custom.observation_size:

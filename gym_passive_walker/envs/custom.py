@@ -24,6 +24,11 @@ def everything_and_command(step: Transition) -> tuple[Any, ...]:
     return *everything(step), step.command
 
 
+def is_custom(scene: Any) -> bool:
+    """Return whether a scene calls users' functions: its own, or those for a `System`."""
+    return scene.own_system is not None or any(getattr(scene, name) for name in FUNCTIONS)
+
+
 class Custom:
     """The user's own functions of a scene, for a batch of walkers.
 

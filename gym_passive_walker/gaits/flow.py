@@ -437,7 +437,7 @@ def flow(
         along: Changes of the states along all k tangents, (n, 6, k), instead of those that `by`
             names; "point" then stands for any number of them.
         lanes: Indices of these walkers, if parameters are given for more.
-        threads: Number of threads; all of numba's when None. It changes no result.
+        threads: Number of threads; as many as there are free CPUs when None. It changes no result.
         backend: Function that integrates: `engine.run.advance`, or `gpu.advance` on a GPU.
     """
     instants = None

@@ -191,7 +191,8 @@ def stride(
         max_stride_time: Time in units of sqrt(l/g) after which a stride has STALLED.
         end_on_toe_stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
             Garcia (1999), chapter 4, ignores such scuffing; so does the default.
-        threads: Number of threads; all of numba's when None. Results do not depend on it.
+        threads: Number of threads; as many as there are free CPUs when None. Results do not
+            depend on it.
         backend: Function that integrates: `engine.run.advance` on the CPU, `gpu.advance` on a GPU.
 
     Returns:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -70,3 +71,34 @@ def test_whatever_scenes_and_analyses_load_is_in_a_wheel():
         [sys.executable, "-c", PROGRAM], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr[-3000:]
+
+
+PREPARED = """
+import subprocess
+import gymnasium as gym
+from gym_passive_walker.apps import build
+from gym_passive_walker.engine import cache
+from gym_passive_walker.gaits.scenes.scene import make_scene
+
+scene = make_scene("level")
+build.prepare(scene)
+before = {file.name for file in cache.cache_directory().iterdir()}
+for make in (gym.make, gym.make_vec):
+    env = make("PassiveWalker-v0", scene=scene)
+    env.reset(seed=0)
+    *_, info = env.step(env.action_space.sample())
+    dict(info)
+assert not {file.name for file in cache.cache_directory().iterdir()} - before
+assert {name.split("-")[0] for name in before} >= {"kneed", "ticks.kernels_for.step"}
+subprocess.Popen = None
+build.prepare(scene)
+"""
+
+
+@pytest.mark.slow
+def test_what_is_compiled_before_a_training_is_all_that_its_scene_needs(tmp_path):
+    inherited = {name: x for name, x in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    subprocess.run(
+        [sys.executable, "-c", PREPARED],
+        cwd=ROOT, env=inherited | {"XDG_CACHE_HOME": str(tmp_path)}, check=True,
+    )  # fmt: skip
