@@ -24,7 +24,8 @@ from gym_passive_walker.gaits.actuation import PASSIVE, check_actuation, to_dime
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE, Walkers, advance, flow, states_in
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.models.equations.hybrid import Ground, Outcome, System
-from gym_passive_walker.models.walkers import Walker, check_heights_only
+from gym_passive_walker.models.model import check_heights_only
+from gym_passive_walker.models.walkers import Walker
 from gym_passive_walker.models.walkers.walker import STATE_NAMES
 
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))

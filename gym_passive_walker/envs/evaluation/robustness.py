@@ -34,7 +34,7 @@ from gym_passive_walker.gaits.terrain import Terrain, rough
 from gym_passive_walker.models.walkers import (
     Walker,
     WalkerLike,
-    as_any,
+    as_walker,
     is_walker,
     name_of,
 )
@@ -279,7 +279,7 @@ def _scene_of(controller: WalkerLike, scene: Any, slope: float | None) -> Scene:
     if scene is None and slope is None:
         raise ValueError("a passive walker needs a slope: robustness('C', slope=0.05)")
     changes: dict[str, Any] = {} if slope is None else {"slope": slope}
-    passive = as_any(controller)
+    passive = as_walker(controller)
     walker = {"walker": passive, "end_on_toe_stub": False} if scene is None else {}
     found = make_scene({} if scene is None else scene, **walker, **changes)
     if scene is not None and found.walker != passive:

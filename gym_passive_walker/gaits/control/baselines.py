@@ -20,6 +20,7 @@ from gym_passive_walker.gaits.control.policy import Policy
 from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.models.model import check_supports
 
 _STANDS = 1e-5  # rad, in single precision: legs that mirror each other have just changed roles
 _SWAPPED = 0.1  # rad: angles of both legs jump by more where they change roles on uneven ground
@@ -197,6 +198,7 @@ class LinearFeedback(StrideFeedback):
                 f"control={scene.control!r}"
             )
         walker, slope = scene.walker, float(np.mean(scene.slope))
+        check_supports(walker, "linear feedback")
         self.gait = powered_gait(walker, slope)
         point = Section(walker=walker).points_at(self.gait.state)[0]
         torque = self.gait.hip_torque / walker.units.torque

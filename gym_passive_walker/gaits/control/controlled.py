@@ -34,6 +34,7 @@ from gym_passive_walker.gaits.flow import (
 )
 from gym_passive_walker.gaits.map_result import imbalance, product
 from gym_passive_walker.gaits.scenes import rules
+from gym_passive_walker.gaits.scenes.rules import bounds_of
 from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.gaits.stride import Stride, account
@@ -413,10 +414,10 @@ class ControlledMap(StrideMap):
                 actions = agent.mean_actions(seen)  # those of `linearize`, in a tenth of its time
             elif self.exact:
                 actions, by_seen = agent.linearize(seen)
-                clipped_at = self.scene.clipped_at
+                clipped_at = bounds_of(self.scene.walker)[: self.scene.walker.size]
                 inside = np.abs(self._states(records)) < clipped_at
                 by_state = by_seen[:, :, : self.size] * inside[:, None]
-                slope = self.scene.place_of_slope
+                slope = len(self.scene.walker.observed) - 1
                 along = by_seen[:, :, slope, None] * by_slope
             else:
                 if self._single:

@@ -22,8 +22,8 @@ from gym_passive_walker.gaits.control.optimum import OptimalGait
 from gym_passive_walker.gaits.control.policy import Policy
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
+from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.scene import (
-    CHANNELS,
     UNDISTURBED,
     Scene,
     make_scene,
@@ -31,11 +31,10 @@ from gym_passive_walker.gaits.scenes.scene import (
 )
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, terrain_from
-from gym_passive_walker.models.model import check_supports
+from gym_passive_walker.models.model import check_heights_only, check_supports
 from gym_passive_walker.models.walkers import (
     WalkerLike,
-    as_any,
-    check_heights_only,
+    as_walker,
 )
 
 
@@ -100,7 +99,7 @@ def stride_map(
             slope = float(np.mean(make_scene(scene).slope))
         if walker is None:
             raise ValueError("stride_map needs a walker, a scene, or a policy")
-        own, held = as_any(walker), controller or PASSIVE
+        own, held = as_walker(walker), controller or PASSIVE
         if held is not PASSIVE:
             check_supports(own, "actuation")
         check_heights_only(own, 0.0 if ground is None else ground.slopes)
@@ -114,7 +113,7 @@ def stride_map(
             raise ValueError("say of which scene this gait is, by scene=")
         slope = named.slope if slope is None else slope
         named = Schedule(make_scene(scene), named)
-    changes: dict[str, Any] = {} if walker is None else {"walker": as_any(walker)}
+    changes: dict[str, Any] = {} if walker is None else {"walker": as_walker(walker)}
     if isinstance(named, str) and named in BASELINES:
         if slope is not None:
             changes["slope"] = one_slope(slope)  # it is made for this slope
@@ -139,7 +138,7 @@ def _held(walker: Any, controls: Mapping[str, Any]) -> tuple[Policy | None, Scen
     Raises:
         ValueError: if the walker is no `System`, or has no such control.
     """
-    if walker is None or "actuation" in as_any(walker).supports:
+    if walker is None or "actuation" in as_walker(walker).supports:
         raise ValueError(
             "a mapping of controls is a controller of a System; give an Actuation for others"
         )
@@ -223,7 +222,7 @@ def acting_as(strides: StrideMap, slope: float) -> tuple[Policy, Scene]:
     """
     if isinstance(strides, ControlledMap):
         return strides.agent, make_scene(strides.scene, walker=strides.walker, slope=slope)
-    held: dict[str, float] = dict(zip(CHANNELS, strides.actuation, strict=True))
+    held: dict[str, float] = dict(zip(rules.CHANNELS, strides.actuation, strict=True))
     used = tuple(name for name, value in held.items() if value)
     largest: dict[str, Any] = {
         f"max_{name}" + "_torque" * (name != "push_off"): abs(held[name]) for name in used
