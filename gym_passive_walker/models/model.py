@@ -25,6 +25,7 @@ FEATURES = {
     "ratios": "the argument `ratios` of a basin",
     "reality check": "reality_check",
     "step kinds": "long and short steps",
+    "stride plans": "an environment under a plan of several control steps",
     "step derivatives": "a step with derivatives",
     "tilted footholds": "footholds of different slopes",
     "tuning": "optimize_walker",

@@ -50,7 +50,9 @@ FASTEST = 1.0
 
 _FARTHEST = 1000  # largest number of observed footholds
 _LATEST = 10_000  # largest delay of actions, in control steps
-_LARGEST = {"hip": "max_hip_torque", "ankle": "max_ankle_torque", "push_off": "max_push_off"}
+LIMIT_OF = {"hip": "max_hip_torque", "ankle": "max_ankle_torque", "push_off": "max_push_off"}
+"""Argument of a scene with what the action 1 is, by channel."""
+
 _MAX_HIP_TORQUE = {"tick": 0.05, "stride": 0.03}
 _PERTURBATION = {"tick": 0.10, "stride": 0.05}
 
@@ -190,7 +192,7 @@ class Scene:
             )
         bound("tick", 1e-3, 1e3)
         for name in CHANNELS:
-            bound(_LARGEST[name], 0.0, 1e3)
+            bound(LIMIT_OF[name], 0.0, 1e3)
         put("actions", self._checked_actions())
         bound("energy_weight", 0.0, 1e6)
         bound("reset_noise_scale", 0.0, 0.9)
@@ -281,7 +283,7 @@ class Scene:
     def largest(self, channel: str) -> float:
         """Return the control or impulse of the action 1 in a channel."""
         if self.own_system is None:
-            return getattr(self, _LARGEST[channel])
+            return getattr(self, LIMIT_OF[channel])
         usual = self.max_hip_torque * self.own_system.total_mass
         return float(self.own_system.limits.get(channel, usual))
 
