@@ -105,9 +105,9 @@ class Mirrored(NamedTuple):
 
         A heelstrike raises the stance angle and lowers the swing angle; a stride does not.
         """
-        stance, swing = (now[:, :2] - before[:, :2]).T
+        jump = now[:, :2] - before[:, :2]
         mirrored = np.abs(now[:, 1:3] + now[:, :1]).max(axis=1) < _STANDS
-        return mirrored | (stance > _SWAPPED) & (swing < -_SWAPPED)
+        return mirrored | (jump[:, 0] > _SWAPPED) & (jump[:, 1] < -_SWAPPED)
 
     def walking(self, points: NDArray) -> NDArray[np.bool_]:
         """Which of points (n, m) a stride may begin in: the stance foot ahead, no leg lying."""

@@ -63,6 +63,8 @@ class StridePlan:
 
     def __init__(self, scene: Scene, plan: Any = None, plan_by: Any = None, name: str = "") -> None:
         self.scene, self.name = scene, name
+        self._chart, self._slope = scene.walker.chart, scene.place_of_slope
+        self._seen, self._every = self._chart.coordinates, scene.control == "stride"
         if plan is not None:
             self.plan, self.plan_by = plan, plan_by
 
@@ -82,18 +84,17 @@ class StridePlan:
             deterministic: Ignored; actions are deterministic.
         """
         seen = np.atleast_2d(np.asarray(observation, dtype=float))
-        walker, slope = self.scene.walker, self.scene.place_of_slope
-        states, every = seen[:, :slope].copy(), self.scene.control == "stride"
-        plan = np.asarray(self.plan(states[:, walker.chart.coordinates], seen[:, slope]))
+        states = seen[:, : self._slope].copy()
+        plan = np.asarray(self.plan(states[:, self._seen], seen[:, self._slope]))
         step = np.zeros(len(seen), int)
-        if state is not None and not every:
-            begun = walker.chart.begins(state[2], states)
+        if state is not None and not self._every:
+            begun = self._chart.begins(state[2], states)
             if episode_start is not None:
                 begun |= np.asarray(episode_start, dtype=bool)
             plan = np.where(begun[:, None, None], plan, state[0])
             step = np.where(begun, 0, np.minimum(state[1] + 1, plan.shape[1] - 1))
-        elif not every:
-            check_supports(walker, "stride plans")
+        elif not self._every:
+            check_supports(self.scene.walker, "stride plans")
         action = plan[np.arange(len(plan)), step].astype(np.float32)
         return action.reshape(*np.shape(observation)[:-1], plan.shape[2]), (plan, step, states)
 
@@ -108,7 +109,8 @@ class FunctionPolicy:
     double = True
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        self.function, self.name = function, getattr(function, "__name__", "function")
+        self.function = function
+        self.name = getattr(function, "__name__", None) or policy_name(function)
 
     def __repr__(self) -> str:
         return f"FunctionPolicy({self.name})"
