@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gym_passive_walker._tools.arguments import check_tolerance, one_slope
+from gym_passive_walker._tools.arguments import check_tolerance, one_slope, shown
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.control.baselines import held_by, holding
 from gym_passive_walker.gaits.control.controlled import ControlledMap
@@ -148,6 +148,11 @@ def closed_loop_gait(
         ValueError: if the policy cannot act, or an argument is out of its range.
     """
     strides = stride_map(None, slope, controller=policy, scene=scene)
+    if strides.passive:
+        raise ValueError(
+            f"closed_loop_gait needs a policy, or what else acts, not {shown(policy)}: find_gait "
+            "finds passive gaits"
+        )
     return find_gait(strides, period=period, guess=guess)
 
 
