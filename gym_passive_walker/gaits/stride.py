@@ -216,10 +216,7 @@ def stride(
         return controlled.with_tolerance(tolerance).stride(check_state(state), slope, **foothold)
     size = walker.size
     states, slopes = check_state(state, size=size), check_slope(slope)  # type: ignore[arg-type]
-    if "actuation" in walker.supports:
-        actuation = check_actuation(walker, actuation)
-    else:
-        actuation = PASSIVE
+    actuation = check_actuation(walker, actuation)
     max_stride_time = number(max_stride_time, "max_stride_time", above=0.0)
     end_on_toe_stub = boolean(end_on_toe_stub, "end_on_toe_stub")
     threads = None if threads is None else whole(threads, "threads")

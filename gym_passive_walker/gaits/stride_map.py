@@ -76,6 +76,11 @@ class Seeds(NamedTuple):
     points: NDArray[np.float64]
     moving: dict[str, int]
 
+    @property
+    def slope(self) -> NDArray[np.float64]:
+        """Changes of the slope, (k,)."""
+        return np.arange(self.points.shape[2]) == self.moving.get("slope", -1)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StrideMap(Section):

@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from gym_passive_walker._tools.arguments import whole
+from gym_passive_walker._tools.arguments import shown, whole
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.transitions import STOPPED, Transition
 from gym_passive_walker.envs.vector_env import seed_randoms
@@ -234,6 +234,11 @@ def rollout(
         SceneError: if the scene has noise, delays, random pushes or feasibility constraints, or if
             a function of its own mixes walkers.
     """
+    if not callable(policy):
+        raise ValueError(
+            "rollout needs a function or a module from tensors of observations to tensors of "
+            f"actions, not {shown(policy)}: robustness and gauntlet take other controllers"
+        )
     scene, horizon = _differentiable(make_scene(scene)), whole(horizon, "horizon")
     here = initial_state(scene, count, seed=seed) if start is None else start
     impulses = None

@@ -358,6 +358,12 @@ OPTIONS = {
         ),
         of=baselines.Schedule,
     ),
+    "Held": Call(
+        made(baselines.Held),
+        dict(scene="lab", held={"hip_torque": 0.1}),
+        dict(scene=Later(lambda: make_scene("lab", max_hip_torque=0.07)), held=gpw.Actuation(0.2)),
+        of=baselines.Held,
+    ),
     "gains": Call(
         gains,
         dict(by_point=np.diag([1.5, 0.5]), by_torque=np.array([[1.0], [2.0]])),
