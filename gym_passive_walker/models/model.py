@@ -24,7 +24,6 @@ FEATURES = {
     "gpu episodes": "a batch on a GPU",
     "knee lock observed": "an observation with the lock of a knee",
     "legs": "a picture of legs",
-    "linear feedback": "linear feedback",
     "McGeer's parameters": "this function",
     "optimal gait": "an optimal gait",
     "ratios": "the argument `ratios` of a basin",

@@ -21,15 +21,16 @@ from gym_passive_walker.gaits.actuation import (
     to_dimensionless,
 )
 from gym_passive_walker.gaits.control import optimal
-from gym_passive_walker.gaits.control.feedback import Method, gains, powered_gait
+from gym_passive_walker.gaits.control.feedback import Method, by_inputs, gains, powered_gait
 from gym_passive_walker.gaits.control.optimal import OptimalGait
 from gym_passive_walker.gaits.control.policy import Policy, StridePlan
 from gym_passive_walker.gaits.control.ticks import ticked_stride
+from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.scenes.rules import CHANNELS
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.models.model import check_supports
-from gym_passive_walker.models.walkers import name_of
+from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.models.walkers import describe, name_of
 
 
 class ConstantTorque:
@@ -204,6 +205,8 @@ class Schedule(StrideFeedback):
 class LinearFeedback(StrideFeedback):
     """Linear feedback by one or two torques a stride, which stabilizes the gait.
 
+    Of a `System` it is feedback by the scene's controls, once a stride, of its passive gait.
+
     Args:
         scene: A `Scene`, its name, or a mapping of its arguments; of a range of slopes, the gains
             belong to the gait at its middle.
@@ -235,7 +238,23 @@ class LinearFeedback(StrideFeedback):
                 f"control={scene.control!r}"
             )
         walker, slope = scene.walker, float(np.mean(scene.slope))
-        check_supports(walker, "linear feedback")
+        name = {"lqr": "LQR"}.get(method, method) + ", two torques" * (pieces - 1)
+        if "actuation" not in walker.supports:
+            if scene.control != "stride" or not scene.actions:
+                raise ValueError(
+                    f"feedback of {describe(walker)} chooses controls once a stride: give it a "
+                    'control, and a scene with control="stride"'
+                )
+            strides = StrideMap.of(walker, slope=slope)
+            self.gait = gait = find_gait(strides)
+            shares = np.array([scene.largest(name) for name in scene.actions])
+            inputs = [walker.inputs[walker.controls.index(name)] for name in scene.actions]
+            by_point, by_control = by_inputs(strides, gait.point.values, inputs)
+            answer = gains(by_point, by_control * shares, method, torque_weight=torque_weight)
+            self.closed_loop = by_point - by_control * shares @ answer
+            plan = np.zeros((1, len(shares)))
+            super().__init__(name, scene, gait.point.values[0], plan, answer[None])
+            return
         self.gait = powered_gait(walker, slope)
         point = Section(walker=walker).points_at(self.gait.state)[0]
         torque = self.gait.hip_torque / walker.units.torque
@@ -248,7 +267,6 @@ class LinearFeedback(StrideFeedback):
         by_torque = walked.by_torque @ held
         answer = gains(walked.by_point, by_torque, method, torque_weight=torque_weight)
         self.closed_loop = walked.by_point - by_torque @ answer
-        name = {"lqr": "LQR", "deadbeat": "deadbeat"}[method] + (", two torques" * (pieces - 1))
         scale = scene.max_hip_torque
         super().__init__(name, scene, point, torques / scale, held @ answer / scale)
 
