@@ -8,7 +8,7 @@ from copy import copy
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +27,11 @@ _PLACES += ("shank_com", "shank_offset", "shank_gyration")
 _NOT_NEGATIVE = ("thigh_mass", "shank_mass", "hip_mass", "thigh_gyration", "shank_gyration")
 _NOT_NEGATIVE += ("hip_stiffness", "hip_friction", "knee_stiffness")
 _ANGLES = "stance leg", "swing thigh", "swing shank"
+_ENDINGS = {
+    "fell_forward": "the stance leg lies on the ground, ahead",
+    "fell_backward": "the stance leg lies on the ground, behind",
+    "swing_overrotation": "the swing leg has turned beyond upright",
+}
 
 
 STATE_NAMES = (
@@ -111,11 +116,7 @@ class Walker(Shown, Model):
         ("knee locked", "1 or 0"),
         ("slope, positive downhill", "rad"),
     )
-    endings: ClassVar = {
-        "fell_forward": "the stance leg lies on the ground, ahead",
-        "fell_backward": "the stance leg lies on the ground, behind",
-        "swing_overrotation": "the swing leg has turned beyond upright",
-    }
+    endings = _ENDINGS
     start = None
     supports = frozenset(FEATURES)
 
