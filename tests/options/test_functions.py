@@ -19,7 +19,6 @@ from gym_passive_walker.gaits.control.baselines import LinearFeedback
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from tests.equations.examples import LONG_GAITS
 from tests.options.effects import Call, Later, To, cases, check, missing
-from tests.own.statements import COMPASS
 
 LAB, C, D, F = (gpw.WALKERS[name] for name in ("lab", "C", "D", "F"))
 
@@ -47,14 +46,6 @@ def explained(env):
     return said.getvalue()
 
 
-def named(**options):
-    """The title of a walker, or why it is none."""
-    try:
-        return gpw.as_walker(**options).title
-    except ValueError as error:
-        return str(error)
-
-
 def shown_by_play(video=None, picture=None, **options):
     """The last frame of a walk, and the names of the files that were asked for."""
     with TemporaryDirectory() as folder:
@@ -78,9 +69,7 @@ def shorter(before, after):
 
 
 OPTIONS = {
-    "as_walker": Call(
-        named, dict(walker=COMPASS, feature=""), dict(walker="C", feature="legs"), of=gpw.as_walker
-    ),
+    "as_walker": Call(gpw.as_walker, dict(walker="lab"), dict(walker="C")),
     "play": Call(
         shown_by_play,
         dict(walker="lab", slope=0.036, seconds=0.3),

@@ -20,7 +20,7 @@ from gym_passive_walker.models.equations.bodies import body_from
 from gym_passive_walker.models.equations.hybrid import System
 from gym_passive_walker.models.equations.systems import EXTRAS, FITTINGS, SYSTEMS, UNEVEN
 from gym_passive_walker.models.model import FEATURES, Actuator, Model, check_row, constants_from
-from gym_passive_walker.models.units import Units
+from gym_passive_walker.models.units import Units, mass_of
 
 _PLACES = ("thigh_com", "thigh_offset", "thigh_gyration")
 _PLACES += ("shank_com", "shank_offset", "shank_gyration")
@@ -225,12 +225,11 @@ class Walker(Shown, Model):
     @property
     def total_mass(self) -> float:
         """Mass of both legs and the hip."""
-        return 2.0 * (self.thigh_mass + self.shank_mass) + self.hip_mass
+        return mass_of(self)
 
     def mass_with(self, **values: Any) -> Any:
         """Return the mass of walkers that differ in some parameters."""
-        other = varied(self, values)
-        return 2.0 * (other.thigh_mass + other.shank_mass) + other.hip_mass
+        return mass_of(varied(self, values))
 
     @property
     def units(self) -> Units:
