@@ -191,7 +191,8 @@ def test_an_example_prints_its_gait_and_the_moduli_of_its_multipliers(module, sl
         assert gait.stable
         gaits = [gait]
     else:
-        feedback = five_links.LinearFeedback({"system": FIVE_LINKS, "slope": slope, "control": "stride"})
+        task = {"system": FIVE_LINKS, "slope": slope, "control": "stride"}
+        feedback = five_links.LinearFeedback(task)
         gaits = [gait, gpw.find_gait(gpw.stride_map(FIVE_LINKS, slope, controller=feedback))]
         assert gaits[1].stable and gaits[1].state == pytest.approx(gait.state, abs=1e-6)
     assert said == [line for each in gaits for line in (str(each), _moduli(each))]
