@@ -2,6 +2,7 @@
 
     python train.py                               Train PPO on level ground, in about a minute.
     python train.py --scene steep --algo sac      Train SAC on the scene `steep`.
+    python train.py --scene mytask:walking        Train on the scene that a function of yours makes.
     python train.py --resume runs/level-ppo-fast-1  Continue a run, to more steps with --steps.
     python train.py --scene lab --from level-ppo  Begin with a policy; all else is a new run.
     python train.py evaluate runs/level-ppo-fast-1  Evaluate its policy again.
@@ -37,6 +38,7 @@ from agents.config import (
     ALGORITHMS,
     DEFAULT_ALGORITHM,
     DEFAULT_SCENE,
+    TRUST,
     Config,
     ConfigError,
     configure,
@@ -45,6 +47,7 @@ from agents.config import (
 from agents.learner import begin_with, build
 from agents.training import Run
 from gym_passive_walker._tools.extras import need
+from gym_passive_walker._tools.loading import has_address
 from gym_passive_walker.apps.cli.arguments import A_WALKER
 from gym_passive_walker.gaits.scenes.scene import SCENES
 
@@ -83,7 +86,9 @@ def train_parser() -> argparse.ArgumentParser:
     )
     add = parser.add_argument
     add("--algo", choices=ALGORITHMS, help=f"the algorithm ({DEFAULT_ALGORITHM})")
-    add("--scene", help=f"the scene: {', '.join(SCENES)} ({DEFAULT_SCENE})")
+    own = "or module:function, a function of yours that returns a scene or its arguments"
+    add("--scene", help=f"the scene: {', '.join(SCENES)} ({DEFAULT_SCENE}); {own}")
+    add("--trust", action="store_true", help=TRUST)
     add("--walker", metavar="WALKER", help=f"another walker: {A_WALKER}")
     add(
         "--slope", type=float, nargs="+", metavar="RAD", help="slope in rad, or the ends of a range"
@@ -156,10 +161,10 @@ def run_to_resume(args: argparse.Namespace) -> tuple[Path, Config]:
     """The folder of the run to resume, and its configuration with the new number of steps."""
     folder = args.out if args.resume is True else Path(args.resume)
     folder = folder or files.latest_run()
-    kept = Config.load(folder / files.CONFIG)
+    kept = Config.load(folder / files.CONFIG, trust=args.trust)
     # The run keeps the values of its own preset, even if the preset has changed since.
-    of_preset = ("hyperparams", "normalize", "exploration", "training")
-    asked = replace(asked_for(args, kept), **{name: getattr(kept, name) for name in of_preset})
+    own = ("hyperparams", "normalize", "exploration", "training", "source")
+    asked = replace(asked_for(args, kept), **{name: getattr(kept, name) for name in own})
     differences = kept.differences(asked, ignore=("steps", "every"))
     if differences:
         raise ConfigError(f"{folder} is another run:\n  " + "\n  ".join(differences))
@@ -180,11 +185,12 @@ def train(args: argparse.Namespace) -> int:
         if args.search is None and args.ray is not None:
             raise ConfigError("--ray goes with --search: a training is done by this process")
         if config.start is not None:
-            begin_with(build(config, envs.training_envs(config)), config.start)
+            untrained = build(config, envs.training_envs(config))
+            begin_with(untrained, config.start, trust=args.trust)
         if args.search is not None:
             return find_better(config, args)
-        folder = files.new_run(args.out, f"{config.scene}-{config.algo}")
-    run = Run(config, folder, tensorboard=args.tensorboard)
+        folder = files.new_run(args.out, config.name)
+    run = Run(config, folder, tensorboard=args.tensorboard, trust=args.trust)
     print(f"{envs.describe(config)}: {config.algo.upper()}, {config.steps:,} steps, in {folder}")
     try:
         finished = run.train(progress=not args.quiet)
@@ -198,22 +204,23 @@ def train(args: argparse.Namespace) -> int:
         print(
             f"Stopped after {run.steps:,} steps; continue with: python train.py --resume {folder}"
         )
-    text, rows = evaluation.evaluate_policy(folder)
+    text, rows = evaluation.evaluate_policy(folder, trust=True)  # as this training was
     print(text)
     print(run.first_walks())
     evaluation.write_evaluation(folder, text, rows)
-    pictures.draw_run(folder, run.notes["curve"])
+    pictures.draw_run(folder, run.notes["curve"], trust=True)
     print(outlook(folder, config))
     return 0
 
 
 def outlook(folder: Path, config: Config) -> str:
     """Return lines with the files of a run and what to try next."""
+    trust = " --trust" if has_address(config.scene) else ""
     lines = [
         f"Pictures: {folder / 'gait.png'} (the gait) and {folder / 'learning_curve.png'}",
         f"Other files in {folder}: model.zip, learning_curve.csv, evaluation.csv, evaluation.txt",
         "Next:",
-        f"  python train.py gait {folder} --out gait.png    torques beside the optimal ones",
+        f"  python train.py gait {folder}{trust} --out gait.png    torques beside the optimal ones",
     ]
     if config.algo != "shac" and config.scene in presets("shac"):
         scene = "" if config.scene == DEFAULT_SCENE else f" --scene {config.scene}"
@@ -229,7 +236,7 @@ def find_better(config: Config, args: argparse.Namespace) -> int:
         raise ConfigError(f"--search takes a number of trials from 1 on, not {args.search}")
     from agents.search import BEST, search
 
-    folder = args.out or files.RUNS / f"search-{config.scene}-{config.algo}"
+    folder = args.out or files.RUNS / f"search-{config.name}"
     best = search(config, folder, args.search, ray=args.ray, progress=not args.quiet)
     print("\n".join(f"{name}: {value}" for name, value in best.items()))
     print(f"Saved in {folder / BEST}, in the layout of agents/presets")

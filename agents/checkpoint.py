@@ -28,7 +28,7 @@ from agents.learner import (
 )
 from gym_passive_walker._tools.arguments import number, whole
 from gym_passive_walker._tools.files import replacing
-from gym_passive_walker.models.walkers import as_walker
+from gym_passive_walker.models.walkers import Walker, as_walker
 
 _ARRAYS, _REPLAY, _NOTES = "arrays.npz", "replay.npz", "notes.json"
 _RECORDS, _RANDOMS = "envs.npz", "envs.json"
@@ -119,15 +119,16 @@ def restore(path: Path, model: BaseAlgorithm) -> dict[str, Any]:
     return notes
 
 
-def last_policy(run: Path) -> tuple[Config, LearnedPolicy]:
+def last_policy(run: Path, *, trust: bool = False) -> tuple[Config, LearnedPolicy]:
     """A run's configuration, and the policy of its newest checkpoint.
 
-    A run may keep another one, that of its best evaluation (`training.KEEPS_LAST`).
+    A run may keep another one, that of its best evaluation (`training.KEEPS_LAST`). `trust` allows
+    a scene of the user's own.
 
     Raises:
-        ConfigError: if the folder is not a run, or has no checkpoint yet.
+        ConfigError: if the folder is not a run, has no checkpoint yet, or is not trusted.
     """
-    config, newest = Config.load(run / CONFIG), newest_checkpoint(run)
+    config, newest = Config.load(run / CONFIG, trust=trust), newest_checkpoint(run)
     if newest is None:
         raise ConfigError(f"{run} has no checkpoint yet")
     model = build(config, training_envs(config))
@@ -201,7 +202,8 @@ def _save_walkers(envs: VecEnv, folder: Path) -> None:
     walkers, randoms = state.pop("walkers"), state.pop("random")
     np.savez(folder / _RECORDS, **state)
     # Environments that share one walker store it once.
-    walkers = [asdict(walker) for walker in (walkers if len(set(walkers)) > 1 else walkers[:1])]
+    walkers = walkers if len(set(walkers)) > 1 else walkers[:1]
+    walkers = [asdict(each) if isinstance(each, Walker) else each for each in walkers]
     text = json.dumps({"walkers": walkers, "random": randoms})
     (folder / _RANDOMS).write_text(text, encoding="utf-8")
 
@@ -211,7 +213,8 @@ def _restore_walkers(envs: VecEnv, folder: Path) -> None:
     native: Any = envs.unwrapped
     rest: dict[str, Any] = read_json(folder / _RANDOMS)
     with reading(folder / _RANDOMS):
-        walkers = [as_walker(parameters) for parameters in rest["walkers"]]
+        # Of a system, the name of its equations and its constants, which `set_state` takes.
+        walkers = [each if isinstance(each, list) else as_walker(each) for each in rest["walkers"]]
         if len(walkers) == 1:
             walkers *= native.num_envs
         found = {"walkers": walkers, "random": rest["random"]}

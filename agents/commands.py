@@ -11,13 +11,14 @@ import numpy as np
 
 from agents import benchmark, evaluation
 from agents.checkpoint import last_policy
-from agents.config import ConfigError
+from agents.config import TRUST, ConfigError
+from agents.envs import scene_of
 from agents.learner import LearnedPolicy, export, export_onnx, learned
 from gym_passive_walker import GaitNotFound
 from gym_passive_walker._tools.arguments import unknown, whole
 from gym_passive_walker._tools.console import cut
 from gym_passive_walker._tools.files import replacing
-from gym_passive_walker.apps.cli.arguments import Parser
+from gym_passive_walker.apps.cli.arguments import A_SCENE, Parser, a_scene
 from gym_passive_walker.envs.policies import READERS, shipped_policies
 from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import BASELINES
@@ -25,7 +26,7 @@ from gym_passive_walker.gaits.control.controllers import acting
 from gym_passive_walker.gaits.control.maps import closed_loop_gait
 from gym_passive_walker.gaits.control.policy import Policy
 from gym_passive_walker.gaits.gait import Gait
-from gym_passive_walker.gaits.scenes.scene import SCENES, Scene, make_scene
+from gym_passive_walker.gaits.scenes.scene import SCENES, Scene
 
 GRIDS = {"level": (0.05, 0.20, 0.01), "lab": (0.15, 0.23, 0.01), "steep": (0.31, 0.34, 0.005)}
 """Speeds over sqrt(g l) of each scene's stored optimal gaits: first, last and spacing."""
@@ -50,6 +51,7 @@ def evaluate(arguments: Sequence[str]) -> int:
         "--policy", metavar="NAME", help="the same, but a policy of the package comes first"
     )
     add = parser.add_argument
+    add("--trust", action="store_true", help=TRUST)
     add("--episodes", type=int, default=evaluation.EPISODES, metavar="N",
         help="number of episodes (%(default)s)")  # fmt: skip
     add("--seed", type=int, default=evaluation.SEED, help="seed of the episodes (%(default)s)")
@@ -62,6 +64,7 @@ def evaluate(arguments: Sequence[str]) -> int:
     text, rows = evaluation.evaluate_policy(
         folder if args.run and folder else name,
         episodes=whole(args.episodes, "--episodes"), seed=whole(args.seed, "--seed", least=0),
+        trust=args.trust,
     )  # fmt: skip
     print(text)
     if args.run and folder:
@@ -113,7 +116,9 @@ def show_gait(arguments: Sequence[str]) -> int:
     add = parser.add_argument
     known = ", ".join([*BASELINES, *shipped_policies()])
     add("policy", help=f"folder of a run, or one of {known}")
-    add("--scene", choices=tuple(SCENES), help="scene (a learned policy's own; else level)")
+    add("--scene", type=a_scene, metavar="SCENE", help="scene (a learned policy's own; else "
+        f"level): {A_SCENE}")  # fmt: skip
+    add("--trust", action="store_true", help=TRUST)
     add(
         "--slope",
         type=float,
@@ -128,7 +133,7 @@ def show_gait(arguments: Sequence[str]) -> int:
         from gym_passive_walker.pictures.axes import OWN, figure_of, picture_path, save
 
         out = picture_path(args.out)
-    policy, scene = _policy_and_scene(args.policy, args.scene)
+    policy, scene = _policy_and_scene(args.policy, args.scene, trust=args.trust)
     try:
         gait = closed_loop_gait(policy, scene, slope=args.slope, period=args.period)
     except GaitNotFound as error:
@@ -145,12 +150,12 @@ def show_gait(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _policy_and_scene(name: str, scene: str | None) -> tuple[Policy, Scene]:
+def _policy_and_scene(name: str, scene: Scene | None, *, trust: bool) -> tuple[Policy, Scene]:
     """A policy by its name, and the scene in which it acts."""
     if name in BASELINES or Path(name).suffix.lower() in READERS:
         return acting(name, scene)
-    config, policy = learned(name)
-    return policy, make_scene(scene) if scene else make_scene(config.scene, **config.env)
+    config, policy = learned(name, trust=trust)
+    return policy, scene or scene_of(config)
 
 
 def _described(gait: Gait, least: float) -> str:
@@ -255,8 +260,12 @@ def export_policy(arguments: Sequence[str]) -> int:
     add("--onnx", action="store_true", help="write OUTPUT/policy.onnx if OUTPUT is a folder")
     add("--last", action="store_true", help="the policy of the newest checkpoint, not of the best "
         "evaluation")  # fmt: skip
+    add("--trust", action="store_true", help=TRUST)
     args = parser.parse_args(arguments)
-    config, policy = last_policy(Path(args.run)) if args.last else learned(args.run)
+    if args.last:
+        config, policy = last_policy(Path(args.run), trust=args.trust)
+    else:
+        config, policy = learned(args.run, trust=args.trust)
     if args.onnx or args.output.suffix.lower() == ".onnx":
         file = args.output
         if file.suffix.lower() != ".onnx":

@@ -13,13 +13,16 @@ import numpy as np
 import yaml
 
 from gym_passive_walker._tools.arguments import unknown, whole
-from gym_passive_walker._tools.loading import read_content, reason
+from gym_passive_walker._tools.loading import has_address, read_content, reason, untrusted
+from gym_passive_walker.gaits.scenes.named import named_scene, source_of
 from gym_passive_walker.gaits.scenes.scene import kept_argument
 
 ALGORITHMS = ("ppo", "ppo-fast", "sac", "shac", "shac-learned")
 DEFAULT_SCENE = "level"
 DEFAULT_ALGORITHM = "ppo-fast"
 """Algorithm of `train.py`, unless `--algo` names another one."""
+TRUST = "permit the scene module:function of a run or a policy, and the code of that module"
+"""Help text of `--trust`."""
 EVALUATIONS = 20
 """Default number of evaluations and checkpoints of a run."""
 
@@ -46,7 +49,7 @@ class Config:
 
     Attributes:
         algo: One of `ALGORITHMS`.
-        scene: Name of the scene.
+        scene: Name of the scene; "module:function" for one of the user's own.
         env: Arguments of the environment that differ from the scene's own.
         n_envs: Number of parallel environments.
         steps: Environment steps to train for, summed over the environments.
@@ -60,6 +63,7 @@ class Config:
         training: Arguments of the environment that apply to training only.
         start: Policy that gives the training its first actor and normalizer: a name or a folder;
             None for random weights.
+        source: Source of the module of the user's own scene; None for one of the package.
     """
 
     algo: str
@@ -75,6 +79,7 @@ class Config:
     exploration: dict[str, Any] | None = None
     training: dict[str, Any] = field(default_factory=dict)
     start: str | None = None
+    source: str | None = None
 
     def __post_init__(self) -> None:
         """Validate all values.
@@ -95,15 +100,25 @@ class Config:
                 raise ConfigError(f"{name} must be the name of one, not {getattr(self, name)!r}")
         if not isinstance(self.start, str | None):
             raise ConfigError(f"start must name a policy, or be None, not {self.start!r}")
+        if not isinstance(self.source, str | None):
+            raise ConfigError(f"source must be text, or None, not {self.source!r}")
         presets(self.algo)
         for name in ("env", "hyperparams", "training", "normalize", "exploration"):
             value, may_be_none = getattr(self, name), name in ("normalize", "exploration")
             if not (isinstance(value, dict) or (value is None and may_be_none)):
                 raise ConfigError(f"{name} must map names to values, not {value!r}")
 
+    @property
+    def name(self) -> str:
+        """Scene and algorithm, as part of a folder's name."""
+        return f"{self.scene.replace(':', '.')}-{self.algo}"
+
     def save(self, path: Path) -> None:
         """Write the run's YAML."""
-        path.write_text(yaml.safe_dump(asdict(self), sort_keys=False), encoding="utf-8")
+        values = asdict(self)
+        if self.source is None:
+            del values["source"]
+        path.write_text(yaml.safe_dump(values, sort_keys=False), encoding="utf-8")
 
     def preset(self) -> dict[str, Any]:
         """The preset, in rl_zoo3's layout, with this configuration's steps and hyperparameters."""
@@ -113,11 +128,11 @@ class Config:
         return preset | plain | {"n_envs": self.n_envs, "n_timesteps": self.steps}
 
     @classmethod
-    def load(cls, path: Path) -> Config:
-        """Read a run's YAML.
+    def load(cls, path: Path, *, trust: bool = False) -> Config:
+        """Read a run's YAML; `trust` allows a scene of the user's own.
 
         Raises:
-            ConfigError: if it is missing, or not what `save` writes.
+            ConfigError: if it is missing, not what `save` writes, or its scene is not trusted.
         """
         if not path.is_file():
             raise ConfigError(f"{path.parent} is not a run: it has no {path.name}")
@@ -130,11 +145,23 @@ class Config:
                 raise ConfigError("it is not a mapping of names to values")
             if said := unknown(values, [f.name for f in fields(cls)], "a run"):
                 raise ConfigError(said)
-            if lacking := [f.name for f in fields(cls) if f.name not in values]:
+            names = [f.name for f in fields(cls) if f.name != "source"]
+            if lacking := [name for name in names if name not in values]:
                 raise ConfigError(f"it lacks {', '.join(lacking)}: was it cut off?")
-            return cls(**values)
+            found = cls(**values)
         except Exception as error:  # a damaged file may raise anything
             raise ConfigError(f"{path} is not a run's configuration: {reason(error)}") from None
+        return found.trusted(trust)
+
+    def trusted(self, trust: bool) -> Config:
+        """Return this configuration after a check that its scene is trusted.
+
+        Raises:
+            ConfigError: if the scene is the user's own, and `trust` is False.
+        """
+        if has_address(self.scene) and not trust:
+            raise ConfigError(untrusted(f"the scene {self.scene!r}"))
+        return self
 
     def differences(self, other: Config, *, ignore: tuple[str, ...] = ()) -> list[str]:
         """Values in which another configuration differs, one line each."""
@@ -154,9 +181,17 @@ def presets(algo: str) -> dict[str, dict[str, Any]]:
 
 
 def preset_of(algo: str, scene: str, env: dict[str, Any]) -> dict[str, Any]:
-    """A copy of the preset of a scene; `control` in `env` selects the preset of that name."""
+    """A copy of the preset of a scene; `control` in `env` selects the preset of that name.
+
+    A scene of the user's own has the preset of its control.
+    """
     of_algo = presets(algo)
     name = env.get("control", scene)
+    if has_address(name):
+        try:
+            name = named_scene(scene, trust=True, **env).control
+        except (TypeError, ValueError) as error:
+            raise ConfigError(str(error)) from None
     if name not in of_algo:
         raise ConfigError(f"no preset for {name!r} in {algo}.yml: it has {', '.join(of_algo)}")
     return deepcopy(of_algo[name])
@@ -178,7 +213,8 @@ def configure(
 
     Args:
         algo: One of `ALGORITHMS`.
-        scene: Name of the scene.
+        scene: Name of the scene; or "module:function" for a function of the user's own that
+            returns a `Scene` or its arguments.
         env: Arguments of the environment that differ from the scene's own. `control` selects the
             preset of that control. A walker or a terrain may be a file; the run stores the file's
             content.
@@ -226,6 +262,7 @@ def configure(
         exploration=exploration,
         training=training or {},
         start=start,
+        source=source_of(scene),
     )
 
 

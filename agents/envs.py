@@ -10,7 +10,8 @@ from agents.config import Config, ConfigError
 from gym_passive_walker.apps.build import compile_for
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
-from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.scenes.named import check_source, named_scene
+from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.models.walkers import name_of
 
 ID = "PassiveWalker-v0"
@@ -20,10 +21,12 @@ def scene_of(config: Config, **changes: Any) -> Scene:
     """The scene of a run, with changes.
 
     Raises:
-        ConfigError: if an argument of the scene is invalid.
+        ConfigError: if an argument of the scene is invalid, or the user's own scene has changed
+            since the run began.
     """
     try:
-        return make_scene(config.scene, **config.env | changes)
+        check_source(config.scene, config.source)
+        return named_scene(config.scene, trust=True, **config.env | changes)
     except (TypeError, ValueError) as error:
         raise ConfigError(str(error)) from None
 
@@ -75,7 +78,7 @@ def describe(config: Config) -> str:
     held = f"ticks of {scene.tick:g} √(l/g)" if scene.control == "tick" else "one action a stride"
     motors = ", ".join(
         f"{name.replace('_', '-')} up to {scene.largest(name):g} "
-        + scene.actuator(name).unit.replace("sqrt", "√")
+        f"{scene.actuator(name).unit.replace('sqrt', '√')}".rstrip()
         for name in scene.actions
     )
     return f"{config.scene}: walker {walker}, {slope}, {held}, {motors}"

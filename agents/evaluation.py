@@ -33,7 +33,7 @@ def write_rows(path: Path, rows: Sequence[dict[str, Any]]) -> None:
 
 
 def evaluate_policy(
-    which: Path | str, *, episodes: int = EPISODES, seed: int = SEED
+    which: Path | str, *, episodes: int = EPISODES, seed: int = SEED, trust: bool = False
 ) -> tuple[str, list[dict[str, Any]]]:
     """Evaluate a policy and the passive walker over the same episodes.
 
@@ -41,6 +41,7 @@ def evaluate_policy(
         which: Folder of a run or of an exported policy, or the name of a policy of the package.
         episodes: Number of episodes.
         seed: Seed of the first episode.
+        trust: Whether to allow a scene of the user's own.
 
     Returns:
         The table with a summary in words, and a row for each episode, for `write_evaluation`.
@@ -50,9 +51,10 @@ def evaluate_policy(
         ValueError: if `episodes` is below 1, or the seed is negative.
     """
     episodes, seed = whole(episodes, "episodes"), whole(seed, "seed", least=0)
-    config, policy = learned(which)
+    config, policy = learned(which, trust=trust)
     arena = envs.arena(config, episodes)
-    walks, passive = (evaluate(agent, arena, seed=seed) for agent in (policy, Passive()))
+    passive_agent = Passive(envs.scene_of(config))
+    walks, passive = (evaluate(agent, arena, seed=seed) for agent in (policy, passive_agent))
     columns = {config.algo.upper(): walks, Passive.name: passive}
     text = score_table(f"{envs.describe(config)}; {episodes} episodes", columns)
     text = "\n".join([text, *in_words(config, walks, passive)])

@@ -130,16 +130,16 @@ def _with_activation(policy: dict[str, Any] | None) -> dict[str, Any] | None:
     return deepcopy(policy) | {"activation_fn": getattr(nn, name)}
 
 
-def begin_with(model: BaseAlgorithm, name: str) -> None:
+def begin_with(model: BaseAlgorithm, name: str, *, trust: bool = False) -> None:
     """Give an untrained algorithm the actor and the normalizer of a policy, a name or a folder.
 
     Its critic and the noise of its actions stay as they are. A policy of SAC fits SAC alone, since
-    a tanh follows its last layer.
+    a tanh follows its last layer. `trust` allows a policy of a scene of the user's own.
 
     Raises:
         ConfigError: if there is no such policy, or its layers are not those of the algorithm.
     """
-    config, policy = learned(name)
+    config, policy = learned(name, trust=trust)
     network = on_numpy(policy, config) if isinstance(policy, LearnedPolicy) else policy
     assert isinstance(network, Network)
     squashed = isinstance(model, SAC)
@@ -261,29 +261,31 @@ def load_policy(run: Path, config: Config | None = None) -> LearnedPolicy:
     return LearnedPolicy(model, config.algo.upper())
 
 
-def learned(name: str | Path) -> tuple[Config, Policy]:
+def learned(name: str | Path, *, trust: bool = False) -> tuple[Config, Policy]:
     """A trained policy, and the configuration that it was trained with.
 
     Args:
         name: Folder of a run or of an exported policy, or the name (text) of a policy of the
             package.
+        trust: Whether to allow a scene of the user's own: importing its module runs its code.
 
     Raises:
-        ConfigError: if there is no such policy, or its files are inconsistent.
+        ConfigError: if there is no such policy, its files are inconsistent, or its scene is not
+            trusted.
     """
     folder, kept = Path(name), None
     shipped = isinstance(name, str) and name in shipped_policies()
     if not shipped and (folder / CONFIG).is_file():
-        kept = Config.load(folder / CONFIG)
+        kept = Config.load(folder / CONFIG, trust=trust)
         if not (folder / TENSORS).is_file():
             return kept, load_policy(folder, kept)
     try:
         if kept is not None:  # the former format of exported policies: tensors and YAML
             return kept, Network(read_tensors(folder / TENSORS), **_acting(kept))
-        policy = load_exported(name)
+        policy = load_exported(name, trust=trust)
         if not isinstance(policy, TrainedPolicy):
             raise ValueError("its file lacks the configuration of its training")
-        return Config(**policy.trained), policy
+        return Config(**policy.trained).trusted(trust), policy
     except ImportError:
         raise
     except Exception as error:  # a damaged file may raise anything

@@ -15,6 +15,7 @@ from agents.learner import learned
 from gym_passive_walker._tools.files import replacing
 from gym_passive_walker.envs.evaluation.walks import evaluate
 from gym_passive_walker.gaits.control.baselines import Passive
+from gym_passive_walker.gaits.control.maps import stride_map
 from gym_passive_walker.gaits.control.policy import Policy
 from gym_passive_walker.pictures import strobe, strobe_of
 from gym_passive_walker.pictures.axes import GREY, OWN, figure_of, legend, panels, save, series
@@ -30,11 +31,15 @@ _SETTLED, _SHOWN, _FLASHES = 20, 3, 8
 """Strides before the drawn ones, number of drawn strides, and postures of each."""
 
 
-def draw_run(run: Path, rows: Sequence[dict[str, Any]]) -> None:
-    """Draw a run's learning curve, one row for each evaluation, and the gait of its policy."""
-    config, policy = learned(run)
+def draw_run(run: Path, rows: Sequence[dict[str, Any]], *, trust: bool = False) -> None:
+    """Draw a run's learning curve, one row for each evaluation, and the gait of its policy.
+
+    `trust` allows a scene of the user's own.
+    """
+    config, policy = learned(run, trust=trust)
+    without = Passive(envs.scene_of(config))
     with replacing(run / "learning_curve.png") as path:
-        passive = evaluate(Passive(), envs.arena(config, EPISODES), seed=SEED).summary()
+        passive = evaluate(without, envs.arena(config, EPISODES), seed=SEED).summary()
         learning_curve(path, rows, passive, envs.describe(config))
     with replacing(run / "gait.png") as path:
         title = f"{config.algo.upper()} on {envs.describe(config)}"
@@ -83,7 +88,10 @@ def gait(path: Path, policy: Policy, world: gymnasium.Env, *, seed: int, title: 
         first, stride, over = np.zeros(1, bool), info["strides"], terminated or truncated
     begun = strides.index(max(0, strides[-1] + 1 - _SHOWN))
     shown = slice(begun, None)
-    if walker.scene.control == "stride":
+    if walker.scene.control == "stride" and "actuation" not in walker.walker.supports:
+        strides_of = stride_map(None, walker.slope, controller=policy, scene=walker.scene)
+        ax = strobe(strides_of, state=states[begun], strides=len(states[shown]), ax=OWN)
+    elif walker.scene.control == "stride":
         scale = walker.walker.units.torque * walker.scene.max_hip_torque
         torque = scale * np.array(torques[shown])
         ax = strobe(

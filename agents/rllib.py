@@ -23,6 +23,7 @@ import torch
 from numpy.typing import NDArray
 
 from agents.config import DEFAULT_SCENE, Config, configure
+from agents.envs import scene_of
 from gym_passive_walker._tools import console
 from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker._tools.extras import extra
@@ -92,7 +93,7 @@ def rllib_config(config: Config, *, runners: int = 0) -> PPOConfig:
     runners, given = whole(runners, "runners", least=0), config.hyperparams
     network = given["policy_kwargs"]
     rate = float(str(given["learning_rate"]).removeprefix("lin_"))
-    scene = {"scene": config.scene, **config.env, **config.training}
+    scene = {"scene": scene_of(config, **config.training)}
     return (
         PPOConfig()
         .environment(
@@ -193,7 +194,7 @@ def train(
 
 def arena(config: Config) -> gym.vector.VectorEnv:
     """Environments for evaluation."""
-    return gym.make_vec(f"gym_passive_walker:{ID}", EPISODES, scene=config.scene, **config.env)
+    return gym.make_vec(f"gym_passive_walker:{ID}", EPISODES, scene=scene_of(config))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -42,12 +42,15 @@ class Run:
         config: The configuration.
         folder: Folder of the files; empty, or with a run of this configuration, which is resumed.
         tensorboard: Whether to write tensorboard's logs too.
+        trust: Whether to allow a first policy of a scene of the user's own.
 
     Raises:
         ConfigError: if the configuration is invalid, or the checkpoint is damaged.
     """
 
-    def __init__(self, config: Config, folder: Path, *, tensorboard: bool = False) -> None:
+    def __init__(
+        self, config: Config, folder: Path, *, tensorboard: bool = False, trust: bool = False
+    ) -> None:
         self.config, self.folder = config, folder
         log = {"tensorboard_log": str(folder / "tensorboard")} if tensorboard else {}
         self.model: BaseAlgorithm = build(config, envs.training_envs(config), **log)
@@ -59,7 +62,7 @@ class Run:
         newest = files.newest_checkpoint(folder)
         self.resumed = newest is not None
         if newest is None and config.start is not None:
-            begin_with(self.model, config.start)
+            begin_with(self.model, config.start, trust=trust)
         if newest is not None:
             with files.reading(newest):
                 self.notes = checkpoint.restore(newest, self.model)

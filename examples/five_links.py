@@ -161,6 +161,22 @@ FIVE_LINKS = gpw.System(
 )
 
 
+def steps(step):
+    """The reward of `downhill`: one for each step, less the work of the motors."""
+    return step.heelstrike - 10.0 * step.energy
+
+
+def downhill() -> dict:
+    """The scene of `python train.py --scene examples.five_links:downhill`.
+
+    The gait is unstable: a deviation grows elevenfold in a stride.
+    """
+    return {
+        "system": FIVE_LINKS, "slope": 0.045, "control": "stride", "reset_noise_scale": 0.01,
+        "reward": steps,
+    }  # fmt: skip
+
+
 def main() -> None:
     """Print a gait and its multipliers, without and with feedback by the controls."""
     for controller in (

@@ -12,7 +12,8 @@ import pickle
 import re
 import sys
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -40,6 +41,40 @@ def is_file(value: Any) -> TypeGuard[str | os.PathLike[str]]:
     if isinstance(value, str):
         return Path(value).suffix.lower() in SUFFIXES
     return isinstance(value, os.PathLike)
+
+
+def has_address(name: Any) -> TypeGuard[str]:
+    """Return whether a name is "module:function", a function of the user's own."""
+    return isinstance(name, str) and ":" in name
+
+
+def untrusted(what: str) -> str:
+    """Return the sentence that refuses a function of a module that is not trusted."""
+    return (
+        f"{what} is a function that is not the package's, and could do anything: if you trust it, "
+        "add --trust (trust=True in Python)"
+    )
+
+
+def function_at(address: str, what: str) -> Callable[..., Any]:
+    """Return the function at "module:function"; modules of the present folder are found too.
+
+    The module is imported without a check of trust.
+
+    Raises:
+        ValueError: if there is none; the message begins with `what`.
+    """
+    module, _, name = address.partition(":")
+    sys.path.append(os.getcwd())
+    try:
+        found = getattr(import_module(module), name)
+    except Exception as error:  # the module's own code runs, and may raise anything
+        raise ValueError(f"{what} {address!r} cannot be found: {reason(error)}") from None
+    finally:
+        sys.path.pop()
+    if not callable(found):
+        raise ValueError(f"{what} {address!r} is not a function")
+    return found
 
 
 def reason(error: Exception) -> str:

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.engine import compiled
 from gym_passive_walker.engine.equations import places_of, state_of
-from gym_passive_walker.engine.layout import RECORD, layout_of, record_for
+from gym_passive_walker.engine.layout import layout_of, record_for
 from gym_passive_walker.engine.machine import kept_code
 from gym_passive_walker.engine.native import Memory, Module
 from gym_passive_walker.engine.own.mechanics import Derived
 from gym_passive_walker.gaits.look.forces import borne, landing, pushed_off, struck
 from gym_passive_walker.models.equations import legs
-from gym_passive_walker.models.equations.hybrid import Control, Outcome, Phase, State, System
+from gym_passive_walker.models.equations.hybrid import Outcome, Phase, State, System
 from gym_passive_walker.models.equations.systems import SYSTEMS
 from gym_passive_walker.models.expressions import choose, larger
 
@@ -106,7 +106,7 @@ def push_code(system: System, module: Module) -> Module:
 
 def look_code(system: System, module: Module) -> Module:
     """Add functions to a module that check a record, and resets that check before and after."""
-    layouts = RECORD, page(system)
+    layouts = record_for(layout_of(system)), page(system)
     for i, phase in enumerate(system.phases):
         function = module.function(f"look{i}", layouts)
         function.once(partial(_look, system, phase))
@@ -161,19 +161,29 @@ def _ratio(back: Any, up: Any) -> Any:
 
 def _look(system: System, phase: Phase, record: Memory, body: Memory) -> None:
     """Write the readings for the present state of a walker."""
-    constants, state = compiled.constants_of(system, body), State(*record.entries("state"))
-    control, ground = Control(*record.entries("control")), compiled.recorded_ground(system, record)
+    constants, state = compiled.constants_of(system, body), state_of(system, record)
+    ground = compiled.recorded_ground(system, record)
+    control = system.Control(*(record["control", i] for i in range(len(system.works))))
     found = phase.accelerations(constants, state, control, ground)
-    turns = [found[min(link, phase.links - 1)] for link in range(3)]
-    back, up, stance_knee, _ = borne(constants, state, turns, control, ground)
-    height = system.foot_clearance(constants, state) - legs.lower(ground)
+    turns = [found[min(link, phase.links - 1)] for link in range(system.coordinates)]
+    if system.ground_force is not None:
+        back, up = system.ground_force(constants, state, tuple(turns), ground)
+        height = system.foot_clearance(constants, state) - ground.height_change
+    else:
+        back, up, stance_knee, _ = borne(constants, state, turns, control, ground)
+        height = system.foot_clearance(constants, state) - legs.lower(ground)
+        if "knee_along" in constants._fields:
+            _note(body, stance_knee_torque=stance_knee)
     _note(body, normal_force=up, friction=_ratio(back, up), clearance=height)
-    if "knee_along" in constants._fields:
-        _note(body, stance_knee_torque=stance_knee)
 
 
 def _before(system: System, outcome: Outcome, record: Memory, body: Memory) -> None:
-    """Store the angular velocities and the velocity of the landing foot before an impact."""
+    """Store the momentum, or angular velocities and that of the landing foot, before an impact."""
+    if system.momentum is not None:
+        state = state_of(system, record)
+        for i, part in enumerate(system.momentum(compiled.constants_of(system, body), state)):
+            body["before", i] = part
+        return
     state = State(*record.entries("state"))
     velocity: tuple[Any, Any] = (0.0, 0.0)
     if outcome == Outcome.HEELSTRIKE:
@@ -199,7 +209,11 @@ def _before(system: System, outcome: Outcome, record: Memory, body: Memory) -> N
 
 def _after(system: System, outcome: Outcome, record: Memory, body: Memory) -> None:
     """Write the readings for the impulses of an impact."""
-    constants, state = compiled.constants_of(system, body), State(*record.entries("state"))
+    constants, state = compiled.constants_of(system, body), state_of(system, record)
+    if system.momentum is not None:
+        along, up = system.momentum(constants, state)
+        along, up = along - body["before", 0], up - body["before", 1]
+        return _note(body, normal_impulse=up, friction=_ratio(along, up))
     *rates, back, up = body.entries("before")
     jumps = [new - old for new, old in zip(state[3:], rates, strict=True)]
     foot = (-back, -up) if outcome == Outcome.HEELSTRIKE else (0.0, 0.0)

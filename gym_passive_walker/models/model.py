@@ -37,6 +37,9 @@ FEATURES = {
 }
 """What a model may support, and how a refusal calls it."""
 
+_OF_GROUND = "constraints", "reality check"
+"""Features that need the force of the ground, derived or given."""
+
 
 Checked = TypeVar("Checked", bound=Any)
 
@@ -48,6 +51,11 @@ def check_supports(model: Checked, feature: str) -> Checked:
         ValueError: if it does not.
     """
     if feature not in model.supports:
+        if feature in _OF_GROUND:
+            raise ValueError(
+                f"{FEATURES[feature]} needs the force of the ground: the equations of the system "
+                f"{model.title!r} must have `ground_force` and `momentum`"
+            )
         raise ValueError(
             f"{FEATURES[feature]} needs a walker with two legs and McGeer's parameters, not the "
             f"system {model.title!r}"

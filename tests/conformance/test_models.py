@@ -310,9 +310,8 @@ CELLS = [
 
 
 NEEDS = {
-    checks: "reality check", collisions: "McGeer's parameters", tables: "McGeer's parameters",
-    optima: "optimal gait", previews: "foothold preview", constraints: "constraints",
-    bodies_seen: "body observed", gpu_episodes: "gpu episodes",
+    collisions: "McGeer's parameters", tables: "McGeer's parameters", optima: "optimal gait",
+    previews: "foothold preview", bodies_seen: "body observed", gpu_episodes: "gpu episodes",
     sweeps: "sweeps",
 }  # fmt: skip
 """The feature that a cell needs, where some models lack it."""

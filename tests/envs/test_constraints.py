@@ -7,17 +7,25 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples.driven_torso import DRIVEN_TORSO
+from examples.five_links import FIVE_LINKS
 from gym_passive_walker.envs.constraints import READINGS
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.gaits.scenes.checks import CHECKS
 from gym_passive_walker.gaits.scenes.scene import make_scene
 
 SLOPES = {"lab": 0.036, "C": 0.03, "A": 0.03, "D": 0.009}
+MODELS = SLOPES | {DRIVEN_TORSO: 0.03, FIVE_LINKS: 0.05}
+
+
+def str_of(walker):
+    """Name of a walker in the names of tests."""
+    return walker if isinstance(walker, str) else walker.name
 
 
 def checks(walker, answer="report"):
     """All checks that there are of a walker."""
-    there = gpw.WALKERS[walker].knees
+    there = gpw.as_walker(walker).knees
     return {check: answer for check in CHECKS if there or check != "knee lock"}
 
 
@@ -25,7 +33,7 @@ def world(walker, **changes):
     """A walker on its passive gait."""
     arguments = {
         "walker": walker,
-        "slope": SLOPES.get(walker),
+        "slope": MODELS.get(walker),
         "reset_noise_scale": 0.0,
         "end_on_toe_stub": False,
     }
@@ -44,10 +52,10 @@ def walked(env, steps=200, action=0.0, **reset):
     return infos
 
 
-@pytest.mark.parametrize("walker", SLOPES)
+@pytest.mark.parametrize("walker", MODELS, ids=str_of)
 def test_readings_of_a_stride_are_those_of_the_reality_check(walker):
-    gait = gpw.find_gait(walker, SLOPES[walker])
-    found = gpw.reality_check(walker, SLOPES[walker], gait.state)
+    gait = gpw.find_gait(walker, MODELS[walker])
+    found = gpw.reality_check(walker, MODELS[walker], gait.state)
     env = world(walker, tick=0.02, tolerance=1e-12, constraints=checks(walker))
     infos = walked(env, options={"state": gait.state})
     units = env.walker.units
@@ -102,11 +110,12 @@ def test_what_a_push_off_needs_of_the_leaving_foot_counts(walker):
     assert infos[-1]["friction"] == pytest.approx(max(heel, push), abs=0.02)
 
 
-@pytest.mark.parametrize("walker", SLOPES)
+@pytest.mark.parametrize("walker", MODELS, ids=str_of)
 def test_to_look_at_a_walker_changes_no_bit_of_its_walk(walker):
     watched, left = world(walker, constraints=checks(walker)), world(walker)
     watched.reset(seed=1), left.reset(seed=1)
-    for action in np.random.default_rng(0).uniform(-0.3, 0.3, (60, 1)):
+    size = watched.action_space.shape
+    for action in np.random.default_rng(0).uniform(-0.3, 0.3, (60, *size)):
         reported, expected = watched.step(action), left.step(action)
         assert reported[1:4] == expected[1:4]
         np.testing.assert_array_equal(watched.state, left.state)

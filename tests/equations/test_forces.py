@@ -133,7 +133,7 @@ def random_states(count, straight, seed):
 def test_forces_are_those_that_hold_loose_bodies_together(name, phase):
     walker, slope, torque = WITH_MASS[name], 0.05, 0.3
     states = random_states(20, phase == Stage.LOCKED, seed=1)
-    found = forces(walker, slope, states, np.full(20, phase), hip_torque=torque)
+    found = forces(walker, slope, states, np.full(20, phase), (torque, 0.0))
     for i, state in enumerate(states):
         bodies = Bodies(walker, state[:3], swing_locked=phase == Stage.LOCKED)
         motion, multipliers = bodies.accelerate(walker, slope, state[3:], torque)
@@ -154,7 +154,7 @@ def test_forces_are_those_that_hold_loose_bodies_together(name, phase):
 def test_the_simplest_walker_stands_on_the_force_along_its_leg():
     walker, slope = WALKERS["D"], 0.05
     states = random_states(10, True, seed=2)
-    found = forces(walker, slope, states, np.full(10, Stage.SIMPLEST), hip_torque=0.7)
+    found = forces(walker, slope, states, np.full(10, Stage.SIMPLEST), (0.7, 0.0))
     stance, rate = states[:, 0], states[:, 3]
     along = walker.gravity * np.cos(stance - slope) - walker.leg_length * rate**2
     np.testing.assert_allclose(found.normal, along * np.cos(stance), rtol=1e-12)
@@ -166,7 +166,7 @@ def test_an_ankle_torque_turns_the_simplest_walker_s_hip():
     walker, slope, torque = replace(WALKERS["D"], hip_mass=3.0), 0.05, 0.9
     states = random_states(10, True, seed=2)
     phases = np.full(10, Stage.SIMPLEST)
-    found = forces(walker, slope, states, phases, ankle_torque=torque)
+    found = forces(walker, slope, states, phases, (0.0, torque))
     sine, cosine, length = np.sin(states[:, 0]), np.cos(states[:, 0]), walker.leg_length
     rate, turn = states[:, 3], found.accelerations[:, 0]
     gravity = walker.gravity * length * np.sin(states[:, 0] - slope)

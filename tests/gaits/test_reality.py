@@ -63,7 +63,7 @@ def looked_at(name, slope, state, count=4001, hip_torque=0.0):
     times = np.linspace(0.0, 1.0 - 1e-9, count) * end.duration
     states, phases = states_at(name, slope, state, times, hip_torque=hip_torque)
     walker = WALKERS[name]
-    carried = forces(walker, slope, states, phases, hip_torque=hip_torque)
+    carried = forces(walker, slope, states, phases, (hip_torque, 0.0))
     return times, states, phases, clearance_of(walker, states)[0], carried
 
 

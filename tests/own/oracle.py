@@ -96,14 +96,23 @@ class Independent:
         """Kinetic and potential energy, springs included."""
         return np.array(self._energy(*state), dtype=float)
 
-    def strike(self, state):
-        """The state after a heelstrike, and the energy lost."""
+    def _struck(self, state):
+        """Mass matrix and rates before a heelstrike; rates after it, and the contact's impulse."""
         ways, contact = self._ways(*state), np.array(self._contact(*state), dtype=float)
         mass = ways.T @ (self.weights[:, None] * ways)
         before = np.concatenate([state[self.count :], [0.0, 0.0]])
         size = self.count + 2
         whole = np.block([[mass, contact.T], [contact, np.zeros((2, 2))]])
-        after = np.linalg.solve(whole, np.concatenate([mass @ before, [0.0, 0.0]]))[:size]
+        found = np.linalg.solve(whole, np.concatenate([mass @ before, [0.0, 0.0]]))
+        return mass, before, found[:size], -found[size:]
+
+    def impulse(self, state):
+        """Impulse of the contact at a heelstrike, along the ground and up from it."""
+        return self._struck(state)[3]
+
+    def strike(self, state):
+        """The state after a heelstrike, and the energy lost."""
+        mass, before, after, _ = self._struck(state)
         lost = 0.5 * (before @ mass @ before - after @ mass @ after)
         rates = np.array(self._by(*state), dtype=float) @ after[: self.count]
         return np.concatenate([np.array(self._new(*state), dtype=float), rates]), lost

@@ -15,6 +15,8 @@ from gym_passive_walker.gaits.control.baselines import BASELINES
 from gym_passive_walker.gaits.control.maps import stride_map
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
+from gym_passive_walker.gaits.scenes.named import named_scene
+from gym_passive_walker.gaits.scenes.scene import SCENES, Scene
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import EXAMPLES, Terrain, terrain_from
 from gym_passive_walker.models.walkers import WALKERS, Walker, as_walker, tune
@@ -24,6 +26,12 @@ A_WALKER = (
     '{"preset": "C", "hip_mass": 1.0}'
 )
 """Help text of an argument that names a walker."""
+
+A_SCENE = (
+    f"{', '.join(SCENES)}; or module:function, a function of yours that returns a scene or its "
+    "arguments"
+)
+"""Help text of an argument that names a scene."""
 
 A_POLICY = "the path of an exported folder, an ONNX file or a stable-baselines3 file (.zip)"
 """Help text of an argument that names a policy of the user's own."""
@@ -78,6 +86,14 @@ def a_walker(text: str) -> Walker:
     """Parse a walker by `as_walker`; the parser prints an error with the argument's name."""
     try:
         return as_walker(text)
+    except (ValueError, ImportError) as error:
+        raise ArgumentTypeError(str(error)) from None
+
+
+def a_scene(text: str) -> Scene:
+    """Parse a scene by `named_scene`; the parser prints an error with the argument's name."""
+    try:
+        return named_scene(text, trust=True)
     except (ValueError, ImportError) as error:
         raise ArgumentTypeError(str(error)) from None
 
@@ -152,8 +168,9 @@ def add_controller(command: ArgumentParser) -> None:
         f"({', '.join(BASELINES)}), a trained policy, or {A_POLICY}"
     )  # fmt: skip
     command.add_argument(
-        "--scene", metavar="SCENE", help="scene of the controller (its own, or level)"
-    )
+        "--scene", type=a_scene, metavar="SCENE",
+        help=f"scene of the controller (its own, or level): {A_SCENE}",
+    )  # fmt: skip
 
 
 def chosen_map(arguments: Namespace, slope: float | None = None) -> StrideMap:

@@ -6,13 +6,12 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
-from gym_passive_walker.apps.cli.arguments import A_POLICY, A_WALKER
+from gym_passive_walker.apps.cli.arguments import A_POLICY, A_SCENE, A_WALKER, a_scene
 from gym_passive_walker.apps.cli.report import Report, listing, table
 from gym_passive_walker.envs.evaluation.gauntlet import gauntlet as tested
 from gym_passive_walker.envs.evaluation.robustness import robustness as tried
 from gym_passive_walker.envs.policies import shipped_policies
 from gym_passive_walker.gaits.control.baselines import BASELINES
-from gym_passive_walker.gaits.scenes.scene import SCENES
 from gym_passive_walker.models.walkers import is_walker
 from gym_passive_walker.pictures.axes import OWN, figure_of, picture_path, save
 
@@ -31,7 +30,8 @@ def gauntlet(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add = command.add_argument
     known = ", ".join([*shipped_policies(), *BASELINES])
     add("controller", metavar="CONTROLLER", help=f"{known}, or {A_POLICY}")
-    add("--scene", choices=list(SCENES), help="scene of the tests (the policy's own)")
+    add("--scene", type=a_scene, metavar="SCENE",
+        help=f"scene of the tests (the policy's own): {A_SCENE}")  # fmt: skip
     add("--walkers", type=int, default=64, metavar="N", help="walks in each test (%(default)s)")
 
     def run(arguments: Namespace) -> Report:
@@ -59,7 +59,8 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
         metavar="WALKER|CONTROLLER",
         help=f"a passive walker: {A_WALKER}; or a controller: {known}, or {A_POLICY}",
     )
-    add("--scene", choices=list(SCENES), help="scene (the policy's own)")
+    add("--scene", type=a_scene, metavar="SCENE",
+        help=f"scene (the policy's own): {A_SCENE}")  # fmt: skip
     add("--slope", type=float, metavar="RAD", help="slope in rad, positive downhill (the scene's)")
     add("--roughness", type=float, default=0.002, metavar="L",
         help="standard deviation of footholds' heights, in leg lengths (%(default)s)")  # fmt: skip

@@ -14,7 +14,9 @@ from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker._tools.files import prepare, replacing
 from gym_passive_walker.apps.cli.arguments import (
     A_POLICY,
+    A_SCENE,
     A_WALKER,
+    a_scene,
     a_walker,
     add_terrain,
     add_walk,
@@ -31,7 +33,6 @@ from gym_passive_walker.gaits.control.baselines import BASELINES, Passive
 from gym_passive_walker.gaits.control.controllers import acting
 from gym_passive_walker.gaits.look.trajectory import Trajectory, ground_of
 from gym_passive_walker.gaits.look.trajectory import simulate as simulated
-from gym_passive_walker.gaits.scenes.scene import SCENES
 from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.walkers import describe
@@ -135,7 +136,7 @@ def scene(command: ArgumentParser) -> Callable[[Namespace], Report]:
     passive-walker scene level
     passive-walker scene rough --json
     """
-    command.add_argument("scene", choices=list(SCENES), help=", ".join(SCENES))
+    command.add_argument("scene", type=a_scene, metavar="SCENE", help=A_SCENE)
 
     def run(arguments: Namespace) -> Report:
         return Report(explain.as_text(arguments.scene), explain.as_rows(arguments.scene))
@@ -153,7 +154,8 @@ def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:
     known = ", ".join([*shipped_policies(), *BASELINES])
     add = command.add_argument
     add("policy", metavar="POLICY", help=f"{known}, or {A_POLICY}")
-    add("--scene", choices=list(SCENES), help="scene (the policy's own; level)")
+    add("--scene", type=a_scene, metavar="SCENE",
+        help=f"scene (the policy's own; level): {A_SCENE}")  # fmt: skip
     add("--walker", type=a_walker, metavar="WALKER", help=A_WALKER)
     add("--slope", type=float, metavar="RAD", help="slope in rad (the scene's)")
     add_terrain(command)
@@ -172,7 +174,7 @@ def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:
         changes = {name: value for name, value in asked.items() if value is not None}
         policy, scene = acting(name, arguments.scene, **changes)
         arena = gym.make_vec(ID, num_envs=episodes, scene=scene)
-        agents = {name: policy, "without a motor": Passive()}
+        agents = {name: policy, "without a motor": Passive(scene)}
         walks = {
             label: evaluated(agent, arena, seed=arguments.seed) for label, agent in agents.items()
         }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from functools import partial
@@ -13,6 +12,7 @@ import gymnasium as gym
 import numpy as np
 
 from gym_passive_walker._tools.arguments import gait_kind, unknown, whole
+from gym_passive_walker._tools.loading import function_at, has_address, untrusted
 from gym_passive_walker.envs.evaluation import robustness as robust
 from gym_passive_walker.envs.evaluation import walks
 from gym_passive_walker.envs.registration import ID
@@ -224,11 +224,9 @@ def check_trust(analysis: str, trust: bool) -> bool:
     """
     if not isinstance(trust, bool):
         raise ValueError(f"trust must be True or False, not {trust!r}")
-    if not trust and analysis not in ANALYSES and ":" in analysis:
+    if not trust and analysis not in ANALYSES and has_address(analysis):
         raise ValueError(
-            f"the analysis {analysis!r} is a function that is not the package's, and could do "
-            "anything: if you trust it, add --trust (trust=True in Python); the package has "
-            f"{', '.join(ANALYSES)}"
+            f"{untrusted(f'the analysis {analysis!r}')}; the package has {', '.join(ANALYSES)}"
         )
     return trust
 
@@ -243,19 +241,12 @@ def function(analysis: str) -> Callable[..., Any]:
     """
     if analysis in ANALYSES:
         return ANALYSES[analysis]
-    module, colon, name = str(analysis).partition(":")
-    if not colon:
+    if not has_address(analysis):
         raise ValueError(
             f"no analysis {analysis!r}: choose from {', '.join(ANALYSES)}, or give a function of "
             'your own as "module:function"'
         )
-    try:
-        found = getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise ValueError(f"the analysis {analysis!r} cannot be found: {error}") from None
-    if not callable(found):
-        raise ValueError(f"the analysis {analysis!r} is not a function")
-    return found
+    return function_at(analysis, "the analysis")
 
 
 def task(analysis: str, given: Mapping[str, Any]) -> Callable[[], Any]:

@@ -383,6 +383,9 @@ def _check_energies(checks: Checks, equations: hybrid.System, state: Any) -> Non
         function = getattr(equations, name)
         if function is not None:
             checks.numbers(name, [checks.tried(name, Derived(function), *arguments)])
+    if (equations.ground_force is None) != (equations.momentum is None):
+        lacking = "momentum" if equations.momentum is None else "ground_force"
+        raise checks.error(lacking, "is missing: ground_force and momentum are used together")
     checks.agree("travel", equations.travel, len(checks.system.controls), state)
     given = equations, body, state[: checks.count], state, state, _SLOPING
     checks.numbers("measure", checks.tried("measure", equations.measure, *given), 4)
@@ -425,6 +428,24 @@ def _check_phase(checks: Checks, equations: hybrid.System, phase: Phase, state: 
             gained.append(0.0 if torque == 0.0 else -torque * works * rate(moved))
         return tuple(gained)
 
+    def forces(body: Any, state: Any) -> tuple:
+        turns = phase.accelerations(body, state, control, _SLOPING)
+        bends = [turns[min(i, phase.links - 1)] for i in range(count)]
+        changes = [
+            sum(d * v for d, v in zip(rates_by(p, state), (*state[count:], *bends), strict=True))
+            for p in equations.momentum(body, state)  # type: ignore[misc]
+        ]
+        back, up = equations.ground_force(body, state, bends, _SLOPING)  # type: ignore[misc]
+        weight = checks.system.mass
+        return (*changes, back + weight * _SLOPING.sine, up - weight * _SLOPING.cosine)
+
+    if equations.momentum is not None:
+        each = checks.numbers("momentum", checks.tried("momentum", Derived(forces), body, state), 4)
+        if np.abs(each[:2] - each[2:]).max() > _CLOSE * np.abs(each).max():
+            raise checks.error(
+                "ground_force", f"and weight change the momentum by {each[2:].tolist()} in "
+                f"{name}, and `momentum` itself changes by {each[:2].tolist()}"
+            )  # fmt: skip
     each = checks.numbers(name, checks.tried(name, Derived(powers), body, state))
     if abs(each.sum()) > _CLOSE * np.abs(each).sum():
         raise checks.error(

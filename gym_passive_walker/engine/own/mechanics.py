@@ -55,7 +55,9 @@ class Derived:
         known: dict = {}
         symbols = iter([read(known, i) for i in range(len(numbers))])
         given = [
-            a._make(next(symbols) for _ in a) if hasattr(a, "_make") else next(symbols)
+            getattr(a, "_make", tuple)(next(symbols) for _ in a)
+            if isinstance(a, tuple)
+            else next(symbols)
             for a in arguments
         ]
         return evaluated(self.function(*given), numbers)
@@ -255,6 +257,36 @@ class Motion:
     def kinetic_energy(self) -> Any:
         """Kinetic energy."""
         return self._sum(0.5 * part.weight * (part.rate * part.rate) for part in self.parts)
+
+    def contact_force(
+        self, accelerations: Sequence[Any], gravity: tuple[Any, Any]
+    ) -> tuple[Any, Any]:
+        """Force of the ground: what the accelerations of all masses need besides their weights.
+
+        Args:
+            accelerations: Of the coordinates.
+            gravity: Along the ground in the walking direction, and up from it.
+
+        Returns:
+            Along the ground in the walking direction, and up from it.
+        """
+
+        def needed(part: _Part) -> Any:
+            moved = self._sum(a * b for a, b in zip(part.by, accelerations, strict=True))
+            return part.weight * (moved + part.bend - gravity[part.axis])
+
+        return self._along(needed)
+
+    def momentum(self) -> tuple[Any, Any]:
+        """Momentum along the ground in the walking direction, and up from it."""
+        return self._along(lambda part: part.weight * part.rate)
+
+    def _along(self, amount: Callable[[_Part], Any]) -> tuple[Any, Any]:
+        """The sums of an amount over what moves along the ground, and up from it."""
+        along, up = (
+            self._sum(amount(part) for part in self.parts if part.axis == axis) for axis in (0, 1)
+        )
+        return along, up
 
     def landing(self, point: tuple[Any, Any]) -> tuple[list[Any], Any]:
         """A plastic impact of a point that stays where it lands, as the old contact lets go.

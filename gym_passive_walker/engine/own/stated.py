@@ -127,5 +127,5 @@ def stated(equations: hybrid.System, name: str) -> hybrid.System:
 
 _FUNCTIONS = (
     "place", "kinetic_energy", "potential_gain", "foot_clearance", "measure", "mass_matrix",
-    "travel", "spring_gain", "friction_power",
+    "travel", "spring_gain", "friction_power", "ground_force", "momentum",
 )  # fmt: skip

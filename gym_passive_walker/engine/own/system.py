@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -133,7 +133,6 @@ class System(Model):
     leg_length = gravity = time_unit = 1.0
     foot_radius = 0.0
     units = Units(1.0, 1.0, 1.0, 1.0)
-    supports: ClassVar[frozenset[str]] = frozenset()
 
     def __post_init__(self) -> None:
         if self.given is not None:
@@ -213,6 +212,12 @@ class System(Model):
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_made": {}}  # what is compiled stays in its process
+
+    @property
+    def supports(self) -> frozenset[str]:
+        """The features that it has; the force of the ground is derived, or must be given."""
+        known = self.given is None or None not in (self.given.ground_force, self.given.momentum)
+        return frozenset({"constraints", "reality check"} if known else ())
 
     @property
     def title(self) -> str:
@@ -474,6 +479,8 @@ class System(Model):
             works=self.Control(*[1.0] * len(self.Control._fields)),  # type: ignore[attr-defined]
             spring_gain=None if self.potential is None else self._spring_gain,
             friction_power=Derived(self._taken) if takes else None,
+            ground_force=Derived(self._ground_force),
+            momentum=Derived(lambda body, state: self._motion(body, state).momentum()),
             absent=("height_change", "slope_change", "push_off"),
             State=self.State,
             Control=self.Control,
@@ -504,6 +511,10 @@ class System(Model):
                 ways = rates_by(moved, coordinates)
                 forces = [a + b * torque for a, b in zip(forces, ways, strict=True)]
         return tuple(solve_positive(motion.matrix(), forces))
+
+    def _ground_force(self, body: Any, state: Any, accelerations: Any, ground: Ground) -> tuple:
+        gravity = ground.sine, -ground.cosine
+        return self._motion(body, state).contact_force(accelerations, gravity)
 
     def _push(self, body: Any, state: Any, back: Any, up: Any) -> tuple:
         """Jumps of the rates by an impulse at the centre of mass, per unit of mass."""

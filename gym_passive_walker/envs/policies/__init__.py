@@ -21,7 +21,8 @@ from gym_passive_walker.envs.policies.network import Network
 from gym_passive_walker.envs.policies.onnx_file import OnnxPolicy, write_onnx
 from gym_passive_walker.envs.policies.sb3_file import Sb3Policy
 from gym_passive_walker.envs.policies.tensors import PolicyError, read_tensors, reading
-from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.scenes.named import check_source, named_scene
+from gym_passive_walker.gaits.scenes.scene import Scene
 
 TENSORS, DESCRIPTION = "policy.safetensors", "policy.json"
 _SHIPPED = Path(__file__).parent
@@ -38,15 +39,17 @@ class TrainedPolicy(Network):
         trained: Complete configuration of the training run; empty if the files do not include it.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, trust: bool = False) -> None:
         self.folder = folder
         description = _description(folder / DESCRIPTION)
         with reading(folder, "is not a policy"):
             acting = {name: description[name] for name in ("algo", "activation", "normalizer")}
             self.name, self.algorithm = folder.resolve().name, str(acting["algo"]).upper()
             self._trained_in = description["scene"], _names(description["env"], "env")
-            self.scene: Scene = make_scene(self._trained_in[0], **self._trained_in[1])
+            name, env = self._trained_in
             self.trained: dict[str, Any] = _names(description.get("trained", {}), "trained")
+            self.scene: Scene = named_scene(name, trust=trust, **env)
+            check_source(name, self.trained.get("source"))
             super().__init__(read_tensors(folder / TENSORS), **acting)
 
     def __repr__(self) -> str:
@@ -101,7 +104,9 @@ def policy_folder(name: str | Path) -> Path:
     )
 
 
-def load_policy(name_or_folder: str | Path) -> TrainedPolicy | OnnxPolicy | Sb3Policy:
+def load_policy(
+    name_or_folder: str | Path, *, trust: bool = False
+) -> TrainedPolicy | OnnxPolicy | Sb3Policy:
     """Load a trained policy; those of the package and exported ones require NumPy alone.
 
     Example:
@@ -116,6 +121,8 @@ def load_policy(name_or_folder: str | Path) -> TrainedPolicy | OnnxPolicy | Sb3P
             "steep-sac", "rolling-ppo", "lab-ppo", "rough-ppo", "pushed-ppo", "push-off-ppo",
             "commanded-ppo" or "anywhere-ppo". Or the folder of an exported policy, an ONNX file
             (.onnx), or a file of stable-baselines3 (.zip).
+        trust: Whether to allow a scene that is "module:function": importing that module runs its
+            code.
 
     Returns:
         The policy. Its method `predict(observation, state, episode_start, deterministic)` is that
@@ -123,15 +130,17 @@ def load_policy(name_or_folder: str | Path) -> TrainedPolicy | OnnxPolicy | Sb3P
         attribute `scene` is None where the file names no scene.
 
     Raises:
-        PolicyError: if there is no such policy, or its files are damaged.
+        PolicyError: if there is no such policy, its files are damaged, or its scene is not
+            trusted.
         ImportError: if an ONNX file is read without onnxruntime (extra "onnx"), or a file of
             stable-baselines3 without torch (extra "train").
     """
     if isinstance(name_or_folder, str | Path):
         suffix = Path(name_or_folder).suffix.lower()
         if suffix in READERS:
-            return READERS[suffix](name_or_folder)
-    return TrainedPolicy(policy_folder(name_or_folder))
+            reader = READERS[suffix]  # the file of another library names no scene
+            return reader(name_or_folder, **{"trust": trust} if reader is OnnxPolicy else {})
+    return TrainedPolicy(policy_folder(name_or_folder), trust=trust)
 
 
 READERS: dict[str, type[OnnxPolicy | Sb3Policy]] = {".onnx": OnnxPolicy, ".zip": Sb3Policy}

@@ -17,7 +17,7 @@ from gym_passive_walker._tools.files import replacing
 from gym_passive_walker._tools.loading import parse_json, reason
 from gym_passive_walker.envs.explain import as_rows
 from gym_passive_walker.envs.policies.tensors import PolicyError, reading
-from gym_passive_walker.gaits.scenes.scene import make_scene
+from gym_passive_walker.gaits.scenes.named import named_scene
 
 if TYPE_CHECKING:
     from gym_passive_walker.envs.policies.network import Network
@@ -58,7 +58,7 @@ def write_onnx(
         import onnx
         from onnx import TensorProto, helper, numpy_helper
 
-    tables = as_rows(make_scene(scene, **env))
+    tables = as_rows(named_scene(scene, trust=True, **env))  # a run's, which was trusted
     nodes: list[Any] = []
     constants: list[Any] = []
 
@@ -132,6 +132,7 @@ class OnnxPolicy:
 
     Args:
         path: The file.
+        trust: Whether to allow a scene that is "module:function".
 
     Attributes:
         name: Name of the file.
@@ -143,14 +144,15 @@ class OnnxPolicy:
         PolicyError: if there is no such file, or it is not such a policy.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, *, trust: bool = False) -> None:
         self.path, self.name = Path(path).absolute(), Path(path).name
         self._open()
         found = self._session.get_modelmeta().custom_metadata_map
         self.scene: Any = None
         if "scene" in found:
             with reading(self.path, "names an invalid scene"):
-                self.scene = make_scene(found["scene"], **parse_json(found.get("env", "{}")))
+                env = parse_json(found.get("env", "{}"))
+                self.scene = named_scene(found["scene"], trust=trust, **env)
 
     def _open(self) -> None:
         """Prepare the evaluation."""

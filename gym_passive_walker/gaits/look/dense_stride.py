@@ -72,14 +72,15 @@ def states_at(
 
 
 def clearance_of(walker: Walker, states: NDArray) -> tuple[NDArray, NDArray]:
-    """Return the height of the swing foot over the ground and its rate, at states (n, 6).
+    """Return the height of the swing foot over the ground and its rate, at states (n, 6 or 2 m).
 
     The foot is a whole circle here.
     """
     # Angles that move by infinitesimal rates move the height by as much of its own rate.
     angles, rates = np.split(states, 2, axis=1)
-    moving = State(*complex_step(angles, rates).T, *rates.T)
-    clearance = walker.equations().foot_clearance(walker.body, moving) * walker.leg_length
+    system = walker.equations()
+    moving = system.State(*complex_step(angles, rates).T, *rates.T)
+    clearance = system.foot_clearance(walker.body, moving) * walker.leg_length
     return np.real(clearance), step_derivative(clearance)
 
 
@@ -198,8 +199,8 @@ class DensePhase(NamedTuple):
 
     Attributes:
         locked: Whether the swing leg is straight.
-        state: Angles and rates, six series.
-        flexion: Thigh less shank angle.
+        state: Coordinates and rates, a series for each.
+        flexion: Thigh less shank angle; 0 without knees.
         clearance: Height of the swing foot over the ground.
         normal: Force of the ground, as in `forces.Reactions`.
         tangential: Force of the ground along it, as in `forces.Reactions`.
@@ -222,7 +223,7 @@ class DensePhase(NamedTuple):
         return float(self.clearance.domain[1])
 
     def state_at(self, time: float) -> NDArray[np.float64]:
-        """The state (6,)."""
+        """The state (6 or 2 m,)."""
         return np.array([series(time) for series in self.state])
 
 
@@ -234,7 +235,7 @@ def dense_phases(
     Args:
         stride_map: The stride map.
         slope: Slope in rad.
-        start: Initial state, shape (6,).
+        start: Initial state, shape (6,), or (2 m,) of a system.
         end: The stride, which ends with a heelstrike.
         offset: Time at its start.
 
@@ -242,8 +243,9 @@ def dense_phases(
         NoStride: if one of two phases takes no time.
     """
     walker, tolerance = stride_map.walker, stride_map.tolerance
-    own, first_state = walker.units, stride_map.dimensionless(start)
-    units = np.repeat([1.0, own.rate, 1.0, own.length, own.force, own.energy], [3, 3, 1, 1, 2, 2])
+    own, first_state, size = walker.units, stride_map.dimensionless(start), walker.size
+    each = [size // 2, size // 2, 1, 1, 2, 2]
+    units = np.repeat([1.0, own.rate, 1.0, own.length, own.force, own.energy], each)
 
     def look(times: NDArray) -> Samples:
         return stride_map.look(first_state, np.array([slope]), times[None] / own.time)
@@ -251,9 +253,10 @@ def dense_phases(
     def samples(times: NDArray) -> NDArray:
         seen = look(times)
         states, stages = own.to_own(seen.states[0]), seen.stages[0]
-        carried = forces(walker, slope, states, stages, hip_torque=hip, ankle_torque=ankle)
+        carried = forces(walker, slope, states, stages, held)
         knees = np.nan_to_num(np.stack([carried.stance_knee, carried.swing_knee]))
-        flexion, clearance = states[:, 1] - states[:, 2], clearance_of(walker, states)[0]
+        flexion = states[:, 1] - states[:, 2] if walker.knees else np.zeros(len(states))
+        clearance = clearance_of(walker, states)[0]
         ground = [carried.normal, carried.tangential]
         return np.column_stack([states, flexion, clearance, *ground, *knees])
 
@@ -263,18 +266,18 @@ def dense_phases(
     if walker.knees and duration - knee < shortest:
         raise NoStride("kneestrike and heelstrike coincide: the swing leg is never straight")
     instants = {0.0, knee, duration}
-    held = stride_map.hold * own.time
-    for count in range(1, math.ceil(min(duration / held, _PIECES))):
-        if min(abs(count * held - instant) for instant in (knee, duration)) > shortest:
-            instants.add(count * held)
+    hold = stride_map.hold * own.time
+    for count in range(1, math.ceil(min(duration / hold, _PIECES))):
+        if min(abs(count * hold - instant) for instant in (knee, duration)) > shortest:
+            instants.add(count * hold)
     phases = []
     for first, last in pairwise(sorted(instants)):
         torques = look(np.array([0.5 * (first + last)])).controls[0, 0]
-        hip, ankle = float(torques[0]) * own.torque, float(torques[1]) * own.energy
+        held = torques[: len(walker.control_units)] * walker.control_units
         series = fit(samples, first, last, units=units, accuracy=10.0 * tolerance)
         for piece in series:
             piece.domain = piece.domain + offset
-        phases.append(DensePhase(first >= knee, series[:6], *series[6:]))
+        phases.append(DensePhase(first >= knee, series[:size], *series[size:]))
     return phases
 
 
@@ -311,6 +314,13 @@ def heelstrike_impulses(
         when it is pressed; the same of the push-off, on the old foot and knee; NaN without one.
     """
     units, body, level = walker.units, walker.body, Ground(0.0, 1.0)
+    momentum, none = walker.equations().momentum, TimedExtremum(np.nan, np.nan)
+    if momentum is not None:
+        of = walker.equations().State
+        along, up = np.subtract(
+            momentum(body, of(*after)), momentum(body, of(*last.state_at(last.end)))
+        )
+        return (Impulse(up, along, last.end), none), (Impulse(np.nan, np.nan, last.end), none)
     before = State(*units.to_dimensionless(last.state_at(last.end)))
     left = pushed_off(body, before, push_off, level) if push_off else (np.nan,) * 4
     old, (back, up) = landing(body, before, push_off, level)

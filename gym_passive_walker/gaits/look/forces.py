@@ -8,7 +8,7 @@ computed unless it is asked for.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,13 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.gaits.flow import accelerations_at
 from gym_passive_walker.models.equations import legs, straight
 from gym_passive_walker.models.equations.bodies import KneedBody, SimplestBody
-from gym_passive_walker.models.equations.hybrid import Control, Ground, State
+from gym_passive_walker.models.equations.hybrid import Control, Ground
 from gym_passive_walker.models.equations.legs import hip_torque as torque_at_hip
 from gym_passive_walker.models.equations.legs import impulse, turned
 from gym_passive_walker.models.equations.legs import knee_torque as torque_at_knee
 from gym_passive_walker.models.equations.numbers import sine_cosine
 from gym_passive_walker.models.model import bodies
-from gym_passive_walker.models.walkers import Walker
 
 
 def swung(vector, rate, acceleration):
@@ -212,34 +211,39 @@ class Reactions(NamedTuple):
 
 
 def forces(
-    walker: Walker,
+    walker: Any,
     slope: float,
     states: ArrayLike,
     phases: ArrayLike,
-    *,
-    hip_torque: float = 0.0,
-    ankle_torque: float = 0.0,
+    controls: ArrayLike | None = None,
 ) -> Reactions:
     """Forces at states of a walk.
 
     Args:
-        walker: The walker.
+        walker: The model; the force of the ground on it must be known.
         slope: Slope in rad.
-        states: Angles and rates, shape (n, 6).
+        states: States, (n, 6), or (n, 2 m) of a system.
         phases: `Stage` of each, shape (n,).
-        hip_torque: Torque, as for `stride`.
-        ankle_torque: Torque, as for `stride`.
+        controls: Held controls in the walker's own units, such as torques of hip and ankle; zero
+            when None.
     """
     units, system, body = walker.units, walker.equations(), walker.body
     given = units.to_dimensionless(np.array(states, dtype=float))
-    state, stages = State(*given.T), np.asarray(phases)
-    control = Control(hip_torque / units.torque, ankle_torque / units.energy)
+    state, stages = system.State(*given.T), np.asarray(phases)
+    count = len(system.works)
+    control = np.zeros(count)
+    if controls is not None:
+        control = np.asarray(controls, dtype=float)[:count] / walker.control_units[:count]
     ground = Ground(np.sin(slope), np.cos(slope))
-    turns = np.zeros((len(given), 3))
+    turns = np.zeros((len(given), system.coordinates))
     for phase in system.phases:
-        here, held = stages == phase.stage, np.array([control])
+        here, held = stages == phase.stage, control[None]
         turns[here] = accelerations_at(system, phase, bodies(walker)[0], given[here], held, ground)
-    tangential, normal, *knees = borne(body, state, turns.T, control, ground)
+    if system.ground_force is not None:
+        along, normal = system.ground_force(body, state, tuple(turns.T), ground)
+        tangential, knees = -along, [0.0 * normal] * 2
+    else:
+        tangential, normal, *knees = borne(body, state, turns.T, Control(*control), ground)
     torques = np.stack(np.broadcast_arrays(*knees)) * units.energy
     if not walker.knees:
         torques = np.full_like(torques, np.nan)

@@ -47,6 +47,12 @@ from gym_passive_walker.models.walkers import Walker, describe, name_of
 _SWING_KNEE, _DEPTH = "swing knee's least torque", "  its depth below the ground"
 """Readings without a limit."""
 
+_TOUCHING = 1e-6
+"""Height in leg lengths up to which a foot is on the ground at the start of a stride."""
+
+_OF_KNEES = "knee lock", "hyperextension"
+"""Items of walkers with knees."""
+
 
 class Reading(NamedTuple):
     """One line of a reality check.
@@ -145,7 +151,7 @@ class RealityCheck(Table):
     def readings(self) -> list[Reading]:
         """All measured quantities, item by item."""
         length, time, torque, _ = units = self.walker.units
-        weight = units.force
+        weight = units.force if "units" in self.walker.supports else self.walker.weight
         knee, heel = self.kneestrike_impulse, self.heelstrike_impulse
         knee_normal, heel_normal = (
             TimedExtremum(knee.normal, knee.time),
@@ -183,6 +189,12 @@ class RealityCheck(Table):
                 (_DEPTH, self.release_depth, length, "l"),
             ],
         }
+        if self.walker.equations().ground_force is not None:  # its equations hold what knees it has
+            table = {
+                item: [row for row in rows if not np.isnan(row[1].value)]
+                for item, rows in table.items()
+                if item not in _OF_KNEES
+            }
         return [Reading(item, *row) for item, rows in table.items() for row in rows]
 
     def __str__(self) -> str:
@@ -262,10 +274,11 @@ def reality_check(
 
     Args:
         walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, which
-            supplies slope, state and actuation where they are not given.
+            supplies slope, state and actuation where they are not given. Knees of a system are
+            not checked.
         slope: Slope in rad, positive downhill.
-        state: State on the Poincaré section, just after heelstrike, shape (6,); that of the gait
-            when None.
+        state: State on the Poincaré section, just after heelstrike, shape (6,), or (2 m,) of a
+            system; that of the gait when None.
         strides: Number of strides to check; 1 by default, or the gait's period.
         friction: Coefficient of friction of foot and ground; 0.8 is the example of Garcia (1999).
         hip_torque: Torque held through all strides, as for `stride`; 0 by default, or the gait's
@@ -295,9 +308,12 @@ def reality_check(
     tolerance = check_tolerance(tolerance)
     number(motors.hip_torque, "hip_torque")
     walks = controlled or StrideMap.of(walker, controller=one_actuation(walker, motors))
-    walks, here = walks.with_tolerance(tolerance), check_state(state_on(walks, slope, state))
-    if here.shape != (6,):
-        raise ValueError(f"reality_check takes one walker: state must be (6,), not {here.shape}")
+    walks = walks.with_tolerance(tolerance)
+    here = check_state(state_on(walks, slope, state), size=walker.size)
+    if here.shape != (walker.size,):
+        raise ValueError(
+            f"reality_check takes one walker: state must be ({walker.size},), not {here.shape}"
+        )
     walks.points(here)  # refuses a state off the section
     time = 0.0
     phases: list[DensePhase] = []
@@ -313,10 +329,13 @@ def reality_check(
             )
         parts = dense_phases(walks, slope, here, end, offset=time)
         first = walks.dimensionless(here)
-        velocity = float(clearance_of(walker, here[None])[1][0])
+        height, velocity = (float(part[0]) for part in clearance_of(walker, here[None]))
+        leaves = abs(height) <= _TOUCHING * own.length
         depth, clearance = _release_and_passing(
-            turns(phase.clearance for phase in parts), rising=velocity >= 0.0
+            turns(phase.clearance for phase in parts), rising=velocity >= 0.0 or not leaves
         )
+        if not leaves:  # the foot that lands next is not the one that leaves, as on a wheel
+            velocity, depth = np.nan, TimedExtremum(np.nan, np.nan)
         velocities.append(TimedExtremum(velocity, time))
         depths.append(depth)
         clearances.append(clearance)
@@ -328,10 +347,11 @@ def reality_check(
             knees.append(
                 kneestrike_impulses(walker, free[-1], parts[len(free)].state_at(free[-1].end))
             )
-        look = walks.look(first, np.array([slope]), np.array([[float(end.duration) / own.time]]))
-        heel, push = heelstrike_impulses(
-            walker, parts[-1], end.state, float(look.controls[0, 0, 2])
-        )
+        push_off = 0.0
+        if "actuation" in walker.supports:
+            last = np.array([[float(end.duration) / own.time]])
+            push_off = float(walks.look(first, np.array([slope]), last).controls[0, 0, 2])
+        heel, push = heelstrike_impulses(walker, parts[-1], end.state, push_off)
         heels.append(heel)
         pushes += [push] * (not np.isnan(push[0].normal))
         phases += parts

@@ -150,5 +150,8 @@ def checked_constraints(constraints: Any, *, knees: bool) -> dict[str, str]:
         name: constraints[name] for name in CHECKS if constraints.get(name, "ignore") != "ignore"
     }
     if "knee lock" in found and not knees:
-        raise SceneError("'knee lock' is a check of walkers with knees: straight legs have none")
+        raise SceneError(
+            "'knee lock' is a check of walkers with knees: straight legs have none, and a system's "
+            "equations move its own"
+        )
     return found

@@ -269,6 +269,10 @@ class System(NamedTuple):
             mass.
         spring_gain: Function of body and two states: gain of the springs' energy; None without.
         friction_power: Function of body and state: power dissipated by friction; None without.
+        ground_force: Function of body, state, accelerations of its coordinates and ground: force of
+            the ground on the walker, along it (downhill) and up from it; None if it is not known.
+        momentum: Function of body and state: momentum along the ground and up from it; None if it
+            is not known.
         absent: Names of constants, controls, impulses and ground data that are always zero. They
             are omitted from the compiled code.
         State: Named tuple of the coordinates, followed by their rates in the same order.
@@ -288,6 +292,8 @@ class System(NamedTuple):
     works: Control = Control(1.0, 1.0)
     spring_gain: Callable[[Any, State, State], Number] | None = None
     friction_power: Callable[[Any, State], Number] | None = None
+    ground_force: Callable[[Any, State, Any, Ground], tuple[Number, Number]] | None = None
+    momentum: Callable[[Any, State], tuple[Number, Number]] | None = None
     absent: tuple[str, ...] = ()
     State: type = State
     Control: type = Control

@@ -1,0 +1,178 @@
+"""A scene of one's own, "module:function": trained, evaluated, drawn, exported and resumed."""
+
+import json
+import linecache
+import sys
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+import train
+from agents.config import Config, ConfigError, configure
+from agents.learner import learned
+from gym_passive_walker.apps.cli import main as passive_walker
+
+TINY = ["--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
+
+TASK = '''
+"""Tasks."""
+from examples.five_links import FIVE_LINKS
+
+WEIGHT = 2.0
+
+
+def reward(step):
+    return step.distance - WEIGHT * step.energy
+
+
+def short():
+    return {"slope": 0.02, "reward": reward}
+
+
+def level():
+    return "level"
+
+
+def five():
+    return {"system": FIVE_LINKS, "slope": 0.05, "control": "stride", "reset_noise_scale": 0.01}
+
+
+def torqueless():
+    return {"slope": 0.11, "control": "stride", "max_hip_torque": 0.0}
+
+
+def loop():
+    return "mytask:level"
+
+
+def broken():
+    return 1 / 0
+
+
+number = 3
+'''
+
+
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path, monkeypatch):
+    """The present folder has a module of the user's."""
+    (tmp_path / "mytask.py").write_text(TASK)
+    monkeypatch.chdir(tmp_path)
+    yield tmp_path
+    sys.modules.pop("mytask", None)
+
+
+@pytest.fixture
+def run(own_folder, capsys):
+    """A run of two small updates with an own reward."""
+    assert train.main(["--scene", "mytask:short", "--out", "run", *TINY]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("mytask:short: walker C, slope 0.02 rad")
+    assert "train.py gait run --trust" in said
+    return own_folder / "run"
+
+
+def test_a_run_evaluates_draws_and_exports_its_own_scene(run):
+    assert {"gait.png", "learning_curve.png", "evaluation.txt"} <= {p.name for p in run.iterdir()}
+    assert train.main(["evaluate", "run", "--trust", "--episodes", "2"]) == 0
+    assert train.main(["export", "run", "kept", "--trust"]) == 0
+    policy = gpw.load_policy("kept", trust=True)
+    assert policy.scene.reward.__name__ == "reward"
+    policy.to_onnx("kept.onnx")
+    assert gpw.load_policy("kept.onnx", trust=True).scene == policy.scene
+
+
+def test_a_file_that_names_a_function_is_refused_without_trust(run, capsys):
+    assert train.main(["export", "run", "kept", "--trust"]) == 0
+    gpw.load_policy("kept", trust=True).to_onnx("kept.onnx")
+    sys.modules.pop("mytask")
+    capsys.readouterr()
+    for line in (["evaluate", "run"], ["gait", "run"], ["--resume", "run"], ["export", "run", "x"],
+                 ["evaluate", "kept"], ["--from", "run", *TINY]):  # fmt: skip
+        assert train.main(line) == 2
+        assert "if you trust it, add --trust" in capsys.readouterr().err
+    for name in ("kept", "kept.onnx"):
+        with pytest.raises(ValueError, match="could do anything"):
+            gpw.load_policy(name)
+    assert "mytask" not in sys.modules
+
+
+def test_a_run_goes_on_with_its_own_scene_and_refuses_one_that_changed(run, own_folder, capsys):
+    more = ["--resume", "run", "--trust", "--steps", "256", "--quiet"]
+    file = own_folder / "mytask.py"
+
+    def write(old, new):
+        file.write_text(file.read_text().replace(old, new))
+        sys.modules.pop("mytask")
+        linecache.checkcache()
+
+    write('"""Tasks."""', '"""Tasks."""  # of one walker')
+    assert train.main(more) == 0
+    assert Config.load(run / "config.yml", trust=True).steps == 256
+    write("WEIGHT = 2.0", "WEIGHT = 3.0")
+    capsys.readouterr()
+    for line in (more, ["evaluate", "run", "--trust"]):
+        assert train.main(line) == 2
+        said = capsys.readouterr().err
+        assert "has the line 'WEIGHT = 3.0' where it had 'WEIGHT = 2.0'" in said
+
+
+def test_an_own_scene_trains_as_the_same_scene_by_name():
+    """Both runs have the same weights, bit for bit."""
+    for name, scene in (("own", "mytask:level"), ("named", "level")):
+        assert train.main(["--scene", scene, "--out", name, *TINY]) == 0
+    (_, own), (_, named) = learned("own", trust=True), learned("named")
+    pairs = zip(own.model.get_parameters()["policy"].items(),
+                named.model.get_parameters()["policy"].items(), strict=True)  # fmt: skip
+    for (name, ours), (other, theirs) in pairs:
+        assert name == other
+        np.testing.assert_array_equal(ours.numpy(), theirs.numpy())
+
+
+def test_a_system_trains_and_its_run_goes_on(own_folder, capsys):
+    assert train.main(["--scene", "mytask:five", "--out", "five", *TINY]) == 0
+    said = capsys.readouterr().out
+    assert "stance-knee up to 0.03, stance-hip" in said and "gait.png" in said
+    more = ["--resume", "five", "--trust", "--steps", "256", "--quiet"]
+    assert train.main(more) == 0
+    assert train.main(["export", "five", "kept", "--trust"]) == 0
+    assert json.loads((own_folder / "kept" / "policy.json").read_text())["scene"] == "mytask:five"
+    assert gpw.load_policy("kept", trust=True).scene.walker.title == "five links"
+
+
+def test_an_own_scene_has_the_preset_of_its_control():
+    assert configure("ppo", "mytask:torqueless").n_envs == configure("ppo", "steep").n_envs
+    changed = configure("ppo", "mytask:torqueless", env={"control": "tick"})
+    assert changed.n_envs == configure("ppo", "level").n_envs
+
+
+@pytest.mark.parametrize(
+    ("scene", "said"),
+    [
+        ("mytask:nothing", "'mytask:nothing' cannot be found: module 'mytask' has no attribute"),
+        ("nowhere:level", "'nowhere:level' cannot be found: No module named 'nowhere'"),
+        ("mytask:number", "'mytask:number' is not a function"),
+        ("mytask:broken", "'mytask:broken' fails: ZeroDivisionError: division by zero"),
+        ("mytask:loop", "must return a Scene, its arguments or the name of one of the package"),
+        ("mytask:reward", "'mytask:reward' fails: TypeError"),
+        (":", "':' cannot be found: Empty module name"),
+    ],
+)
+def test_a_scene_that_cannot_be_made_is_refused_in_one_sentence(scene, said, capsys):
+    assert train.main(["--scene", scene, *TINY]) == 2
+    wrong = capsys.readouterr().err
+    assert said in wrong and wrong.count("\n") == 1
+    with pytest.raises(ConfigError, match=r"cannot|not a|fails|must return"):
+        configure("ppo", scene)
+
+
+def test_commands_take_an_own_scene(capsys):
+    assert passive_walker(["scene", "mytask:five"]) == 0
+    assert "five links" in capsys.readouterr().out
+    given = ["evaluate", "constant", "--scene", "mytask:short", "--episodes", "2"]
+    assert passive_walker(given) == 0
+    assert "slope 0.02 rad" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        passive_walker(["scene", "mytask:nothing"])
+    assert "cannot be found" in capsys.readouterr().err

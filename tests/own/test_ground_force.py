@@ -1,0 +1,98 @@
+"""The force of the ground on a system: from its momentum, and by other ways."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from examples.driven_torso import DRIVEN_TORSO
+from examples.five_links import FIVE_LINKS
+from examples.rimless_wheel import RIMLESS_WHEEL
+from examples.torso import TORSO
+from gym_passive_walker.gaits.look.dense_stride import dense_phases
+from gym_passive_walker.gaits.look.forces import forces
+from gym_passive_walker.models.equations.hybrid import Stage
+from tests.own.oracle import Independent
+from tests.own.statements import COMPASS, DRIVEN
+from tests.own.test_derived import STRAIGHT
+
+SYSTEMS = {DRIVEN_TORSO: 0.03, FIVE_LINKS: 0.05, RIMLESS_WHEEL: 0.08, TORSO: 0.03}
+
+
+def names(system):
+    return getattr(system, "name", system)
+
+
+def test_the_reality_check_of_a_compass_is_that_of_the_package_s_own():
+    """The package derives its forces by Newton's and Euler's laws for each leg."""
+    own, package = (gpw.reality_check(gpw.find_gait(x, 0.05)) for x in (COMPASS, STRAIGHT))
+    scaled = {each.quantity: each.extreme.value / each.unit for each in package.readings}
+    assert len(own.readings) == 8
+    for each in own.readings:
+        found = each.extreme.value / each.unit
+        assert found == pytest.approx(scaled[each.quantity], rel=1e-8, abs=1e-9)
+    assert own.passed == {name: package.passed[name] for name in own.passed}
+
+
+@pytest.mark.parametrize("system", SYSTEMS, ids=names)
+def test_forces_and_impulses_of_a_period_hold_the_weight(system):
+    """A walker has the same momentum after a period, so its weight is borne in the mean."""
+    gait = gpw.find_gait(system, SYSTEMS[system])
+    walk = gpw.stride(system, gait.slope, gait.state, tolerance=1e-13)
+    (phase,) = dense_phases(gait.stride_map, gait.slope, gait.state, walk, offset=0.0)
+    impulse = gpw.reality_check(gait).heelstrike_impulse
+    weight = system.weight * float(walk.duration)
+    for force, jump, borne in (
+        (phase.normal, impulse.normal, weight * np.cos(gait.slope)),
+        (phase.tangential, impulse.tangential, -weight * np.sin(gait.slope)),
+    ):
+        whole = force.integ()
+        total = whole(phase.end) - whole(0.0) + jump
+        assert total == pytest.approx(borne, abs=1e-9 * weight)
+
+
+@pytest.mark.parametrize("system", SYSTEMS, ids=names)
+def test_the_impulse_of_a_heelstrike_is_the_contact_s_multiplier(system):
+    gait = gpw.find_gait(system, SYSTEMS[system])
+    walk = gpw.stride(system, gait.slope, gait.state, tolerance=1e-13)
+    (phase,) = dense_phases(gait.stride_map, gait.slope, gait.state, walk, offset=0.0)
+    independent = Independent(system, gait.slope)
+    along, up = independent.impulse(phase.state_at(phase.end))
+    found = gpw.reality_check(gait).heelstrike_impulse
+    assert (found.tangential, found.normal) == pytest.approx((along, up), rel=1e-9)
+
+
+def test_controls_press_on_the_ground():
+    """A torque between the legs changes the force by what it accelerates."""
+    gait = gpw.find_gait(DRIVEN, 0.05)
+    rest, driven = (
+        forces(DRIVEN, 0.05, gait.state[None], [Stage.LOCKED], [torque]) for torque in (0.0, 0.1)
+    )
+    stance, swing = (driven.accelerations - rest.accelerations)[0]
+    angle, other = gait.state[:2]
+    legs, hip = DRIVEN.body.leg, DRIVEN.body.hip
+    # The stance leg turns hip and both legs' centres; the swing leg turns its own.
+    by_stance = hip + 0.5 * legs + legs
+    up = -by_stance * np.sin(angle) * stance + 0.5 * legs * np.sin(other) * swing
+    assert driven.normal - rest.normal == pytest.approx(up, rel=1e-9)
+
+
+def test_given_equations_need_the_force_and_the_momentum():
+
+    def of(**changes):
+        return gpw.System.of(
+            COMPASS.hybrid._replace(**changes), COMPASS.body, name="given", start=COMPASS.start,
+            centre=lambda body, state: COMPASS._centre(body, state)[1:],
+        )  # fmt: skip
+
+    without = of(ground_force=None, momentum=None)
+    with pytest.raises(ValueError, match="must have `ground_force` and `momentum`"):
+        gpw.reality_check(without, 0.05, COMPASS.start)
+    with pytest.raises(ValueError, match="must have `ground_force` and `momentum`"):
+        gym.make("PassiveWalker-v0", system=without, constraints={"contact": "end"})
+    own, other = (gpw.reality_check(gpw.find_gait(x, 0.05)) for x in (COMPASS, of()))
+    assert own.least_normal_force == pytest.approx(other.least_normal_force, rel=1e-9)
+    with pytest.raises(gpw.StatementError, match=r"momentum of .* is missing"):
+        of(momentum=None)
+    with pytest.raises(gpw.StatementError, match=r"weight change the momentum"):
+        of(ground_force=lambda body, state, accelerations, ground: (0.0, 1.0))
