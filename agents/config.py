@@ -246,6 +246,10 @@ def configure(
     if episode_steps is None:
         episode_steps = (wrapper or {}).get(_TIME_LIMIT, {}).get("max_episode_steps")
     exploration = _exploration(algo, callback)
+    try:
+        source = source_of(scene)
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
     if start is not None:
         preset["learning_rate"], exploration = _last_part(preset["learning_rate"], exploration)
     return Config(
@@ -262,7 +266,7 @@ def configure(
         exploration=exploration,
         training=training or {},
         start=start,
-        source=source_of(scene),
+        source=source,
     )
 
 

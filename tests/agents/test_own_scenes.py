@@ -10,6 +10,7 @@ import pytest
 import gym_passive_walker as gpw
 import train
 from agents.config import Config, ConfigError, configure
+from agents.envs import scene_of
 from agents.learner import learned
 from gym_passive_walker.apps.cli import main as passive_walker
 
@@ -116,6 +117,19 @@ def test_a_run_goes_on_with_its_own_scene_and_refuses_one_that_changed(run, own_
         assert train.main(line) == 2
         said = capsys.readouterr().err
         assert "has the line 'WEIGHT = 3.0' where it had 'WEIGHT = 2.0'" in said
+
+
+def test_a_file_that_is_edited_while_a_training_runs_does_not_disturb_it(own_folder):
+    config = configure("ppo", "mytask:short")
+    file = own_folder / "mytask.py"
+    file.write_text(file.read_text().replace("WEIGHT = 2.0", "WEIGHT = 3.0"))
+    linecache.checkcache()
+    assert scene_of(config).slope == 0.02
+
+
+def test_a_scene_without_a_file_is_refused(own_folder):
+    with pytest.raises(ConfigError, match="has no source: write its module as a file"):
+        configure("ppo", "builtins:dict")
 
 
 def test_an_own_scene_trains_as_the_same_scene_by_name():

@@ -6,7 +6,9 @@ import inspect
 import sys
 from ast import parse, unparse
 from itertools import zip_longest
+from types import ModuleType
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from gym_passive_walker._tools.loading import function_at, has_address, untrusted
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, make_scene
@@ -43,14 +45,21 @@ def named_scene(name: Any, *, trust: bool, **changes: Any) -> Scene:
     return make_scene(found, **changes)
 
 
+_SOURCES: WeakKeyDictionary[ModuleType, str] = WeakKeyDictionary()
+"""Sources as they were when first asked for: a file may be edited while a training runs."""
+
+
 def source_of(name: str) -> str | None:
     """Return the source of the module of a scene's function; None for one of the package."""
     if not has_address(name):
         return None
     function_at(name, "the scene")
+    module = sys.modules[name.partition(":")[0]]
     try:
-        return inspect.getsource(sys.modules[name.partition(":")[0]])
-    except OSError:
+        if module not in _SOURCES:
+            _SOURCES[module] = inspect.getsource(module)
+        return _SOURCES[module]
+    except (OSError, TypeError):
         raise SceneError(f"the scene {name!r} has no source: write its module as a file") from None
 
 
