@@ -379,10 +379,11 @@ def _torques(ax: Axes, walk: Trajectory, gait: Gait, optimum: Any) -> None:
     torques = walk.torques[first, 0] / units.torque
     ax.step(times, torques, where="pre", color=BLUE, label=name)
     if optimum is not None:
-        held = np.append(optimum.torques, optimum.torques[-1])
-        hold = min(gait.stride_map.hold, optimum.step_period)
-        edges = np.minimum(hold * np.arange(len(held)), optimum.step_period)
-        label = f"optimal at speed {optimum.speed:.3f} √(g l)"
+        best = optimum.dimensionless
+        held = np.append(best.controller.hip_torque, best.controller.hip_torque[-1])
+        hold = min(gait.stride_map.hold, best.step_period)
+        edges = np.minimum(hold * np.arange(len(held)), best.step_period)
+        label = f"optimal at speed {best.speed:.3f} √(g l)"
         ax.step(edges, held, where="post", color=BLACK, linestyle="--", label=label)
     ax.axhline(0.0, color=GREY, linewidth=0.4)
     if np.ptp(ax.get_ylim()) < _NO_TORQUE:  # no picture of rounding

@@ -263,10 +263,10 @@ def test_rows_of_a_check_are_its_readings_in_both_units(friction):
     }.items():
         np.testing.assert_array_equal(of[quantity], getattr(check, field), err_msg=quantity)
     knee, heel = check.kneestrike_impulse, check.heelstrike_impulse
-    assert of["normal impulse at kneestrike"] == (knee.normal, knee.time)
-    assert of["normal impulse at heelstrike"] == (heel.normal, heel.time)
-    assert of["needed at kneestrike"] == tuple(knee.friction)
-    assert of["needed at heelstrike"] == tuple(heel.friction)
+    assert of["normal impulse at kneestrike"] == (knee.normal_impulse, knee.time)
+    assert of["normal impulse at heelstrike"] == (heel.normal_impulse, heel.time)
+    assert of["needed at kneestrike"] == tuple(knee.needed_friction)
+    assert of["needed at heelstrike"] == tuple(heel.needed_friction)
     assert len(of) == 15
     assert check.passed["friction"] == (friction == 0.8)
     expected = {item: "ok" if check.passed[item] else "fails" for item in check.passed}

@@ -28,6 +28,7 @@ from gym_passive_walker.gaits.branches.varied_map import MapOfValue, map_at
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
+from gym_passive_walker.gaits.measures import InUnits
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.walkers import Walker, describe, name_of
 
@@ -38,7 +39,7 @@ _TRIED = 9  # values of a function's parameter at which a gait to begin with is 
 
 
 @dataclass(frozen=True, repr=False)
-class GaitFamily(Table):
+class GaitFamily(InUnits, Table):
     """A curve of gaits, in order along the curve; arrays have one entry per gait.
 
     Attributes:
@@ -91,8 +92,14 @@ class GaitFamily(Table):
 
     @property
     def froude_speed(self) -> NDArray[np.float64]:
-        """Speed over sqrt(g l) of `walker`."""
-        return self.speed / self.walker.units.speed
+        """Speed over sqrt(g l), the square root of the Froude number (Eq. 4.6)."""
+        return self.speed / self.units.speed
+
+    @property
+    def units(self) -> Any:
+        """Dimensionless units of each gait's walker, in the walker's own."""
+        varied = self.parameter in self.walker.parameters
+        return self.walker.units_with(**{self.parameter: self.value} if varied else {})
 
     @property
     def stable(self) -> NDArray[np.bool_]:

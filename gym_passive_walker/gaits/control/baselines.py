@@ -18,7 +18,7 @@ from gym_passive_walker.gaits.control.feedback import Method, gains, powered_gai
 from gym_passive_walker.gaits.control.optimal import OptimalGait
 from gym_passive_walker.gaits.control.policy import Policy
 from gym_passive_walker.gaits.control.ticks import ticked_stride
-from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.scenes.scene import CHANNELS, Scene, make_scene
 from gym_passive_walker.gaits.section import Section
 
 _STANDS = 1e-5  # rad, in single precision: legs that mirror each other have just changed roles
@@ -152,15 +152,10 @@ class Schedule(StrideFeedback):
 
     def __init__(self, scene: Scene | str | dict[str, Any], gait: OptimalGait) -> None:
         scene = make_scene(scene)
-        count = len(gait.torques)
-        given = {
-            "hip": gait.torques,
-            "ankle": gait.ankle_torques or [0.0] * count,
-            "push_off": [gait.push_off] * count,
-        }
-        actions = np.array([given[name] for name in scene.actions], dtype=float).T
+        held = dict(zip(CHANNELS, np.broadcast_arrays(*gait.dimensionless.controller), strict=True))
+        actions = np.array([held[name] for name in scene.actions], dtype=float).T
         largest = np.array([scene.largest(name) for name in scene.actions])
-        super().__init__("schedule", scene, np.array(gait.point), actions / largest)
+        super().__init__("schedule", scene, gait.point.values[0], actions / largest)
 
 
 class LinearFeedback(StrideFeedback):
@@ -243,9 +238,9 @@ class Optimal(StrideFeedback):
         given, scene = scene, make_scene(scene)
         if gait is None:
             known = optimal.load(given if isinstance(given, str) else optimal.stored_name(scene))
-            gait = max(known, key=lambda g: g.speed * (1.0 - scene.energy_weight * g.hip_cost))
+            gait = max(known, key=lambda g: g.froude_speed * (1.0 - scene.energy_weight * g.hip_cost))
         self.gait = gait
-        point, torques = np.array(gait.point), np.array(gait.torques)
+        point, torques = gait.point.values[0], gait.dimensionless.controller.hip_torque
         tick = scene.tick if scene.control == "tick" else np.inf
         walked = ticked_stride(scene.walker, gait.slope, point, torques, tick=tick)
         rows = gains(walked.by_point, walked.by_torque, torque_weight=torque_weight)

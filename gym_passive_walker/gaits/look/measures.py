@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker._tools.arguments import check_state, instance, one_slope, shown
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.look.forces import struck
+from gym_passive_walker.gaits.measures import MEASURES, InUnits
 from gym_passive_walker.models.chart import OFF
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import State
@@ -30,28 +32,17 @@ class FootVelocity(NamedTuple):
     normal: NDArray[np.float64] | float
 
 
-class Measures(NamedTuple):
-    """Measures of a gait, in the walker's own units.
+_NAMES = [each.name for each in MEASURES if each.name != "duration"]
 
-    Attributes:
-        step_period: Mean time of a stride.
-        step_length: Mean distance between contacts along the slope.
-        speed: Mean speed along the slope.
-        froude_speed: Speed over sqrt(g l) (Eq. 4.6).
-        cost_of_transport: Energy lost over weight times distance (Eq. 4.3).
-        kneestrike_loss: Energy lost at kneestrike, in the first stride.
-        heelstrike_loss: Energy lost at heelstrike, in the first stride.
-        foot_velocity: Velocity of the landing foot at the end of the first stride.
+
+class Measures(InUnits, namedtuple("Measures", ("walker", *_NAMES, "foot_velocity"))):  # noqa: PYI024
+    """All measures of a gait, in the walker's own units: means over its strides.
+
+    Its fields are the quantities of `gaits.measures.MEASURES` by name, then `foot_velocity`: the
+    velocity of the landing foot at the end of the first stride.
     """
 
-    step_period: float
-    step_length: float
-    speed: float
-    froude_speed: float
-    cost_of_transport: float
-    kneestrike_loss: float
-    heelstrike_loss: float
-    foot_velocity: FootVelocity
+    __slots__ = ()
 
 
 def foot_velocity(walker: WalkerLike, state: ArrayLike) -> FootVelocity:
@@ -128,5 +119,4 @@ def measures(gait: Gait) -> Measures:
     verge = stride_map.before_strike(gait.point.values[0], gait.slope, duration)
     velocity = foot_velocity(gait.walker, stride_map.units.to_own(verge))
     landing = FootVelocity(float(velocity.tangential), float(velocity.normal))
-    own = {name: getattr(gait, name) for name in Measures._fields[:-1]}
-    return Measures(**own, foot_velocity=landing)
+    return Measures(gait.walker, *(getattr(gait, name) for name in _NAMES), landing)

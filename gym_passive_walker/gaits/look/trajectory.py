@@ -20,6 +20,7 @@ from gym_passive_walker.gaits.actuation import Actuation, one_actuation, to_dime
 from gym_passive_walker.gaits.find.fixed_point import state_on
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.gaits.stride import stride, together
+from gym_passive_walker.gaits.measures import InUnits
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, contacts, terrain_from
 from gym_passive_walker.models.equations.hybrid import Outcome
@@ -30,7 +31,7 @@ COARSEST_SAMPLES = 1e-4
 
 
 @dataclass(frozen=True, repr=False)
-class Trajectory(Table):
+class Trajectory(InUnits, Table):
     """A walk at n instants, in the walker's own units.
 
     Two samples lie at nearly the time of a heelstrike: the last sample of one stride, just before

@@ -32,6 +32,7 @@ from gym_passive_walker.gaits.branches.bifurcation import period_of
 from gym_passive_walker.gaits.find.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.find.search import at_heelstrike, seek
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
+from gym_passive_walker.gaits.measures import InUnits
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.model import check_supports
@@ -52,7 +53,7 @@ _SPAN = 2.2  # upper end of a default slice over the gait's angle and angular ve
 
 
 @dataclass(frozen=True, repr=False)
-class Basin(Table):
+class Basin(InUnits, Table):
     """Basins of attraction on a slice of the Poincaré section.
 
     Attributes:
