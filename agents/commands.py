@@ -87,8 +87,11 @@ def find_optimal(arguments: Sequence[str]) -> int:
         found = optimal.optimal_gaits(args.scene, speeds)
         optimal.save_costs(args.scene, found)
         # The passive gait of the scene is found too, and its speed is not one of the grid.
-        of = {gait: round(gait.froude_speed, 6) for gait in found}
-        gaits = [gait for gait in found if of[gait] in kept or of[gait] not in speeds]
+        gaits = [
+            gait
+            for gait, speed in ((gait, round(gait.froude_speed, 6)) for gait in found)
+            if speed in kept or speed not in speeds
+        ]
         with replacing(optimal.STORE / f"{args.scene}.json") as path:
             optimal.save_gaits(path, gaits)
     print(optimal_table(optimal.load(args.scene)))
@@ -142,7 +145,9 @@ def show_gait(arguments: Sequence[str]) -> int:
         least = optimal.least_cost(name, gait.froude_speed)
     print(_described(gait, least))
     if out is not None:
-        near = min(known, key=lambda other: abs(other.froude_speed - gait.froude_speed), default=None)
+        near = min(
+            known, key=lambda other: abs(other.froude_speed - gait.froude_speed), default=None
+        )
         save(figure_of(gait.plot(OWN, optimum=near)), out)
     return 0
 

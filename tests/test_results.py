@@ -109,7 +109,8 @@ def configured() -> dict[str, Any]:
 
 def at_speed(scene: Any, speed: float) -> dict[str, Any]:
     found = gpw.optimal_gait(scene, speed)
-    return {"cost": found.motor_cost, "period": found.step_period, "speed": found.speed}
+    return {"cost": found.motor_cost, "period": found.dimensionless.step_period,
+            "speed": found.froude_speed}  # fmt: skip
 
 
 RESULTS: dict[str, Callable[[], Any]] = {

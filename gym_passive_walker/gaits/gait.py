@@ -17,7 +17,6 @@ from gym_passive_walker.gaits.measures import Measured, in_words
 from gym_passive_walker.gaits.section import Points
 from gym_passive_walker.gaits.stride import Stride, together
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.walkers import Walker, name_of
 
 GaitKind = Literal["long", "short"]
@@ -104,7 +103,7 @@ class Gait(Measured, Shown):
         """
         if self.controller is not None:
             return self.mean.cost_of_transport
-        return (self.collision_loss + self.friction_loss) / (self.mean.weight * self.step_length)
+        return (self.collision_loss + self.friction_loss) / (self.weight * self.step_length)
 
     @property
     def beyond_fold(self) -> bool:

@@ -6,7 +6,6 @@ rollouts) are dimensionless, as are `dimensionless` views of the others.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -60,7 +59,7 @@ class Measure(NamedTuple):
 
     name: str
     unit: str
-    of: str | tuple[str, int] | Callable[[Any], Any]
+    of: Any
     about: str
 
 
@@ -130,10 +129,10 @@ RECORDED = tuple(each for each in MEASURES if isinstance(each.of, str))
 
 _OTHERS = {
     "": "walker slope kind period multipliers multipliers_error violation stable beyond_fold "
-    "outcome outcomes weight_share controller parameter folds period_doublings neimark_sackers "
+    "outcome outcomes controller parameter folds period_doublings neimark_sackers "
     "halts ends stride_map knee_locked settled gaits walks strides friction stance_friction "
     "holds passed readings stride_index phases terrain terrain_seed struck ending needed_friction "
-    "charged_cost on_edge optimality stubs point cycle stride cost",
+    "charged_cost on_edge optimality stubs point cycle stride mean",
     "angle": "stance_angle tilts knee_flexion",
     "time": "time times",
     "length": "clearance release_depth contact_x contact_y",
@@ -162,6 +161,11 @@ class InUnits:
     def units(self) -> Units:
         """Dimensionless units, in the walker's own."""
         return self.walker.units
+
+    @property
+    def weight(self) -> float:
+        """Weight of the walker: total mass times gravity."""
+        return self.walker.weight
 
     @property
     def dimensionless(self) -> Any:
@@ -207,7 +211,8 @@ def _over(value: Any, kind: str, result: Any) -> Any:
 
 def in_words(result: Any, name: str) -> str:
     """A quantity of a result, dimensionless, with its unit."""
-    symbol = UNITS[UNIT_OF[name]][0].strip("()") if UNIT_OF[name] else ""
+    symbol = UNITS[UNIT_OF[name]][0] if UNIT_OF[name] else ""
+    symbol = symbol[1:-1] if symbol.startswith("(") else symbol
     return f"{getattr(result.dimensionless, name):.6g} {symbol}".strip()
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -97,17 +98,24 @@ class Stride(Derived, InUnits, Table, _Fields):
 
     __slots__ = ()
 
-    @property
-    def weight(self) -> float:
-        """Total mass times gravity."""
-        return self.walker.weight
-
     def each(self, function: Callable[[NDArray], Any]) -> Stride:
         """Return one stride, with a function of the numbers of several in each field."""
         fields = self._asdict() | {"walker": self.walker, "outcome": Outcome.HEELSTRIKE}
         return Stride(**{
             name: function(x) if isinstance(x, np.ndarray) else x for name, x in fields.items()
         })  # fmt: skip
+
+    def to_json(self) -> dict[str, Any]:
+        """Return one stride as numbers and lists by name."""
+        parts = {"state": self.state.tolist(), "walker": asdict(self.walker)}
+        return self._asdict() | parts | {"outcome": int(self.outcome)}
+
+    @classmethod
+    def from_json(cls, parts: Mapping[str, Any]) -> Self:
+        """Return a stride from the result of `to_json`."""
+        walker, outcome = Walker(**parts["walker"]), Outcome(parts["outcome"])
+        return cls(**{**parts, "state": np.array(parts["state"]), "walker": walker,
+                      "outcome": outcome})  # fmt: skip
 
     def facts(self) -> dict[str, str]:
         """Outcome and measures of one stride; of several, how many ended with a heelstrike."""
@@ -319,14 +327,15 @@ def account(
     knee_time[knee_time <= 0.0] = np.nan
     numbers = numbers_of(record).take(_places(layout_in(record.dtype)), axis=1)
     numbers *= _own_units(walker.units)
-    state = walker.units.to_own(states_in(record, system.coordinates))
+    state: Any = walker.units.to_own(states_in(record, system.coordinates))
     if shape:
         own: Any = numbers.T
     else:
         own, state, outcome, pushed = numbers[0], state[0], Outcome(int(outcome[0])), pushed[0]
         hip, ankle = ((net[0], absolute[0]) for net, absolute in works)
     return Stride(
-        state=state, outcome=outcome, walker=walker, hip_work=hip[0], hip_work_absolute=hip[1],
+        state=state, outcome=outcome,  # type: ignore[arg-type]
+        walker=walker, hip_work=hip[0], hip_work_absolute=hip[1],
         ankle_work=ankle[0], ankle_work_absolute=ankle[1], push_off_work=pushed,
         **dict(zip(_OWN, own)),  # noqa: B905 - strictness takes a microsecond
     )  # fmt: skip

@@ -366,7 +366,7 @@ def _gait(gait: Gait, ax: Axes | None = None, optimum: Any = None) -> Axes | NDA
 
 def _torques(ax: Axes, walk: Trajectory, gait: Gait, optimum: Any) -> None:
     """Draw the hip torque over the first stride, beside that of an optimal gait."""
-    units, first = walk.walker.units, walk.strides == 0
+    units, first = walk.walker.units, walk.stride_index == 0
     times, name = walk.times[first] / units.time, gait.stride_map.controller_name
     if isinstance(walk.walker, Mechanism):
         for (label, colour, dash), torque in zip(

@@ -230,6 +230,7 @@ def tick(
 
 _Result = TypeVar("_Result", Stride, Tick)
 
+
 def _found(
     kind: type[_Result], walker: Walker, units: Units, time: Tensor, moved: FlowResult, held: Tensor
 ) -> _Result:

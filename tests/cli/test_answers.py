@@ -173,8 +173,9 @@ def test_robustness_is_that_of_python(answer):
     assert data["first_passage_error"] == plain(lasting.error)
     assert data["first_passage_interval"] == plain(lasting.interval)
     assert (data["falls"], data["strides"]) == (lasting.falls, lasting.strides) and lasting.falls
-    assert data["phase"] == list(found.columns()["phase"])
-    assert (data["forward"], data["backward"]) == tuple(map(plain, (found.forward, found.backward)))
+    assert data["push_phases"] == list(found.columns()["push_phases"])
+    for name in ("push_forward", "push_backward"):
+        assert data[name] == plain(getattr(found, name))
     facts, pushes = text.split("\n\n")
     for fact, said in found.facts().items():
         assert said in facts, fact
@@ -183,7 +184,7 @@ def test_robustness_is_that_of_python(answer):
     assert head.index("forward") < head.index("backward")
     values = [[float(x.replace("-", "nan") if x == "-" else x) for x in row.split()]
               for row in rows]  # fmt: skip
-    expected = [*zip(found.columns()["phase"], found.forward, found.backward, strict=True)]
+    expected = [*zip(*found.columns().values(), strict=True)]
     np.testing.assert_allclose(values, expected, rtol=1e-5)
 
 
@@ -191,7 +192,7 @@ def test_a_gauntlet_is_that_of_python(answer):
     data, text = answer("gauntlet steep-ppo --walkers 3")
     found = gpw.gauntlet("steep-ppo", walkers=3)
     low, high = found.score_interval
-    assert (data["controller"], data["score"]) == (found.controller, plain(found.score))
+    assert (data["controller"], data["score"]) == (found.controller_name, plain(found.score))
     assert (data["low"], data["high"]) == (plain(low), plain(high)) and data["low"] < data["high"]
     for name, values in found.columns().items():
         assert [row[name] for row in data["tests"]] == plain(values), name

@@ -58,12 +58,14 @@ def test_policies_act_on_one_observation_and_on_batches_alike(policy):
 
 @pytest.mark.parametrize("actions", [("hip", "push_off"), ("push_off", "hip"), ("push_off",)])
 def test_an_optimal_gait_s_motors_are_each_a_share_of_their_own_largest(actions):
-    gait = replace(optimal.load("level")[3], push_off=0.01)
+    gait = optimal.load("level")[3]
+    held = gait.controller._replace(push_off=0.01 * gait.units.impulse)
+    gait = replace(gait, controller=held)
     scene = make_scene(actions=actions, max_hip_torque=0.04, max_push_off=0.3)
-    plan = Schedule(scene, gait).plan(np.array([gait.point]), 0.0)[0]
+    plan = Schedule(scene, gait).plan(gait.point.values, 0.0)[0]
     given = plan * [scene.largest(name) for name in actions]
     for column, name in zip(given.T, actions, strict=True):
-        expected = gait.torques if name == "hip" else [gait.push_off] * len(gait.torques)
+        expected = gait.dimensionless.controller.hip_torque if name == "hip" else 0.01
         np.testing.assert_allclose(column, expected, rtol=1e-12)
 
 

@@ -356,8 +356,8 @@ def test_a_gait_on_steps_repeats_as_its_ground_does_and_its_energy_balance_close
         )
         state = walk.state
     np.testing.assert_allclose(state, gait.state, rtol=1e-10, atol=1e-12)
-    spent = gait.strides.gravity_work + gait.strides.hip_work
-    assert sum(spent) == pytest.approx(sum(gait.strides.collision_loss), rel=1e-10)
+    spent = gait.cycle.gravity_work + gait.cycle.hip_work
+    assert sum(spent) == pytest.approx(sum(gait.cycle.collision_loss), rel=1e-10)
     passage = strides.apply(strides.points_at(gait.state), strides=2)
     assert abs(passage.imbalance[0]) < 1e-10
     assert gpw.simulate(gait, strides=3 * len(ground.rises)).ending == "heelstrike"

@@ -48,10 +48,10 @@ def test_each_form_acts_alike_everywhere(form, expected):
     score, strides = expected
     controller = FORMS[form]()
     found = gpw.gauntlet(controller, SCENE, walkers=3)
-    assert found.walks["own scene"].distance == pytest.approx(
-        score.walks["own scene"].distance, rel=1e-4
+    assert found.episodes["own scene"].distance == pytest.approx(
+        score.episodes["own scene"].distance, rel=1e-4
     )
-    assert 0.0 < np.mean(found.walks["own scene"].distance)
+    assert 0.0 < np.mean(found.episodes["own scene"].distance)
     own = gpw.stride_map(controller=controller, scene=SCENE)
     point = own.points_at(gpw.find_gait("C", 0.11).state)
     assert own.apply(point).ends == pytest.approx(strides.apply(point).ends, abs=1e-5)

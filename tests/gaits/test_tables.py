@@ -132,7 +132,7 @@ def test_facts_and_rows_of_a_cascade(cascade):
 )  # fmt: skip
 def test_facts_of_a_gait_are_dimensionless(of, slope, kind, period):
     gait = find_gait(of, slope, kind, period=period)
-    walker, strides = gait.walker, gait.strides
+    walker, strides = gait.walker, gait.cycle
     length, time = np.sum(strides.step_length), np.sum(strides.duration)
     speed = length / time / np.sqrt(walker.gravity * (walker.thigh_length + walker.shank_length))
     lost = np.sum(strides.collision_loss) + np.sum(strides.friction_loss)
@@ -160,7 +160,7 @@ def test_facts_of_a_gait_are_dimensionless(of, slope, kind, period):
 def test_a_gait_s_actuators_cost_what_each_of_them_does():
     held = Actuation(hip_torque=-0.004, ankle_torque=0.002, push_off=0.03)
     gait = find_gait(stride_map("E", 0.01, controller=held))
-    strides, weight = gait.strides, gait.walker.gravity * gait.walker.total_mass
+    strides, weight = gait.cycle, gait.walker.gravity * gait.walker.total_mass
     over = weight * float(strides.step_length[0])
     for name, energy in dict(
         gravity_cost="gravity_work", hip_cost="hip_work_absolute", net_hip_cost="hip_work",

@@ -31,9 +31,9 @@ def test_a_compass_stated_by_its_masses_is_as_robust_as_the_package_s_own():
 def test_a_system_without_controls_and_with_a_torso_has_a_robustness():
     found = gpw.robustness(TORSO, **FEW)
     gait = gpw.find_gait(TORSO, SLOPE)
-    assert found.period == pytest.approx(gait.strides.duration[0], rel=1e-6)
-    assert found.step_length == pytest.approx(gait.strides.step_length[0], rel=1e-6)
-    assert 0.0 < found.step_down < 0.1 and found.forward.min() > 0.0
+    assert found.step_period == pytest.approx(gait.cycle.duration[0], rel=1e-6)
+    assert found.step_length == pytest.approx(gait.cycle.step_length[0], rel=1e-6)
+    assert 0.0 < found.step_down < 0.1 and found.push_forward.min() > 0.0
     assert 0.0 < found.recovered < 1.0
 
 
@@ -42,7 +42,7 @@ def test_a_wheel_without_spokes_to_move_has_a_robustness():
         RIMLESS_WHEEL, slope=0.2, roughness=0.02, walkers=100, strides=20, starts=32
     )
     gait = gpw.find_gait(RIMLESS_WHEEL, 0.2)
-    assert found.step_length == pytest.approx(gait.strides.step_length[0], rel=1e-6)
+    assert found.step_length == pytest.approx(gait.cycle.step_length[0], rel=1e-6)
     assert 0.0 < found.recovered <= 1.0 and found.step_up > 0.0
 
 

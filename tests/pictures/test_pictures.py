@@ -215,7 +215,7 @@ def test_a_gait_s_four_panels_are_named_and_say_whether_it_is_stable(controlled,
         assert said(panels[0])[:2] == ("time t / √(l/g)", "hip torque τ / (m g l)")
         (torque,) = [line for line in panels[0].lines if line.get_label().lower().startswith("lqr")]
         walk = gpw.simulate(found, strides=2, samples=400)
-        first, units = walk.strides == 0, walk.walker.units
+        first, units = walk.stride_index == 0, walk.walker.units
         np.testing.assert_allclose(torque.get_xdata(), walk.times[first] / units.time)
         np.testing.assert_allclose(torque.get_ydata(), walk.torques[first, 0] / units.torque)
         assert "stance angular velocity" in panels[2].get_ylabel()

@@ -127,8 +127,8 @@ def test_a_file_acts_in_every_analysis_as_its_policy(tmp_path):
     score, expected = (gpw.gauntlet(which, walkers=8) for which in (path, "steep-sac"))
     # Rounding decides few of the walks.
     assert np.max(np.abs(score.survival - expected.survival)) <= 0.13
-    assert score.walks["own scene"].distance == pytest.approx(
-        expected.walks["own scene"].distance, rel=1e-3
+    assert score.episodes["own scene"].distance == pytest.approx(
+        expected.episodes["own scene"].distance, rel=1e-3
     )
 
 

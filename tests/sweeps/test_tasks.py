@@ -141,8 +141,8 @@ def test_robustness_has_the_weakest_push_of_each_direction():
         recovered=tests.recovered,
         recovered_error=tests.recovered_error,
         recovery=tests.recovery,
-        push_forward=min(tests.forward),
-        push_backward=min(tests.backward),
+        push_forward=min(tests.push_forward),
+        push_backward=min(tests.push_backward),
     )
     assert found["push_forward"] != found["push_backward"]
 

@@ -153,7 +153,7 @@ class Schedule(StrideFeedback):
     def __init__(self, scene: Scene | str | dict[str, Any], gait: OptimalGait) -> None:
         scene = make_scene(scene)
         held = dict(zip(CHANNELS, np.broadcast_arrays(*gait.dimensionless.controller), strict=True))
-        actions = np.array([held[name] for name in scene.actions], dtype=float).T
+        actions = np.array([held[name] for name in scene.actions], dtype=float).T  # type: ignore[index]
         largest = np.array([scene.largest(name) for name in scene.actions])
         super().__init__("schedule", scene, gait.point.values[0], actions / largest)
 
@@ -238,7 +238,9 @@ class Optimal(StrideFeedback):
         given, scene = scene, make_scene(scene)
         if gait is None:
             known = optimal.load(given if isinstance(given, str) else optimal.stored_name(scene))
-            gait = max(known, key=lambda g: g.froude_speed * (1.0 - scene.energy_weight * g.hip_cost))
+            gait = max(
+                known, key=lambda g: g.froude_speed * (1.0 - scene.energy_weight * g.hip_cost)
+            )
         self.gait = gait
         point, torques = gait.point.values[0], gait.dimensionless.controller.hip_torque
         tick = scene.tick if scene.control == "tick" else np.inf

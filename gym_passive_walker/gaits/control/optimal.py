@@ -72,7 +72,11 @@ def optimal_gait(
         instance(start, OptimalGait, "start", "gpw.optimal_gait returns")
     near = start or _at_hand(scene, speed)
     begun = near or constant_gait(scene)
-    ticks = 1 if scene.control == "stride" else math.ceil(_SPARE * begun.dimensionless.step_period / scene.tick)
+    ticks = (
+        1
+        if scene.control == "stride"
+        else math.ceil(_SPARE * begun.dimensionless.step_period / scene.tick)
+    )
     problem = Problem(scene, speed, ticks, begun.point.section.dimension)
     try:
         z = problem.solve(problem.begun_at(begun))
@@ -279,8 +283,7 @@ def load(scene: str) -> list[OptimalGait]:
             f"no optimal gaits of scene {scene!r} are stored, only those of: {known}; "
             f"`python train.py optimal --scene {scene}` computes them"
         )
-    walker, parts = make_scene(scene).walker, json.loads(path.read_text(encoding="utf-8"))
-    return [OptimalGait.from_json(gait, walker) for gait in parts]
+    return [OptimalGait.from_json(gait) for gait in json.loads(path.read_text(encoding="utf-8"))]
 
 
 def stored_name(scene: Scene) -> str:

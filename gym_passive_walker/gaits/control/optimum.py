@@ -33,7 +33,6 @@ from gym_passive_walker.gaits.measures import SHARES, Measured
 from gym_passive_walker.gaits.scenes.scene import CHANNELS, Scene
 from gym_passive_walker.gaits.section import Points, Section
 from gym_passive_walker.gaits.stride import Stride, account
-from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import Walker
 
@@ -99,22 +98,20 @@ class OptimalGait(Measured):
         return Section(walker=self.walker).points(self.state)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the gait without its walker, as plain numbers, text and lists."""
+        """Return the gait as numbers, text and lists by name."""
         parts = {each.name: getattr(self, each.name) for each in fields(self)}
-        parts["multipliers"] = [[x.real, x.imag] for x in self.multipliers]
-        parts["mean"] = self.mean._replace(walker=None, outcome=int(self.mean.outcome))._asdict()  # type: ignore[arg-type]
+        parts["mean"] = self.mean.to_json()
         parts["controller"] = self.controller._asdict()
+        parts["multipliers"] = [[x.real, x.imag] for x in self.multipliers]
         return json.loads(json.dumps(parts, default=lambda x: x.tolist()))
 
     @classmethod
-    def from_json(cls, parts: Mapping[str, Any], walker: Walker) -> Self:
-        """Return the gait of a walker from the result of `to_json`."""
-        stride = parts["mean"] | {"walker": walker, "state": np.array(parts["mean"]["state"])}
-        stride["outcome"] = Outcome(stride["outcome"])
+    def from_json(cls, parts: Mapping[str, Any]) -> Self:
+        """Return a gait from the result of `to_json`."""
         own = {
             "state": np.array(parts["state"]),
             "controller": Actuation(**{x: np.array(y) for x, y in parts["controller"].items()}),
-            "mean": Stride(**stride),
+            "mean": Stride.from_json(parts["mean"]),
             "multipliers": np.array([complex(*x) for x in parts["multipliers"]]),
         }
         return cls(**{**parts, **own})

@@ -35,7 +35,7 @@ class FootVelocity(NamedTuple):
 _NAMES = [each.name for each in MEASURES if each.name != "duration"]
 
 
-class Measures(InUnits, namedtuple("Measures", ("walker", *_NAMES, "foot_velocity"))):  # noqa: PYI024
+class Measures(InUnits, namedtuple("Measures", ("walker", *_NAMES, "foot_velocity"))):
     """All measures of a gait, in the walker's own units: means over its strides.
 
     Its fields are the quantities of `gaits.measures.MEASURES` by name, then `foot_velocity`: the

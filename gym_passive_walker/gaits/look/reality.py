@@ -148,13 +148,14 @@ class RealityCheck(InUnits, Table):
         length, time, torque, _ = units = self.walker.units
         weight = units.force
         knee, heel = self.kneestrike_impulse, self.heelstrike_impulse
+        push = self.push_off_impulse
         knee_normal, heel_normal = (
             TimedExtremum(knee.normal_impulse, knee.time),
             TimedExtremum(heel.normal_impulse, heel.time),
         )
 
         def pushed(what: str, extreme: TimedExtremum, unit: float, name: str) -> list[Any]:
-            there = not np.isnan([self.push_off_impulse.normal_impulse, extreme.value]).all()
+            there = not np.isnan([push.normal_impulse, extreme.value]).all()
             return [(what, extreme, unit * time, name)] if there else []
 
         table: dict[str, list[tuple[str, TimedExtremum, float, str]]] = {
@@ -176,7 +177,7 @@ class RealityCheck(InUnits, Table):
                 ("needed between collisions", self.stance_friction, 1.0, ""),
                 ("needed at kneestrike", knee.needed_friction, 1.0, ""),
                 ("needed at heelstrike", heel.needed_friction, 1.0, ""),
-                *pushed("needed at push-off", self.push_off_impulse.needed_friction, 1.0 / time, ""),
+                *pushed("needed at push-off", push.needed_friction, 1.0 / time, ""),
             ],
             "hyperextension": [("swing knee's least flexion", self.knee_flexion, 1.0, "rad")],
             "release": [

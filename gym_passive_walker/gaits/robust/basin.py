@@ -131,7 +131,7 @@ class Attractors:
     def __init__(self, stride_map: StrideMap, gaits: list[Gait], atol: float) -> None:
         self.atol, self._stride_map = atol, stride_map
         every = len(stride_map.ground)  # strides of one application on ground that repeats
-        states = [gait.strides.state[every - 1 :: every] for gait in gaits]
+        states = [gait.cycle.state[every - 1 :: every] for gait in gaits]
         self.points = [point for own in states for point in stride_map.points(own).search]
         self.owner = [i for i, own in enumerate(states) for _ in own]
 

@@ -1,0 +1,130 @@
+"""An attribute of results has one meaning and one unit, whatever the result."""
+
+import dataclasses
+import inspect
+
+import numpy as np
+import pytest
+import torch
+
+import gym_passive_walker as gpw
+from gym_passive_walker.envs.evaluation.walks import Walks
+from gym_passive_walker.gaits.measures import (
+    MEASURES,
+    SHARES,
+    UNIT_OF,
+    InUnits,
+    collision_cost,
+    cost_of_transport,
+)
+from gym_passive_walker.gaits.stride import _Fields
+from gym_passive_walker.models.units import UNITS
+from gym_passive_walker.torch import initial_state, rollout
+from gym_passive_walker.torch import stride as torch_stride
+from gym_passive_walker.torch.walks import Stride as TorchStride
+
+
+@pytest.fixture(scope="module")
+def gait():
+    walker = gpw.WALKERS["C"]
+    held = gpw.Actuation(-0.001 * walker.units.torque, 0.0, 0.01 * walker.units.impulse)
+    return gpw.find_gait(gpw.stride_map(walker, 0.06, controller=held))
+
+
+def attributes(of):
+    """Names of the fields and properties of a class."""
+    names = set(getattr(of, "_fields", ()))
+    names |= (
+        {each.name for each in dataclasses.fields(of)} if dataclasses.is_dataclass(of) else set()
+    )
+    names |= {name for name, _ in inspect.getmembers(of, inspect.isdatadescriptor)}
+    return {name for name in names if not name.startswith("_")} - {"units", "dimensionless"}
+
+
+RESULTS = [of for name in gpw.__all__ if inspect.isclass(of := getattr(gpw, name))
+           if issubclass(of, InUnits)]  # fmt: skip
+PARAMETER = {"value"}
+"""The quantity that a family varies has the unit of its own parameter."""
+
+
+@pytest.mark.parametrize("of", RESULTS, ids=lambda of: of.__name__)
+def test_each_attribute_of_a_result_has_its_unit_in_the_table(of):
+    assert not attributes(of) - UNIT_OF.keys() - PARAMETER
+    assert {UNIT_OF[name] for name in attributes(of) - PARAMETER} <= {
+        *UNITS,
+        "",
+        "state",
+        "controls",
+    }
+
+
+def test_the_results_in_a_walker_s_units_are_those_that_report_walks():
+    named = "Basin BifurcationDiagram Gait GaitFamily Measures OptimalGait RealityCheck Stride"
+    assert {of.__name__ for of in RESULTS} == {*named.split(), "Trajectory"}
+    recorded = {each.name for each in MEASURES if not callable(each.of)}
+    assert recorded == {*_Fields._fields} - {"state", "outcome", "walker"}
+    assert recorded <= {*TorchStride._fields}
+
+
+def views(gait):
+    """Dimensionless quantities of one stride of a walk, by each type that reports it."""
+    units, scene = gait.units, dict(walker="C", slope=0.06, tick=10.0)
+    scene |= {"actions": ("hip", "push_off"), "max_hip_torque": 0.001, "max_push_off": 0.01}
+    scene |= {"end_on_toe_stub": False, "tolerance": 1e-10}
+    held = gait.controller._asdict()
+    found = torch_stride("C", 0.06, torch.tensor(gait.state), tolerance=1e-12, **held)
+    own = {name: x.item() / UNITS[UNIT_OF[name]][1](gait.walker, units)
+           for name, x in found._asdict().items() if UNIT_OF.get(name) in UNITS}  # fmt: skip
+    first = initial_state(scene, 1, seed=0)
+    states = torch.tensor(gait.dimensionless.state)[None]
+    steps = []
+    scene["reward"] = lambda step: steps.append(step) or step.distance
+    rollout(lambda seen: torch.tensor([[-1.0, 1.0]]).double(), scene, 1,
+            start=first._replace(states=states, starts=states[:, :1]))  # fmt: skip
+    step = {name: x.item() for name, x in steps[-1]._asdict().items()
+            if isinstance(x, torch.Tensor) and x.numel() == 1}  # fmt: skip
+    made, table = gait.dimensionless.stride, gpw.measures(gait).dimensionless
+    lasting = {"length": made.step_length, "gravity_work": made.gravity_work}
+    lasting |= {"motor_work": gait.motor_cost * made.step_length, "duration": made.duration}
+    lasting["net_work"] = lasting["motor_work"]
+    episode = Walks(**{each.name: np.array([lasting.get(each.name, 1.0)])
+                       for each in dataclasses.fields(Walks)} | {"endings": [""]})  # fmt: skip
+    costs = ("gravity_cost", "motor_cost", "cost_of_transport", "speed")
+    family = gpw.gait_family(gait.stride_map, 0.058, 0.06, start=gait).dimensionless
+    at = int(np.argmin(np.abs(family.slope - 0.06)))
+    names = ("step_period", "step_length", "speed", "froude_speed", "stance_angle")
+    return {
+        "Stride": {each.name: getattr(made, each.name) for each in MEASURES},
+        "Measures": {name: getattr(table, name) for name in gpw.Measures._fields},
+        "torch.stride": own,
+        "Transition": {name: step[name] for name in step.keys() & {each.name for each in MEASURES}},
+        "Walks": {name: getattr(episode, name)[0] for name in costs},
+        "GaitFamily": {name: getattr(family, name)[at] for name in names},
+    }
+
+
+def test_one_walk_has_the_same_quantities_by_every_type(gait):
+    known, compared = gait.dimensionless, 0
+    for of, found in views(gait).items():
+        for name, value in found.items():
+            if name in {each.name for each in MEASURES} - {"duration"}:
+                expected = getattr(known, name)
+                assert value == pytest.approx(expected, rel=2e-5, abs=1e-9), (of, name)
+                compared += 1
+    assert compared > 60
+
+
+@pytest.mark.parametrize("energy", SHARES)
+def test_costs_have_one_definition(energy, gait):
+    """What is spent net on a gait is what impacts and friction lose."""
+    distance = gait.mean.weight * gait.step_length
+    work = {"absolute": gait.hip_work_absolute, "net": gait.hip_work}
+    work["positive"] = 0.5 * (work["absolute"] + work["net"])
+    spent = gait.gravity_work + work[energy] + gait.push_off_work
+    for walk in (gait, gait.stride):
+        assert cost_of_transport(walk, energy) == pytest.approx(spent / distance, rel=1e-12)
+    assert gait.cost_of_transport == cost_of_transport(gait)
+    assert collision_cost(gait) == gait.collision_cost == gait.collision_loss / distance
+    lost = gait.collision_cost + gait.friction_cost
+    assert cost_of_transport(gait, "net") == pytest.approx(lost, rel=1e-9)
+    assert gait.cost_of_transport > lost
