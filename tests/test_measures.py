@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -128,3 +129,28 @@ def test_costs_have_one_definition(energy, gait):
     lost = gait.collision_cost + gait.friction_cost
     assert cost_of_transport(gait, "net") == pytest.approx(lost, rel=1e-9)
     assert gait.cost_of_transport > lost
+
+
+def test_the_glossary_has_each_quantity_with_its_unit():
+    text = (Path(__file__).parents[1] / "docs" / "glossary.md").read_text(encoding="utf-8")
+    for each in MEASURES:
+        symbol = UNITS[each.unit][0] if each.unit else "1"
+        symbol = symbol[1:-1] if symbol.startswith("(") else symbol
+        assert f"| `{each.name}` | {symbol} | {each.about} |" in text
+
+
+def test_a_dimensionless_actuation_drives_walkers_of_any_size_alike():
+    held = gpw.Actuation.dimensionless(hip_torque=-0.001, push_off=0.01)
+    for walker in (gpw.WALKERS["C"], dataclasses.replace(gpw.WALKERS["C"], gravity=1.62)):
+        found = gpw.find_gait(gpw.stride_map(walker, 0.06, controller=held))
+        assert found.froude_speed == pytest.approx(0.286117, abs=1e-6)
+        assert found.controller.push_off == pytest.approx(0.01 * walker.units.impulse)
+        assert found.dimensionless.controller == pytest.approx(held, rel=1e-12)
+    for part in ({"push_off": -0.1}, {"ankle_torque": 0.1}, {"hip_torque": np.nan}):
+        with pytest.raises(ValueError, match=next(iter(part))):
+            gpw.stride_map("C", 0.0, controller=gpw.Actuation.dimensionless(**part))
+
+
+def test_what_has_no_unit_has_no_dimensionless_value(gait):
+    with pytest.raises(AttributeError, match="facts of Gait has no known unit"):
+        _ = gait.dimensionless.facts

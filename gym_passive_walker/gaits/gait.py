@@ -15,7 +15,7 @@ from gym_passive_walker._tools.shown import Shown
 from gym_passive_walker.gaits.map_result import Change, Passage
 from gym_passive_walker.gaits.measures import Measured, in_words
 from gym_passive_walker.gaits.section import Points
-from gym_passive_walker.gaits.stride import Stride, together
+from gym_passive_walker.gaits.stride import Stride, one_of, together
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.walkers import Walker, name_of
 
@@ -82,12 +82,12 @@ class Gait(Measured, Shown):
     @cached_property
     def stride(self) -> Stride:
         """The first stride of the gait, with its energy balance."""
-        return self.cycle.each(lambda values: values[0])
+        return one_of(self.cycle, lambda values: values[0])
 
     @cached_property
     def mean(self) -> Stride:
         """A stride with the mean of each quantity; its state is that after the first."""
-        return self.cycle.each(lambda x: x[0] if x.ndim > 1 else sum(x.tolist()) / len(x))
+        return one_of(self.cycle, lambda x: x[0] if x.ndim > 1 else sum(x.tolist()) / len(x))
 
     @property
     def stance_angle(self) -> float:
@@ -96,10 +96,10 @@ class Gait(Measured, Shown):
 
     @property
     def cost_of_transport(self) -> float:
-        """Energy spent over weight and distance (Eq. 4.3).
+        """Energy spent over weight and distance, with absolute work of torques.
 
-        On a passive gait it equals the losses to impacts and friction, which are used because they
-        keep their digits at small slopes.
+        On a passive gait it equals the losses to impacts and friction (Eq. 4.3), which are used
+        because they keep their digits at small slopes.
         """
         if self.controller is not None:
             return self.mean.cost_of_transport

@@ -34,9 +34,10 @@ def motor_cost(strides: Any, energy: str = "absolute", channels: str = "hip ankl
 
 
 def cost_of_transport(strides: Any, energy: str = "absolute") -> Any:
-    """Energy spent over weight and distance: work of gravity and of all actuators (Eq. 4.3).
+    """Energy spent over weight and distance: work of gravity and of all actuators.
 
-    The arguments are those of `motor_cost`. It is sin(slope) on a passive gait.
+    It is sin(slope) on a passive gait, where it equals the energy lost, as in Garcia (1999),
+    Eq. 4.3. The arguments are those of `motor_cost`.
     """
     return strides.gravity_cost + motor_cost(strides, energy)
 
@@ -52,8 +53,8 @@ class Measure(NamedTuple):
     Attributes:
         name: Name of the attribute.
         unit: Kind of its unit in `models.units.UNITS`; empty for a number.
-        of: Field of an engine's record, or such a field and an index, whose product with the work
-            of a unit it is; or a function of an object with the other quantities.
+        of: Field of an engine's record; such a field and an index, to be multiplied by the work of
+            a unit; or a function of an object with the other quantities.
         about: Definition.
     """
 
@@ -128,12 +129,12 @@ RECORDED = tuple(each for each in MEASURES if isinstance(each.of, str))
 """Those that are fields of an engine's record."""
 
 _OTHERS = {
-    "": "walker slope kind period multipliers multipliers_error violation stable beyond_fold "
+    "": "walker kind period multipliers multipliers_error violation stable beyond_fold "
     "outcome outcomes controller parameter folds period_doublings neimark_sackers "
     "halts ends stride_map knee_locked settled gaits walks strides friction stance_friction "
     "holds passed readings stride_index phases terrain terrain_seed struck ending needed_friction "
     "charged_cost on_edge optimality stubs point cycle stride mean",
-    "angle": "stance_angle tilts knee_flexion",
+    "angle": "slope stance_angle tilts knee_flexion",
     "time": "time times",
     "length": "clearance release_depth contact_x contact_y",
     "speed": "release_velocity foot_velocity tangential normal",
@@ -174,7 +175,7 @@ class InUnits:
 
 
 class Dimensionless:
-    """A result whose attributes are dimensionless."""
+    """A result with dimensionless attributes."""
 
     def __init__(self, result: Any) -> None:
         self._result = result
@@ -216,7 +217,7 @@ def in_words(result: Any, name: str) -> str:
     return f"{getattr(result.dimensionless, name):.6g} {symbol}".strip()
 
 
-class Derived:
+class StrideQuantities:
     """Quantities that follow from works, losses, times and lengths of strides."""
 
     __slots__ = ()
@@ -251,6 +252,6 @@ def _mean(measure: Measure) -> property:
 
 for _each in MEASURES:
     if callable(_each.of):
-        setattr(Derived, _each.name, property(_each.of, doc=_each.about))
+        setattr(StrideQuantities, _each.name, property(_each.of, doc=_each.about))
     if _each.name != "duration":  # of one stride: that of a gait is its `step_period`
         setattr(Measured, _each.name, _mean(_each))

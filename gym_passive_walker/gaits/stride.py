@@ -34,7 +34,7 @@ from gym_passive_walker.gaits.flow import (
     states_in,
 )
 from gym_passive_walker.gaits.given import GaitLike, walk_of
-from gym_passive_walker.gaits.measures import RECORDED, Derived, InUnits, in_words
+from gym_passive_walker.gaits.measures import RECORDED, InUnits, StrideQuantities, in_words
 from gym_passive_walker.models.equations.hybrid import Ground, Outcome, System
 from gym_passive_walker.models.units import Units
 from gym_passive_walker.models.walkers import Walker, check_heights_only
@@ -63,7 +63,7 @@ class _Fields(NamedTuple):
     push_off_work: NDArray[np.float64]
 
 
-class Stride(Derived, InUnits, Table, _Fields):
+class Stride(StrideQuantities, InUnits, Table, _Fields):
     """One application of the stride map, with its energy balance, in the walker's own units.
 
     A stride is one step, heelstrike to heelstrike. Each field is a number for one walker and an
@@ -97,13 +97,6 @@ class Stride(Derived, InUnits, Table, _Fields):
     """
 
     __slots__ = ()
-
-    def each(self, function: Callable[[NDArray], Any]) -> Stride:
-        """Return one stride, with a function of the numbers of several in each field."""
-        fields = self._asdict() | {"walker": self.walker, "outcome": Outcome.HEELSTRIKE}
-        return Stride(**{
-            name: function(x) if isinstance(x, np.ndarray) else x for name, x in fields.items()
-        })  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:
         """Return one stride as numbers and lists by name."""
@@ -348,6 +341,12 @@ def together(strides: Sequence[Stride]) -> Stride:
         outcome=np.array([int(one.outcome) for one in strides]),
         **{name: np.array([getattr(one, name) for one in strides]) for name in names},
     )
+
+
+def one_of(strides: Stride, function: Callable[[NDArray], Any]) -> Stride:
+    """Return one stride with a function of the arrays of several that end with a heelstrike."""
+    parts = {name: function(x) for name, x in strides._asdict().items() if name != "walker"}
+    return strides._replace(**parts | {"outcome": Outcome.HEELSTRIKE})
 
 
 def conservative_work(

@@ -68,7 +68,7 @@ def test_the_sensitivity_is_that_of_the_linearized_stride_map(lab):
         state = np.array([section[0], -section[0], -section[0], *section[1:]])
         answers.append(changed(state)[1])
         section = jacobian @ section
-    np.testing.assert_allclose(lab.step_period_response[:10], answers[:10], rtol=2e-3, atol=0.02)
+    np.testing.assert_allclose(lab.period_response[:10], answers[:10], rtol=2e-3, atol=0.02)
     assert lab.sensitivity == pytest.approx(math.sqrt(np.square(answers).sum()), rel=1e-3)
 
 
@@ -154,11 +154,13 @@ def test_a_controller_that_does_nothing_withstands_what_the_passive_walker_does(
 def test_it_has_a_table_and_a_picture(lab, tmp_path):
     assert "gait sensitivity norm" in repr(lab)
     lab.to_csv(tmp_path / "pushes.csv")
-    assert (tmp_path / "pushes.csv").read_text().startswith("phase,forward,backward")
+    assert (
+        (tmp_path / "pushes.csv").read_text().startswith("push_phases,push_forward,push_backward")
+    )
     panels = lab.plot()
     assert len(panels) == 4
     bars = [bar.get_height() for bar in panels[1].patches]
-    np.testing.assert_allclose(bars, lab.step_period_response[: len(bars)])
+    np.testing.assert_allclose(bars, lab.period_response[: len(bars)])
     forward, backward = panels[2].lines
     for line, sizes in ((forward, lab.push_forward), (backward, lab.push_backward)):
         np.testing.assert_allclose(line.get_xdata(), 100.0 * lab.push_phases)  # % of the period

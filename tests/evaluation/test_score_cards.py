@@ -107,7 +107,7 @@ def test_each_test_changes_its_one_thing_and_begins_with_the_same_seeds(monkeypa
     monkeypatch.setattr(gauntlets, "evaluate", noted)
     own = make_scene("lab", slope=0.03, tick=0.25)
     found = gpw.gauntlet(Passive(), own, walkers=3)
-    assert tuple(found.walks) == tuple(TESTS) and found.scene == own
+    assert tuple(found.episodes) == tuple(TESTS) and found.scene == own
     for (_, count, scene, limit, seed), changes in zip(asked, TESTS.values(), strict=True):
         assert (count, limit, seed) == (3, 400, 7_202_611)  # 100 sqrt(l/g) of 0.25 each
         assert scene == make_scene(own, **changes)
@@ -260,7 +260,7 @@ def test_measures_of_robustness_are_listed_each_with_its_unit():
         "controller": "mine, walker lab",
         "downhill": "0.0361 rad",
         "step length": "0.51 l",
-        "period": "2.52 √(l/g)",
+        "step period": "2.52 √(l/g)",
         "rough ground": "heights differ by 0.0025 l",
         "first passage": "40 strides there",
         "gait sensitivity norm": "12.3 √(l/g) per l",

@@ -57,7 +57,7 @@ def test_facts_of_a_basin_are_the_shares_of_its_cells(basin):
         "walker": "D",
         "slope": "0.0125 rad",
         "stance angles": "5 from 0.19 to 0.26 rad",
-        "stance rates": "4 from -0.75 to -0.6",
+        "stance rates": "4 from -0.2395 to -0.1916 √(g/l)",
         **shares,
     }
     assert len(set(shares.values())) > 2
@@ -153,8 +153,9 @@ def test_facts_of_a_gait_are_dimensionless(of, slope, kind, period):
     assert gait.stride.duration == strides.duration[0]
     assert gait.step_length == pytest.approx(length / period, rel=1e-14)
     assert gait.step_period == pytest.approx(time / period, rel=1e-14)
-    assert gait.heelstrike_loss == strides.heelstrike_loss[0]
-    assert gait.kneestrike_loss == strides.kneestrike_loss[0]
+    assert gait.stride.heelstrike_loss == strides.heelstrike_loss[0]
+    for name in ("heelstrike_loss", "kneestrike_loss", "gravity_work"):
+        assert getattr(gait, name) == pytest.approx(getattr(strides, name).mean(), rel=1e-14)
 
 
 def test_a_gait_s_actuators_cost_what_each_of_them_does():
@@ -181,7 +182,7 @@ def test_a_family_prints_its_range_its_bifurcations_and_its_ends():
         "walker": "lab",
         "gaits": f"{len(family.value)} of period 1, "
         f"{np.count_nonzero(np.abs(family.multipliers).max(axis=1) < 1.0)} stable",
-        "slope": f"{min(family.slope):.6g} to {max(family.slope):.6g}",
+        "slope": f"{min(family.slope):.6g} to {max(family.slope):.6g} rad",
         "folds": ", ".join(f"{x:.6g}" for x in family.folds),
         **(
             {"period doublings": ", ".join(f"{x:.6g}" for x in family.period_doublings)}
@@ -274,7 +275,8 @@ def test_rows_of_a_check_are_its_readings_in_both_units(friction):
     assert check.facts() == facts
     text = str(check)
     assert text.splitlines()[0] == (
-        f"1 stride of walker 'lab' at slope 0.036 rad, taking {gait.step_period:.6g}"
+        "1 stride of walker 'lab' at slope 0.036 rad, taking "
+        f"{gait.dimensionless.step_period:.6g} √(l/g)"
     )
     assert text.endswith(f"friction up to {friction:g}")
     for quantity, (value, when) in of.items():

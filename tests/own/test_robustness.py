@@ -19,7 +19,7 @@ FEW = {"slope": SLOPE, "walkers": 100, "strides": 20, "roughness": 0.001, "start
 
 def test_a_compass_stated_by_its_masses_is_as_robust_as_the_package_s_own():
     found, expected = (gpw.robustness(walker, **FEW) for walker in (COMPASS, STRAIGHT))
-    for name in ("step_length", "period", "sensitivity", "period_response"):
+    for name in ("step_length", "step_period", "sensitivity", "period_response"):
         np.testing.assert_allclose(
             getattr(found, name), getattr(expected, name), rtol=1e-7, atol=1e-7, err_msg=name
         )
@@ -64,7 +64,7 @@ def test_a_feedback_changes_what_a_system_withstands():
     scene = {"system": DRIVEN, "slope": SLOPE, "control": "stride"}
     driven = gpw.robustness(gpw.stride_map(controller=held, scene=scene), **FEW)
     passive = gpw.robustness(DRIVEN, **FEW)
-    assert driven.controller == "held" and passive.controller == "passive"
+    assert driven.controller_name == "held" and passive.controller_name == "passive"
     assert driven.step_length > passive.step_length
     assert driven.step_down != passive.step_down
     names = {field.name for field in dataclasses.fields(gpw.Robustness)}

@@ -89,7 +89,7 @@ def test_costs_of_an_optimal_gait_add_up_to_its_cost_of_transport():
         found = row("optimal", **scene, speed=speed)
         motors = found["hip_cost"] + found["ankle_cost"] + found["push_off_cost"]
         assert found["cost_of_transport"] == pytest.approx(math.sin(0.03) + motors, rel=1e-6)
-        assert found["step_length"] / found["step_period"] == pytest.approx(speed, rel=1e-6)
+        assert found["froude_speed"] == pytest.approx(speed, rel=1e-6)
         assert found["hip_cost"] > 0.0 and found["push_off"] == found["ankle_cost"] == 0.0
         assert type(found["stable"]) is bool and type(found["stubs"]) is bool
 

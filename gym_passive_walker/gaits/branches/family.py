@@ -122,7 +122,8 @@ class GaitFamily(InUnits, Table):
             **({"controller": name} if name else {}),
             "walker": name_of(self.walker),
             "gaits": f"{len(self)} of period {self.period}, {self.stable.sum()} stable",
-            self.parameter: f"{self.value.min():.6g} to {self.value.max():.6g}",
+            self.parameter: f"{self.value.min():.6g} to {self.value.max():.6g}"
+            + " rad" * (self.parameter == "slope"),
             **{name: ", ".join(f"{x:.6g}" for x in at) for name, at in marks.items() if at},
             "ends": " and ".join(f"at {value:.6g} ({reason})" for value, reason in self.ends),
         }

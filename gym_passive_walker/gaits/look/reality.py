@@ -39,7 +39,7 @@ from gym_passive_walker.gaits.look.dense_stride import (
     turns,
 )
 from gym_passive_walker.gaits.map_result import NoStride
-from gym_passive_walker.gaits.measures import InUnits
+from gym_passive_walker.gaits.measures import InUnits, in_words
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.model import check_supports
@@ -191,7 +191,7 @@ class RealityCheck(InUnits, Table):
         plural = "s" if self.strides > 1 else ""
         lines = [
             f"{self.strides} stride{plural} of {describe(self.walker)} "
-            f"at slope {self.slope:.6g} rad, taking {self.duration:.6g}",
+            f"at slope {self.slope:.6g} rad, taking {in_words(self, 'duration')}",
             f"{'':50}{'value':>12}{'at time':>11}{'scaled':>12}",
         ]
         said = ""
@@ -202,7 +202,8 @@ class RealityCheck(InUnits, Table):
             numbers = f"{'-':>12}" if np.isnan(value) else numbers.rstrip()
             lines.append(f"{head:21}{what:29}{numbers}")
             said = item
-        lines.append(f"m, l: mass and leg length; v = sqrt(g l); friction up to {self.friction:g}")
+        lines.append("value and time in the walker's own units; m, l: mass and leg length;")
+        lines.append(f"v = sqrt(g l); friction up to {self.friction:g}")
         return "\n".join(lines)
 
     def facts(self) -> dict[str, str]:

@@ -84,14 +84,14 @@ class Basin(InUnits, Table):
 
     def facts(self) -> dict[str, str]:
         """The slice, and the share of each basin."""
-        angles, rates = self.stance_angle, self.stance_rate
+        angles, rates = self.stance_angle, self.dimensionless.stance_rate
         shares = {f"settles on gait {i}": self.settled == i for i in range(len(self.gaits))}
         shares |= {"walks on unsettled": self.settled == UNSETTLED, "falls": ~self.walks}
         return {
             "walker": name_of(self.walker),
             "slope": f"{self.slope:.6g} rad",
             "stance angles": f"{len(angles)} from {angles.min():.4g} to {angles.max():.4g} rad",
-            "stance rates": f"{len(rates)} from {rates.min():.4g} to {rates.max():.4g}",
+            "stance rates": f"{len(rates)} from {rates.min():.4g} to {rates.max():.4g} √(g/l)",
             **{name: f"{where.mean():.2%}" for name, where in shares.items()},
         }
 
