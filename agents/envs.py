@@ -7,7 +7,7 @@ from typing import Any
 import gymnasium
 
 from agents.config import Config, ConfigError
-from gym_passive_walker.apps.build import prepare
+from gym_passive_walker.apps.build import compile_for
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
@@ -56,7 +56,7 @@ def check(config: Config) -> None:
     Raises:
         ConfigError: if it cannot.
     """
-    prepare(scene_of(config, **config.training))
+    compile_for(scene_of(config, **config.training))
     try:
         training_envs(config, 1).reset()
     except ValueError as error:

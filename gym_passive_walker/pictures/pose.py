@@ -125,7 +125,7 @@ def pose(
     Raises:
         ValueError: if the state has another shape or is not finite.
     """
-    walker = as_walker(walker)
+    walker = as_walker(walker, "legs")
     state = check_state(state)
     shape = state.shape[:-1]
     x, y, tilt = (

@@ -30,7 +30,8 @@ from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.gaits.measures import SHARES, Measured
-from gym_passive_walker.gaits.scenes.scene import CHANNELS, Scene
+from gym_passive_walker.gaits.scenes.rules import CHANNELS
+from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.gaits.section import Points, Section
 from gym_passive_walker.gaits.stride import Stride, account
 from gym_passive_walker.models.model import check_supports

@@ -66,7 +66,11 @@ def nearest_gait(
     Raises:
         GaitNotFound: if there is none either.
     """
-    walker, slope, kind = as_walker(walker), one_slope(slope), gait_kind(kind)
+    walker, slope, kind = (
+        as_walker(walker, "McGeer's parameters"),
+        one_slope(slope),
+        gait_kind(kind),
+    )
     if keep is not None and (not isinstance(keep, str) or keep not in ("walker", "slope")):
         raise ValueError(f'keep must be "walker", "slope" or None, not {shown(keep)}')
     with said(f"looking for the {kind}-step gait nearest to slope {slope:g} rad"):
