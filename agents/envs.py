@@ -63,9 +63,6 @@ def check(config: Config) -> None:
         raise ConfigError(str(error)) from None
 
 
-_UNITS = {"hip": "m g l", "ankle": "m g l", "push_off": "m √(g l)"}
-
-
 def describe(config: Config) -> str:
     """A short description of a run's scene: walker, slope, control and actuators."""
     scene = scene_of(config)
@@ -77,7 +74,8 @@ def describe(config: Config) -> str:
     )
     held = f"ticks of {scene.tick:g} √(l/g)" if scene.control == "tick" else "one action a stride"
     motors = ", ".join(
-        f"{name.replace('_', '-')} up to {scene.largest(name):g} {_UNITS[name]}"
+        f"{name.replace('_', '-')} up to {scene.largest(name):g} "
+        + scene.actuator(name).unit.replace("sqrt", "√")
         for name in scene.actions
     )
     return f"{config.scene}: walker {walker}, {slope}, {held}, {motors}"

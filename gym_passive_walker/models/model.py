@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,8 +38,11 @@ FEATURES = {
 """What a model may support, and how a refusal calls it."""
 
 
-def check_supports(model: Any, feature: str) -> None:
-    """Check that a model supports one of FEATURES.
+Checked = TypeVar("Checked", bound=Any)
+
+
+def check_supports(model: Checked, feature: str) -> Checked:
+    """Return a model after a check that it supports one of FEATURES.
 
     Raises:
         ValueError: if it does not.
@@ -49,6 +52,7 @@ def check_supports(model: Any, feature: str) -> None:
             f"{FEATURES[feature]} needs a walker with two legs and McGeer's parameters, not the "
             f"system {model.title!r}"
         )
+    return model
 
 
 def check_heights_only(model: Any, slopes: Any) -> None:

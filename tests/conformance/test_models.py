@@ -1,7 +1,4 @@
-"""What works of one model works of every model; what cannot be is refused by one sentence.
-
-`python -m tests.conformance.test_models` prints the table.
-"""
+"""What works of one model works of every model; what cannot be is refused by one sentence."""
 
 from __future__ import annotations
 
@@ -156,7 +153,7 @@ def optima(m):
 def feedback(m):
     scene = m.scene(control="stride")
     if not scene.actions:
-        with pytest.raises(ValueError, match="chooses controls once a stride: give it a control"):
+        with pytest.raises(ValueError, match="needs a control, and the scene a largest torque"):
             LinearFeedback(scene)
         return
     controller = LinearFeedback(scene)
@@ -335,10 +332,3 @@ def test_every_capability_is_one_of_every_model_or_is_refused(cell, name):
         return cell(m)
     with pytest.raises(ValueError, match=f"{FEATURES[NEEDS[cell]]} needs .* not the system"):
         cell(m)
-
-
-if __name__ == "__main__":
-    for cell in CELLS:
-        for name in MODELS:
-            works = cell not in NEEDS or NEEDS[cell] in known(name).model.supports
-            print(f"{cell.__name__:24}{name:12}{'works' if works else 'refused'}")

@@ -26,6 +26,7 @@ from gym_passive_walker.gaits.control.baselines import (
 )
 from gym_passive_walker.gaits.control.feedback import powered_gait
 from gym_passive_walker.gaits.scenes.scene import make_scene
+from tests.own.statements import DRIVEN
 
 
 def walks(policy, scene, episodes=4, **env):
@@ -234,3 +235,16 @@ def test_feedback_walks_as_far_in_the_environment_as_by_its_stride_map():
     arena = PassiveWalkerVectorEnv(200, there, max_episode_steps=33)
     done = evaluate(LinearFeedback("steep"), arena, seed=0)
     assert 0.4 < done.endings.count(TIME_LIMIT) / 200 < 0.75
+
+
+@pytest.mark.parametrize(
+    ("scene", "said"),
+    [
+        ({"actions": ("hip", "push_off")}, "works the hip alone, not hip, push_off"),
+        ({"max_hip_torque": 0.0}, "needs a control, and the scene a largest torque above 0"),
+        ({"system": DRIVEN}, "system 'compass' chooses controls once a stride"),
+    ],
+)
+def test_a_feedback_that_cannot_act_is_refused(scene, said):
+    with pytest.raises(ValueError, match=said):
+        LinearFeedback({"slope": 0.03, **scene})

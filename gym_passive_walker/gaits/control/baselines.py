@@ -233,37 +233,44 @@ class LinearFeedback(StrideFeedback):
                 f"control={scene.control!r}"
             )
         walker, slope = scene.walker, float(np.mean(scene.slope))
-        name = {"lqr": "LQR"}.get(method, method) + ", two torques" * (pieces - 1)
-        if "actuation" not in walker.supports:
-            if scene.control != "stride" or not scene.actions:
+        largest = np.array([scene.largest(name) for name in scene.actions])
+        if not largest.any():
+            raise ValueError(
+                f"feedback works actuators, and this scene has none that works: {describe(walker)} "
+                "needs a control, and the scene a largest torque above 0"
+            )
+        if "actuation" in walker.supports:
+            if scene.actions != ("hip",):
+                raise ValueError(
+                    f"linear feedback works the hip alone, not {', '.join(scene.actions)}: choose "
+                    'a scene with actions=("hip",)'
+                )
+            self.gait = powered_gait(walker, slope)
+            point, scale = Section(walker=walker).points_at(self.gait.state)[0], largest[0]
+            torque = self.gait.hip_torque / walker.units.torque
+            free = ticked_stride(walker, slope, point, np.array([torque]), tick=np.inf)
+            count = 1 if scene.control == "stride" else math.ceil(free.duration / scene.tick)
+            torques = np.full(count, torque)
+            walked = ticked_stride(walker, slope, point, torques, tick=scene.tick)
+            # Which ticks belong to which piece.
+            held = np.eye(pieces)[np.arange(count) * pieces // count]
+            by_point, by_held, plan = walked.by_point, walked.by_torque @ held, torques / scale
+        else:
+            if scene.control != "stride":
                 raise ValueError(
                     f"feedback of {describe(walker)} chooses controls once a stride: give it a "
-                    'control, and a scene with control="stride"'
+                    'scene with control="stride"'
                 )
             strides = StrideMap.of(walker, slope=slope)
             self.gait = gait = find_gait(strides)
-            shares = np.array([scene.largest(name) for name in scene.actions])
             inputs = [walker.inputs[walker.controls.index(name)] for name in scene.actions]
             by_point, by_control = by_inputs(strides, gait.point.values, inputs)
-            answer = gains(by_point, by_control * shares, method, torque_weight=torque_weight)
-            self.closed_loop = by_point - by_control * shares @ answer
-            plan = np.zeros((1, len(shares)))
-            super().__init__(name, scene, gait.point.values[0], plan, answer[None])
-            return
-        self.gait = powered_gait(walker, slope)
-        point = Section(walker=walker).points_at(self.gait.state)[0]
-        torque = self.gait.hip_torque / walker.units.torque
-        free = ticked_stride(walker, slope, point, np.array([torque]), tick=np.inf)
-        count = 1 if scene.control == "stride" else math.ceil(free.duration / scene.tick)
-        torques = np.full(count, torque)
-        walked = ticked_stride(walker, slope, point, torques, tick=scene.tick)
-        # Which ticks belong to which piece.
-        held = np.eye(pieces)[np.arange(count) * pieces // count]
-        by_torque = walked.by_torque @ held
-        answer = gains(walked.by_point, by_torque, method, torque_weight=torque_weight)
-        self.closed_loop = walked.by_point - by_torque @ answer
-        scale = scene.max_hip_torque
-        super().__init__(name, scene, point, torques / scale, held @ answer / scale)
+            by_held, held, scale = by_control * largest, np.eye(len(largest)), 1.0
+            point, plan = gait.point.values[0], np.zeros((1, len(largest)))
+        answer = gains(by_point, by_held, method, torque_weight=torque_weight)
+        self.closed_loop = by_point - by_held @ answer
+        name = {"lqr": "LQR"}.get(method, method) + ", two torques" * (pieces - 1)
+        super().__init__(name, scene, point, plan, held @ answer / scale)
 
 
 class Optimal(StrideFeedback):

@@ -207,8 +207,8 @@ class ControlledMap(StrideMap):
     @cached_property
     def _bounds(self) -> NDArray[np.float64]:
         """What the action 1 is, and the smallest action, of each action, (2, actions)."""
-        scene = self.scene
-        return np.array([[scene.largest(name), scene.least(name)] for name in scene.actions]).T
+        bounds = self.scene.largest, self.scene.least
+        return np.array([[of(name) for name in self.scene.actions] for of in bounds])
 
     @cached_property
     def _inputs(self) -> list[str]:

@@ -147,7 +147,12 @@ def optimize_walker(
     found = problem.solve(iterations)
     missed = problem.missed(found.x)
     last = candidates.at(found.x[: len(parameters)])
-    if last is None or not missed < _MET:
+    if last is None:
+        raise GaitNotFound(
+            f"the search came to values of {', '.join(parameters)} with which no gait of "
+            f"{describe(walker)} is found: choose bounds that are nearer to it"
+        )
+    if not missed < _MET:
         raise GaitNotFound(
             f"no walker like {describe(walker)} with {', '.join(parameters)} in these bounds meets "
             f"the constraints: the search ended {missed:.1e} of their size from it "
@@ -262,7 +267,7 @@ def tune_to_walk(walker: WalkerLike, slope: float, *, radius: float = 0.8) -> Ga
         GaitNotFound: if none of these walks.
         WalkerError: if the walker cannot be tuned.
     """
-    walker, slope = as_walker(walker, "McGeer's parameters"), one_slope(slope)
+    walker, slope = check_supports(as_walker(walker), "McGeer's parameters"), one_slope(slope)
     radius = number(radius, "radius", above=0.0)
     tuned = tune(walker)
     gait = seek(tuned, slope).gait

@@ -16,6 +16,7 @@ from gym_passive_walker._tools.arguments import gait_kind, one_slope, shown
 from gym_passive_walker._tools.progress import said
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.units import unit_of
 from gym_passive_walker.models.walkers import (
     PARAMETERS,
@@ -67,7 +68,7 @@ def nearest_gait(
         GaitNotFound: if there is none either.
     """
     walker, slope, kind = (
-        as_walker(walker, "McGeer's parameters"),
+        check_supports(as_walker(walker), "McGeer's parameters"),
         one_slope(slope),
         gait_kind(kind),
     )

@@ -15,6 +15,7 @@ from gym_passive_walker.gaits.measures import MEASURES, InUnits
 from gym_passive_walker.models.chart import OFF
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import State
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import WalkerLike, as_walker
 
 
@@ -59,7 +60,7 @@ def foot_velocity(walker: WalkerLike, state: ArrayLike) -> FootVelocity:
     Raises:
         ValueError: if a state is not just before heelstrike.
     """
-    walker = as_walker(walker, "McGeer's parameters")
+    walker = check_supports(as_walker(walker), "McGeer's parameters")
     states = check_state(state)
     swing = states[..., 1 : 3 if walker.knees else 2]
     if np.any(states[..., 0] > 0.0) or np.any(np.abs(swing + states[..., :1]) > OFF):
@@ -90,7 +91,7 @@ def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.floa
         (downhill, away from the ground). Its error is about the rounding of the total mass.
     """
     walker, stance_angle = (
-        as_walker(walker, "McGeer's parameters"),
+        check_supports(as_walker(walker), "McGeer's parameters"),
         one_slope(stance_angle, "stance_angle"),
     )
     if walker.massless_legs:

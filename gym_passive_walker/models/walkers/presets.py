@@ -12,7 +12,7 @@ from typing import Any, TypeAlias, TypeGuard
 from gym_passive_walker._tools.arguments import near, shown
 from gym_passive_walker._tools.console import cut
 from gym_passive_walker._tools.loading import SUFFIXES, is_file, read_content
-from gym_passive_walker.models.model import Model, check_supports
+from gym_passive_walker.models.model import Model
 from gym_passive_walker.models.walkers.walker import Walker, WalkerError
 
 
@@ -101,7 +101,7 @@ def is_walker(value: Any) -> TypeGuard[WalkerLike]:
     )
 
 
-def as_walker(walker: WalkerLike, feature: str = "") -> Walker:
+def as_walker(walker: WalkerLike) -> Walker:
     """Return a walker from any form in which functions accept it.
 
     Args:
@@ -110,12 +110,10 @@ def as_walker(walker: WalkerLike, feature: str = "") -> Walker:
             mapping has all parameters without a default, or names a preset to change, as
             ``{"preset": "C", "foot_radius": 0.25}``. It may have a "title", the name of the walker
             in messages and pictures. The title of a file is its name without the ending.
-        feature: What it must support, one of `FEATURES`; nothing if empty.
 
     Raises:
         WalkerError: if there is no such preset or file, or the parameters are invalid.
         ImportError: if the file is YAML and pyyaml is not installed.
-        ValueError: if it does not support the feature.
     """
     if isinstance(walker, Walker):
         return walker
@@ -126,8 +124,6 @@ def as_walker(walker: WalkerLike, feature: str = "") -> Walker:
     if is_file(walker):
         return _of_file(walker)
     if isinstance(walker, Model):
-        if feature:
-            check_supports(walker, feature)
         return walker  # type: ignore[return-value]
     raise WalkerError(
         f"no walker {shown(walker)}{near(walker, WALKERS)}: give a Walker, one of the names "

@@ -8,7 +8,7 @@ from copy import copy
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,13 +20,18 @@ from gym_passive_walker.models.equations.bodies import body_from
 from gym_passive_walker.models.equations.hybrid import System
 from gym_passive_walker.models.equations.systems import EXTRAS, FITTINGS, SYSTEMS, UNEVEN
 from gym_passive_walker.models.model import FEATURES, Actuator, Model, check_row, constants_from
-from gym_passive_walker.models.units import Units
+from gym_passive_walker.models.units import Units, mass_of
 
 _PLACES = ("thigh_com", "thigh_offset", "thigh_gyration")
 _PLACES += ("shank_com", "shank_offset", "shank_gyration")
 _NOT_NEGATIVE = ("thigh_mass", "shank_mass", "hip_mass", "thigh_gyration", "shank_gyration")
 _NOT_NEGATIVE += ("hip_stiffness", "hip_friction", "knee_stiffness")
 _ANGLES = "stance leg", "swing thigh", "swing shank"
+_ENDINGS = {
+    "fell_forward": "the stance leg lies on the ground, ahead",
+    "fell_backward": "the stance leg lies on the ground, behind",
+    "swing_overrotation": "the swing leg has turned beyond upright",
+}
 
 
 STATE_NAMES = (
@@ -111,11 +116,7 @@ class Walker(Shown, Model):
         ("knee locked", "1 or 0"),
         ("slope, positive downhill", "rad"),
     )
-    endings: ClassVar = {
-        "fell_forward": "the stance leg lies on the ground, ahead",
-        "fell_backward": "the stance leg lies on the ground, behind",
-        "swing_overrotation": "the swing leg has turned beyond upright",
-    }
+    endings = _ENDINGS
     start = None
     supports = frozenset(FEATURES)
 
@@ -224,12 +225,11 @@ class Walker(Shown, Model):
     @property
     def total_mass(self) -> float:
         """Mass of both legs and the hip."""
-        return 2.0 * (self.thigh_mass + self.shank_mass) + self.hip_mass
+        return mass_of(self)
 
     def mass_with(self, **values: Any) -> Any:
         """Return the mass of walkers that differ in some parameters."""
-        other = varied(self, values)
-        return 2.0 * (other.thigh_mass + other.shank_mass) + other.hip_mass
+        return mass_of(varied(self, values))
 
     @property
     def units(self) -> Units:
