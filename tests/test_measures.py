@@ -27,9 +27,8 @@ from gym_passive_walker.torch.walks import Stride as TorchStride
 
 @pytest.fixture(scope="module")
 def gait():
-    walker = gpw.WALKERS["C"]
-    held = gpw.Actuation(-0.001 * walker.units.torque, 0.0, 0.01 * walker.units.impulse)
-    return gpw.find_gait(gpw.stride_map(walker, 0.06, controller=held))
+    held = gpw.Actuation.dimensionless(-0.0003, 0.001, 0.01)
+    return gpw.find_gait(gpw.stride_map("E", 0.004, controller=held))
 
 
 def attributes(of):
@@ -60,7 +59,7 @@ def test_each_attribute_of_a_result_has_its_unit_in_the_table(of):
 
 
 def test_the_results_in_a_walker_s_units_are_those_that_report_walks():
-    named = "Basin BifurcationDiagram Gait GaitFamily Measures OptimalGait RealityCheck Stride"
+    named = "Basin BifurcationDiagram Gait GaitFamily OptimalGait RealityCheck Stride"
     assert {of.__name__ for of in RESULTS} == {*named.split(), "Trajectory"}
     recorded = {each.name for each in MEASURES if not callable(each.of)}
     assert recorded == {*_Fields._fields} - {"state", "outcome", "walker"}
@@ -69,18 +68,18 @@ def test_the_results_in_a_walker_s_units_are_those_that_report_walks():
 
 def views(gait):
     """Dimensionless quantities of one stride of a walk, by each type that reports it."""
-    units, scene = gait.units, dict(walker="C", slope=0.06, tick=10.0)
-    scene |= {"actions": ("hip", "push_off"), "max_hip_torque": 0.001, "max_push_off": 0.01}
-    scene |= {"end_on_toe_stub": False, "tolerance": 1e-10}
+    units, scene = gait.units, dict(walker="E", slope=0.004, tick=10.0, tolerance=1e-10)
+    scene |= {"actions": ("hip", "ankle", "push_off"), "max_hip_torque": 0.0003}
+    scene |= {"max_ankle_torque": 0.001, "max_push_off": 0.01, "end_on_toe_stub": False}
     held = gait.controller._asdict()
-    found = torch_stride("C", 0.06, torch.tensor(gait.state), tolerance=1e-12, **held)
+    found = torch_stride("E", 0.004, torch.tensor(gait.state), tolerance=1e-12, **held)
     own = {name: x.item() / UNITS[UNIT_OF[name]][1](gait.walker, units)
            for name, x in found._asdict().items() if UNIT_OF.get(name) in UNITS}  # fmt: skip
     first = initial_state(scene, 1, seed=0)
     states = torch.tensor(gait.dimensionless.state)[None]
     steps = []
     scene["reward"] = lambda step: steps.append(step) or step.distance
-    rollout(lambda seen: torch.tensor([[-1.0, 1.0]]).double(), scene, 1,
+    rollout(lambda seen: torch.tensor([[-1.0, 1.0, 1.0]]).double(), scene, 1,
             start=first._replace(states=states, starts=states[:, :1]))  # fmt: skip
     step = {name: x.item() for name, x in steps[-1]._asdict().items()
             if isinstance(x, torch.Tensor) and x.numel() == 1}  # fmt: skip
@@ -91,12 +90,12 @@ def views(gait):
     episode = Walks(**{each.name: np.array([lasting.get(each.name, 1.0)])
                        for each in dataclasses.fields(Walks)} | {"endings": [""]})  # fmt: skip
     costs = ("gravity_cost", "motor_cost", "cost_of_transport", "speed")
-    family = gpw.gait_family(gait.stride_map, 0.058, 0.06, start=gait).dimensionless
-    at = int(np.argmin(np.abs(family.slope - 0.06)))
+    family = gpw.gait_family(gait.stride_map, 0.0038, 0.004, start=gait).dimensionless
+    at = int(np.argmin(np.abs(family.slope - 0.004)))
     names = ("step_period", "step_length", "speed", "froude_speed", "stance_angle")
     return {
         "Stride": {each.name: getattr(made, each.name) for each in MEASURES},
-        "Measures": {name: getattr(table, name) for name in gpw.Measures._fields},
+        "measures": {each.name: getattr(table, each.name) for each in MEASURES},
         "torch.stride": own,
         "Transition": {name: step[name] for name in step.keys() & {each.name for each in MEASURES}},
         "Walks": {name: getattr(episode, name)[0] for name in costs},
@@ -118,12 +117,17 @@ def test_one_walk_has_the_same_quantities_by_every_type(gait):
 @pytest.mark.parametrize("energy", SHARES)
 def test_costs_have_one_definition(energy, gait):
     """What is spent net on a gait is what impacts and friction lose."""
-    distance = gait.mean.weight * gait.step_length
-    work = {"absolute": gait.hip_work_absolute, "net": gait.hip_work}
-    work["positive"] = 0.5 * (work["absolute"] + work["net"])
-    spent = gait.gravity_work + work[energy] + gait.push_off_work
+    distance = gait.walker.total_mass * gait.walker.gravity * gait.step_length
+    absolute = np.array([gait.hip_work_absolute, gait.ankle_work_absolute])
+    net = np.array([gait.hip_work, gait.ankle_work])
+    work = {"absolute": absolute, "net": net, "positive": 0.5 * (absolute + net)}[energy]
+    spent = gait.gravity_work + sum(work) + gait.push_off_work
     for walk in (gait, gait.stride):
         assert cost_of_transport(walk, energy) == pytest.approx(spent / distance, rel=1e-12)
+    names = [f"{energy}_{channel}_cost".removeprefix("absolute_") for channel in ("hip", "ankle")]
+    np.testing.assert_allclose([getattr(gait, name) for name in names], work / distance)
+    assert gait.push_off_cost == gait.push_off_work / distance > 0.0
+    assert gait.motor_cost == pytest.approx((sum(absolute) + gait.push_off_work) / distance)
     assert gait.cost_of_transport == cost_of_transport(gait)
     assert collision_cost(gait) == gait.collision_cost == gait.collision_loss / distance
     lost = gait.collision_cost + gait.friction_cost

@@ -137,7 +137,7 @@ _OTHERS = {
     "angle": "slope stance_angle tilts knee_flexion",
     "time": "time times",
     "length": "clearance release_depth contact_x contact_y",
-    "speed": "release_velocity foot_velocity tangential normal",
+    "speed": "release_velocity tangential normal",
     "rate": "stance_rate forward backward",
     "torque": "stance_knee_torque swing_knee_torque",
     "force": "weight least_normal_force greatest_normal_force",

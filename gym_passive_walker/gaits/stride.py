@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -98,18 +97,6 @@ class Stride(StrideQuantities, InUnits, Table, _Fields):
     """
 
     __slots__ = ()
-
-    def to_json(self) -> dict[str, Any]:
-        """Return one stride as numbers and lists by name."""
-        parts = {"state": self.state.tolist(), "walker": asdict(self.walker)}
-        return self._asdict() | parts | {"outcome": int(self.outcome)}
-
-    @classmethod
-    def from_json(cls, parts: Mapping[str, Any]) -> Self:
-        """Return a stride from the result of `to_json`."""
-        walker, outcome = Walker(**parts["walker"]), Outcome(parts["outcome"])
-        return cls(**{**parts, "state": np.array(parts["state"]), "walker": walker,
-                      "outcome": outcome})  # fmt: skip
 
     def facts(self) -> dict[str, str]:
         """Outcome and measures of one stride; of several, how many ended with a heelstrike."""

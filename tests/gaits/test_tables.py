@@ -12,7 +12,6 @@ import pytest
 
 from gym_passive_walker import (
     WALKERS,
-    Actuation,
     basin_of_attraction,
     bifurcation_diagram,
     crisis_slope,
@@ -24,7 +23,6 @@ from gym_passive_walker import (
     parameter_family,
     reality_check,
     simulate,
-    stride_map,
 )
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker.gaits.branches.bifurcation import BifurcationDiagram
@@ -156,23 +154,6 @@ def test_facts_of_a_gait_are_dimensionless(of, slope, kind, period):
     assert gait.stride.heelstrike_loss == strides.heelstrike_loss[0]
     for name in ("heelstrike_loss", "kneestrike_loss", "gravity_work"):
         assert getattr(gait, name) == pytest.approx(getattr(strides, name).mean(), rel=1e-14)
-
-
-def test_a_gait_s_actuators_cost_what_each_of_them_does():
-    held = Actuation(hip_torque=-0.004, ankle_torque=0.002, push_off=0.03)
-    gait = find_gait(stride_map("E", 0.01, controller=held))
-    strides, weight = gait.cycle, gait.walker.gravity * gait.walker.total_mass
-    over = weight * float(strides.step_length[0])
-    for name, energy in dict(
-        gravity_cost="gravity_work", hip_cost="hip_work_absolute", net_hip_cost="hip_work",
-        positive_hip_cost="hip_work_positive", ankle_cost="ankle_work_absolute",
-        net_ankle_cost="ankle_work", push_off_cost="push_off_work",
-    ).items():  # fmt: skip
-        expected = float(getattr(strides, energy)[0]) / over
-        assert getattr(gait, name) == pytest.approx(expected, rel=1e-12), name
-    assert gait.motor_cost == pytest.approx(gait.hip_cost + gait.ankle_cost + gait.push_off_cost)
-    assert gait.cost_of_transport == pytest.approx(gait.gravity_cost + gait.motor_cost)
-    assert gait.hip_cost > 0.0 > gait.net_hip_cost
 
 
 def test_a_family_prints_its_range_its_bifurcations_and_its_ends():

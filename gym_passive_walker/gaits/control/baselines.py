@@ -28,7 +28,6 @@ from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.scenes.rules import CHANNELS
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
-from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.walkers import describe, name_of
 
@@ -246,8 +245,8 @@ class LinearFeedback(StrideFeedback):
                     'a scene with actions=("hip",)'
                 )
             self.gait = powered_gait(walker, slope)
-            point, scale = Section(walker=walker).points_at(self.gait.state)[0], largest[0]
-            torque = self.gait.hip_torque / walker.units.torque
+            point, scale = self.gait.point.values[0], largest[0]
+            torque = self.gait.stride_map.actuation.hip_torque
             free = ticked_stride(walker, slope, point, np.array([torque]), tick=np.inf)
             count = 1 if scene.control == "stride" else math.ceil(free.duration / scene.tick)
             torques = np.full(count, torque)

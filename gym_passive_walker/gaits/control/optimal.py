@@ -18,14 +18,13 @@ from numpy.typing import NDArray
 from gym_passive_walker._tools.arguments import instance, number, shown, unknown
 from gym_passive_walker._tools.files import replacing
 from gym_passive_walker._tools.progress import progress
-from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, to_dimensionless
+from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.control.feedback import first_driven, powered_gait
 from gym_passive_walker.gaits.control.optimum import OptimalGait, Problem, slope_of
 from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.find.search import seek
-from gym_passive_walker.gaits.gait import GaitNotFound
+from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
-from gym_passive_walker.gaits.section import Section
 
 STORE = Path(__file__).parent / "gaits"
 """Folder of the stored optimal gaits of named scenes."""
@@ -182,9 +181,8 @@ def constant_gait(scene: Scene) -> OptimalGait:
         GaitNotFound: if there is none.
     """
     walker, slope = scene.walker, slope_of(scene)
-    state, held = _driven(scene)
-    point = Section(walker=walker).points_at(state)[0]
-    hip, ankle, push_off = to_dimensionless(walker.units, held)
+    gait = _driven(scene)
+    point, (hip, ankle, push_off) = gait.point.values[0], gait.stride_map.actuation
     torques = np.array([[hip], [ankle]])
     walked = ticked_stride(walker, slope, point, torques, tick=math.inf, push_off=push_off)
     ticks = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)
@@ -192,8 +190,8 @@ def constant_gait(scene: Scene) -> OptimalGait:
     return problem.measured(problem.begun(point, [[hip], [ankle]], push_off))
 
 
-def _driven(scene: Scene) -> tuple[NDArray, Actuation]:
-    """Return the initial state of a gait, passive or with one constant actuator, and the actuation.
+def _driven(scene: Scene) -> Gait:
+    """Return a gait, passive or with one constant actuator.
 
     Raises:
         GaitNotFound: if there is none.
@@ -201,12 +199,11 @@ def _driven(scene: Scene) -> tuple[NDArray, Actuation]:
     walker, slope = scene.walker, slope_of(scene)
     passive = seek(walker, slope).gait
     if passive is not None:
-        return passive.state, PASSIVE
+        return passive
     refused = None
     if "hip" in scene.actions:
         try:
-            powered = powered_gait(walker, slope)
-            return powered.state, Actuation(hip_torque=powered.hip_torque)
+            return powered_gait(walker, slope)
         except GaitNotFound as error:
             refused = error
     for channel, name in (("push_off", "push_off"), ("ankle", "ankle_torque")):

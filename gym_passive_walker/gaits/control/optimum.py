@@ -13,7 +13,7 @@ import math
 import warnings
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any, Self
 
 import numpy as np
@@ -34,6 +34,7 @@ from gym_passive_walker.gaits.scenes.rules import CHANNELS
 from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.gaits.section import Points, Section
 from gym_passive_walker.gaits.stride import Stride, account
+from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import Walker
 
@@ -100,19 +101,23 @@ class OptimalGait(Measured):
 
     def to_json(self) -> dict[str, Any]:
         """Return the gait as numbers, text and lists by name."""
-        parts = {each.name: getattr(self, each.name) for each in fields(self)}
-        parts["mean"] = self.mean.to_json()
-        parts["controller"] = self.controller._asdict()
-        parts["multipliers"] = [[x.real, x.imag] for x in self.multipliers]
+        parts = vars(self) | {
+            "controller": self.controller._asdict(),
+            "mean": self.mean._asdict() | {"walker": asdict(self.walker)},
+            "multipliers": [[x.real, x.imag] for x in self.multipliers],
+        }
         return json.loads(json.dumps(parts, default=lambda x: x.tolist()))
 
     @classmethod
     def from_json(cls, parts: Mapping[str, Any]) -> Self:
         """Return a gait from the result of `to_json`."""
+        mean = parts["mean"]
+        walker, outcome = Walker(**mean["walker"]), Outcome(mean["outcome"])
+        known = {"walker": walker, "outcome": outcome, "state": np.array(mean["state"])}
         own = {
             "state": np.array(parts["state"]),
             "controller": Actuation(**{x: np.array(y) for x, y in parts["controller"].items()}),
-            "mean": Stride.from_json(parts["mean"]),
+            "mean": Stride(**mean | known),
             "multipliers": np.array([complex(*x) for x in parts["multipliers"]]),
         }
         return cls(**{**parts, **own})
