@@ -7,6 +7,7 @@ rollouts) are dimensionless, as are `dimensionless` views of the others.
 from __future__ import annotations
 
 from functools import partial
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gym_passive_walker.models.units import KINDS, UNITS, Units
@@ -80,47 +81,31 @@ MEASURES = tuple(
         ("ankle_work", "energy", ("moved", 1), "Net work of the ankle torque."),
         ("ankle_work_absolute", "energy", ("turned", 1), "Integral of the absolute ankle power."),
         ("push_off_work", "energy", "push_work", "Work of the push-off, just before heelstrike."),
-        (
-            "collision_loss", "energy", lambda s: s.kneestrike_loss + s.heelstrike_loss,
-            "Energy lost at kneestrike and heelstrike.",
-        ),
-        (
-            "hip_work_positive", "energy", lambda s: 0.5 * (s.hip_work_absolute + s.hip_work),
-            "Positive work of the hip torque.",
-        ),
+        ("collision_loss", "energy", lambda s: s.kneestrike_loss + s.heelstrike_loss,
+         "Energy lost at kneestrike and heelstrike."),
+        ("hip_work_positive", "energy", lambda s: 0.5 * (s.hip_work_absolute + s.hip_work),
+         "Positive work of the hip torque."),
         ("step_period", "time", lambda s: s.duration, "Time of a stride."),
         ("speed", "speed", lambda s: s.step_length / s.step_period, "Speed along the slope."),
-        (
-            "froude_speed", "", lambda s: s.speed / s.units.speed,
-            "Speed over sqrt(g l), the square root of the Froude number (Eq. 4.6).",
-        ),
-        (
-            "gravity_cost", "", lambda s: s.gravity_work / (s.weight * s.step_length),
-            "Work of gravity over weight and distance.",
-        ),
+        ("froude_speed", "", lambda s: s.speed / s.units.speed,
+         "Speed over sqrt(g l), the square root of the Froude number (Eq. 4.6)."),
+        ("gravity_cost", "", lambda s: s.gravity_work / (s.weight * s.step_length),
+         "Work of gravity over weight and distance."),
         *(
-            (
-                f"{kind}_{channel}_cost".removeprefix("absolute_"), "",
-                partial(motor_cost, energy=kind, channels=channel),
-                f"{kind.capitalize()} work of the {channel} torque over weight and distance.",
-            )
+            (f"{kind}_{channel}_cost".removeprefix("absolute_"), "",
+             partial(motor_cost, energy=kind, channels=channel),
+             f"{kind.capitalize()} work of the {channel} torque over weight and distance.")
             for channel in ("hip", "ankle")
             for kind in SHARES
         ),
-        (
-            "push_off_cost", "", partial(motor_cost, channels="push_off"),
-            "Work of the push-off over weight and distance.",
-        ),
+        ("push_off_cost", "", partial(motor_cost, channels="push_off"),
+         "Work of the push-off over weight and distance."),
         ("motor_cost", "", motor_cost, "Absolute work of all actuators over weight and distance."),
-        (
-            "cost_of_transport", "", cost_of_transport,
-            "Energy spent over weight and distance: gravity's and the actuators' absolute work.",
-        ),
+        ("cost_of_transport", "", cost_of_transport,
+         "Energy spent over weight and distance: gravity's and the actuators' absolute work."),
         ("collision_cost", "", collision_cost, "Energy lost at impacts over weight and distance."),
-        (
-            "friction_cost", "", lambda s: s.friction_loss / (s.weight * s.step_length),
-            "Energy lost to friction over weight and distance.",
-        ),
+        ("friction_cost", "", lambda s: s.friction_loss / (s.weight * s.step_length),
+         "Energy lost to friction over weight and distance."),
     )
 )  # fmt: skip
 """The quantities of strides. Those of a gait are means over the strides of its period."""
@@ -136,7 +121,7 @@ _OTHERS = {
     "charged_cost on_edge optimality stubs point cycle stride mean",
     "angle": "slope stance_angle tilts knee_flexion",
     "time": "time times",
-    "length": "clearance release_depth contact_x contact_y",
+    "length": "clearance release_depth contact_x contact_y distance",
     "speed": "release_velocity tangential normal",
     "rate": "stance_rate forward backward",
     "torque": "stance_knee_torque swing_knee_torque",
@@ -150,6 +135,9 @@ _OTHERS = {
 UNIT_OF = KINDS | {name: kind for kind, names in _OTHERS.items() for name in names.split()}
 UNIT_OF |= {each.name: each.unit for each in MEASURES}
 """Kind of the unit of each attribute of a result; empty for numbers and for what is none."""
+
+SYMBOLS = {kind: each[1:-1] if each[0] == "(" else each for kind, (each, _) in UNITS.items()}
+"""Symbol of each kind of unit."""
 
 
 class InUnits:
@@ -212,9 +200,7 @@ def _over(value: Any, kind: str, result: Any) -> Any:
 
 def in_words(result: Any, name: str) -> str:
     """A quantity of a result, dimensionless, with its unit."""
-    symbol = UNITS[UNIT_OF[name]][0] if UNIT_OF[name] else ""
-    symbol = symbol[1:-1] if symbol.startswith("(") else symbol
-    return f"{getattr(result.dimensionless, name):.6g} {symbol}".strip()
+    return f"{getattr(result.dimensionless, name):.6g} {SYMBOLS.get(UNIT_OF[name], '')}".strip()
 
 
 class StrideQuantities:
@@ -222,6 +208,8 @@ class StrideQuantities:
 
     __slots__ = ()
     if TYPE_CHECKING:
+        speed: Any
+        froude_speed: Any
 
         def __getattr__(self, name: str) -> Any: ...
 
@@ -246,12 +234,9 @@ class Measured(InUnits):
         return bool(abs(self.multipliers[0]) < 1.0)
 
 
-def _mean(measure: Measure) -> property:
-    return property(lambda gait: getattr(gait.mean, measure.name), doc=measure.about)
-
-
 for _each in MEASURES:
     if callable(_each.of):
         setattr(StrideQuantities, _each.name, property(_each.of, doc=_each.about))
     if _each.name != "duration":  # of one stride: that of a gait is its `step_period`
-        setattr(Measured, _each.name, _mean(_each))
+        _mean = attrgetter(f"mean.{_each.name}")
+        setattr(Measured, _each.name, property(_mean, doc=_each.about))

@@ -17,6 +17,7 @@ from gym_passive_walker.gaits.look.reality import RealityCheck
 from gym_passive_walker.gaits.look.trajectory import Trajectory, simulate
 from gym_passive_walker.gaits.robust.basin import UNSETTLED, Basin, basin_of_attraction
 from gym_passive_walker.gaits.stride import Stride
+from gym_passive_walker.models.units import KINDS
 from gym_passive_walker.models.walkers import name_of
 from gym_passive_walker.pictures.axes import (
     ANGLE,
@@ -54,14 +55,8 @@ _CELLS, _STRIDES = 61, 100  # resolution and strides of the basin of a controlle
 
 _NO_TORQUE = 1e-6  # range of torques / (m g l) below which they are drawn as none
 
-_OWN_UNITS = {
-    "mass": "mass",
-    "torque": ("torque", "stiffness"),
-    "torque and time": "friction",
-    "impulse": "push_off",
-    "acceleration": "gravity",
-}
-"""Endings of the names of parameters by unit; all other parameters are lengths."""
+_OWN_UNITS = {"energy": "torque", "friction": "torque and time", "gravity": "acceleration"}
+"""Units of parameters that are not named as the kinds of `models.units.KINDS`."""
 
 _ENDS = {
     continuation.KNEE_MEETS_HEEL: "X",
@@ -118,8 +113,8 @@ def varied_label(parameter: str) -> str:
     """Axis label of the parameter of a branch, with the walker's own unit."""
     if parameter in ("slope", "foot_angle"):
         return SLOPE if parameter == "slope" else "foot angle (rad)"
-    unit = next((unit for unit, ends in _OWN_UNITS.items() if parameter.endswith(ends)), "length")
-    return f"{parameter.replace('_', ' ')} (in the walker's unit of {unit})"
+    words, kind = parameter.replace("_", " "), KINDS.get(parameter)
+    return words + f" (in the walker's unit of {_OWN_UNITS.get(kind, kind)})" * bool(kind)
 
 
 def _to_minus_one(family: GaitFamily) -> NDArray[np.float64]:

@@ -183,13 +183,14 @@ def test_every_parameter_has_the_unit_of_its_kind():
     from gym_passive_walker.models.units import KINDS
 
     words = {"friction": "torque and time", "gravity": "acceleration"}
-    for name, kind in KINDS.items():
+    for name, kind in {"slope": "angle", **KINDS}.items():
         if name in ("hip_torque", "ankle_torque"):
             continue
         label = plots.varied_label(name)
         expected = "(rad)" if kind == "angle" else f"unit of {words.get(kind, kind)})"
         assert label.endswith(expected), name
         assert label.startswith(name.replace("_", " "))
+    assert plots.varied_label("gain") == "gain"
 
 
 @pytest.mark.parametrize("controlled", [False, True])

@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gym_passive_walker.gaits.measures import UNIT_OF
-from gym_passive_walker.models.units import UNITS
+from gym_passive_walker.gaits.measures import SYMBOLS, UNIT_OF
 
 _WORDS = {
     "state": "section state",
@@ -36,8 +35,7 @@ SI = {
 }  # fmt: skip
 """Units of quantities of the presets; a walker's file is taken to use them."""
 
-PLAIN = {kind: symbol.removeprefix("(").removesuffix(")") if symbol[0] == "(" else symbol
-         for kind, (symbol, _) in UNITS.items()} | {"state": "rad, √(g/l)"}  # fmt: skip
+PLAIN = SYMBOLS | {"state": "rad, √(g/l)"}
 """Units of dimensionless quantities."""
 
 

@@ -28,7 +28,7 @@ from gym_passive_walker.gaits.branches.varied_map import MapOfValue, map_at
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
-from gym_passive_walker.gaits.measures import InUnits
+from gym_passive_walker.gaits.measures import InUnits, StrideQuantities
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.walkers import Walker, describe, name_of
 
@@ -85,15 +85,8 @@ class GaitFamily(InUnits, Table):
         """The controller, apart from a varied part; None if passive."""
         return self.stride_map.controller
 
-    @property
-    def speed(self) -> NDArray[np.float64]:
-        """Speed along the slope."""
-        return self.step_length / self.step_period
-
-    @property
-    def froude_speed(self) -> NDArray[np.float64]:
-        """Speed over sqrt(g l), the square root of the Froude number (Eq. 4.6)."""
-        return self.speed / self.units.speed
+    speed = StrideQuantities.speed
+    froude_speed = StrideQuantities.froude_speed
 
     @property
     def units(self) -> Any:

@@ -213,13 +213,6 @@ class Problem:
                 self._last = key, (*nowhere, -np.ones(sides), np.zeros((sides, size)))
         return self._last[1]
 
-    def charges(self, z: NDArray, walked: PiecewiseConstantStride) -> tuple[NDArray, float]:
-        """Return the charges for each torque, and the charge for the push-off."""
-        held, torques = self.largest * sum(self.parts(z)), self.torques(z).ravel()
-        of_torques = self.absolute * held * walked.turn.ravel()
-        of_torques += self.net * torques * walked.swing.ravel()
-        return self.works * of_torques, float(walked.push_work)
-
     def _by_unknowns(self, by: NDArray) -> NDArray:
         """Derivatives by z, of those by point, torques and push-off."""
         m, n = self.m, len(self.largest)
@@ -241,13 +234,13 @@ class Problem:
         length, by_length = walked.length, by[m + 1]
         absolute, net = self.absolute * self.works, self.net * self.works
         held, torques = self.largest * sum(self.parts(z)), self.torques(z).ravel()
-        of_torques, of_push = self.charges(z, walked)
+        of_torques = absolute * held * walked.turn.ravel() + net * torques * walked.swing.ravel()
         by_work = by[-2] + (net * torques) @ by[m + 2 : m + 2 + n]
         by_work += (absolute * held) @ by[m + 2 + n : m + 2 + 2 * n]
         turn = absolute * self.largest * walked.turn.ravel()
         swing = net * self.largest * walked.swing.ravel()
         by_work[m : m + 2 * n] += np.concatenate([turn + swing, turn - swing])
-        cost = (of_torques.sum() + of_push) / length
+        cost = (of_torques.sum() + walked.push_work) / length
         late = length - self.speed * walked.duration
         gap = np.concatenate([walked.end - z[:m], [late, walked.kneestrike]])
         by_gap = np.vstack([by[:m], by_length - self.speed * by[m], by[-1]])
