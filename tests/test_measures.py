@@ -29,7 +29,7 @@ from gym_passive_walker.torch.walks import Stride as TorchStride
 @pytest.fixture(scope="module", params=[("C", 0.06, (-0.001, 0.0, 0.01)),
                                         ("E", 0.004, (-0.0003, 0.001, 0.01))])  # fmt: skip
 def gait(request):
-    """Of a walker with knees, and of one with every actuator, whose hip brakes."""
+    """Gaits of a walker with knees, and of one with every actuator; the hip brakes."""
     walker, slope, held = request.param
     held = gpw.Actuation.dimensionless(*held)
     return gpw.find_gait(gpw.stride_map(walker, slope, controller=held))

@@ -64,7 +64,7 @@ def policy(name: str) -> gpw.Gait:
 def held(scene: Any, **given: Any) -> dict[str, Any]:
     feedback = LinearFeedback(scene, **given)
     return {
-        "gait": feedback.gait,
+        "gait": feedback.gait.state,
         "closed": feedback.closed_loop,
         "rows": feedback.rows,
         "actions": feedback.actions,

@@ -329,7 +329,7 @@ def together(strides: Sequence[Stride]) -> Stride:
 
 
 def one_of(strides: Stride, function: Callable[[NDArray], Any]) -> Stride:
-    """Return one stride with a function of the arrays of several that end with a heelstrike."""
+    """Return the stride, ended by a heelstrike, with a function of each field of strides."""
     parts = {name: function(x) for name, x in strides._asdict().items() if name != "walker"}
     return strides._replace(**parts | {"outcome": Outcome.HEELSTRIKE})
 

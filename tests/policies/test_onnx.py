@@ -217,7 +217,7 @@ def test_a_file_without_a_scene_needs_one(tmp_path):
     path = str(linear(tmp_path / "other.onnx"))
     with pytest.raises(ValueError, match="say in which scene"):
         gpw.gauntlet(path, walkers=2)
-    assert gpw.gauntlet(path, "steep", walkers=2).controller == path
+    assert gpw.gauntlet(path, "steep", walkers=2).controller_name == path
     assert gpw.stride_map(controller=path).scene == gpw.stride_map(controller="level-ppo").scene
 
 

@@ -149,7 +149,7 @@ def test_robustness_has_the_weakest_push_of_each_direction():
 
 def test_an_optimal_gait_has_its_costs():
     scene = {"scene": "lab", "control": "stride", "slope": 0.03}
-    gait = gpw.optimal_gait(make_scene(**scene), 0.16)
+    gait = gpw.optimal_gait(make_scene(**scene), 0.16).dimensionless
     names = ("cost_of_transport", "hip_cost", "ankle_cost", "push_off_cost", "froude_speed")
     names += ("step_period", "step_length", "stable", "stubs")
     known = {name: getattr(gait, name) for name in names} | {"push_off": gait.controller.push_off}

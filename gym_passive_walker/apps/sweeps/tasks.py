@@ -184,8 +184,8 @@ def robustness(
 
 
 def optimal(changes: Mapping[str, Any], speed: float, scene: str = "level") -> Row:
-    """Compute the gait of least cost of transport at a speed."""
-    found = optimal_gait(with_changes(scene, changes), speed)
+    """Compute the gait of least cost of transport at a speed; its quantities are dimensionless."""
+    found = optimal_gait(with_changes(scene, changes), speed).dimensionless
     names = ("cost_of_transport", "hip_cost", "ankle_cost", "push_off_cost")
     names += ("step_period", "step_length", "froude_speed", "stable", "stubs")
     row = {name: getattr(found, name) for name in names}

@@ -33,8 +33,7 @@ from gym_passive_walker.gaits.measures import SHARES, Measured
 from gym_passive_walker.gaits.scenes.rules import CHANNELS
 from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.gaits.section import Points, Section
-from gym_passive_walker.gaits.stride import Stride, account
-from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.gaits.stride import Stride, account, one_of
 from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import Walker
 
@@ -111,13 +110,11 @@ class OptimalGait(Measured):
     @classmethod
     def from_json(cls, parts: Mapping[str, Any]) -> Self:
         """Return a gait from the result of `to_json`."""
-        mean = parts["mean"]
-        walker, outcome = Walker(**mean["walker"]), Outcome(mean["outcome"])
-        known = {"walker": walker, "outcome": outcome, "state": np.array(mean["state"])}
+        mean = Stride(**parts["mean"] | {"walker": Walker(**parts["mean"]["walker"])})
         own = {
             "state": np.array(parts["state"]),
             "controller": Actuation(**{x: np.array(y) for x, y in parts["controller"].items()}),
-            "mean": Stride(**mean | known),
+            "mean": one_of(mean, lambda x: np.array(x) if isinstance(x, list) else x),
             "multipliers": np.array([complex(*x) for x in parts["multipliers"]]),
         }
         return cls(**{**parts, **own})
