@@ -51,14 +51,13 @@ def test_derivatives_are_those_of_the_network(strides):
     def reported(shift):
         own = strides.with_parameter("foot_radius", np.array([radius + shift[-1]]))
         taken = own.apply(point + shift[:m], slope + shift[m], strides=2)
-        rows = (taken.durations, taken.lengths, taken.lost, taken.supplied)
+        rows = (taken.durations, taken.lengths, taken.lost, taken.supplied, taken.braked)
         return np.concatenate([taken.ends[0], *rows])
 
     widths = np.full(m + 2, 1e-7)
     widths[m] = 1e-8  # a network that has seen one slope alone turns sharply with it
-    exact = np.concatenate(
-        [change.ends[0], change.durations, change.lengths, change.lost, change.supplied]
-    )
+    rows = (change.durations, change.lengths, change.lost, change.supplied, change.braked)
+    exact = np.concatenate([change.ends[0], *rows])
     assert passage.alive.all()
     for j, way in enumerate(np.diag(widths)):
         difference = (reported(way) - reported(-way)) / (2.0 * widths[j])
@@ -116,7 +115,7 @@ def test_a_policy_without_a_derivative_is_differentiated_by_differences():
     for count in (1, 2):
         _, change = strides.linearize(point, by=by, strides=count)
         _, expected = exact.linearize(point, by=by, strides=count)
-        for name in ("ends", "durations", "lengths", "lost", "supplied"):
+        for name in ("ends", "durations", "lengths", "lost", "supplied", "braked"):
             scale = 1.0 + np.abs(getattr(expected, name)).max()
             np.testing.assert_allclose(
                 getattr(change, name), getattr(expected, name), atol=5e-3 * scale, err_msg=name
