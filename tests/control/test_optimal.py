@@ -21,17 +21,17 @@ from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.section import Section
 
 SCENES = sorted(path.stem for path in optimal.STORE.glob("*.json"))
-STORED = [(scene, gait) for scene in SCENES for gait in optimal.load(scene)]
+
+
+def problem_of(gait, further=0, **changes):
+    """The problem that a gait of "level" solves, with further ticks, in a changed scene."""
+    ticks = len(gait.controller.hip_torque) + further
+    return Problem(make_scene("level", **changes), gait.froude_speed, ticks, 4)
 
 
 def test_a_motor_that_pushes_both_ways_at_once_is_not_paid_for_it(monkeypatch):
     gait = optimal.load("level")[5]
-    problem = Problem(
-        make_scene("level"),
-        gait.froude_speed,
-        len(gait.controller.hip_torque),
-        gait.point.section.dimension,
-    )
+    problem = problem_of(gait)
     alone = problem.begun_at(gait)
     both = alone.copy()
     for parts in problem.parts(both):
@@ -60,12 +60,7 @@ def stiff(point: list[float]) -> optimal.OptimalGait:
 @pytest.mark.parametrize("actions", [("hip",), ("hip", "push_off")])
 def test_how_far_the_toe_clears_the_ground_is_known_with_its_derivatives(actions):
     gait = optimal.load("level")[5]
-    problem = Problem(
-        make_scene("level", actions=actions),
-        gait.froude_speed,
-        len(gait.controller.hip_torque) + 3,
-        4,
-    )
+    problem = problem_of(gait, 3, actions=actions)
     problem.clears = True
     z = problem.begun_at(gait)
     z[6:20] += 0.01
@@ -94,10 +89,7 @@ def test_a_search_for_a_clear_toe_keeps_a_gait_that_clears_and_refuses_one_that_
 ):
     """Of the gait with which the search ends."""
     gait = optimal.load("level")[5]
-    scene = make_scene("level", end_on_toe_stub=end_on_toe_stub)
-    problem = Problem(
-        scene, gait.froude_speed, len(gait.controller.hip_torque), gait.point.section.dimension
-    )
+    problem = problem_of(gait, end_on_toe_stub=end_on_toe_stub)
     problem.clears = True
     z = problem.begun_at(gait)
     monkeypatch.setattr(problem, "_minimised", lambda z, *_: z)

@@ -97,10 +97,8 @@ def test_what_a_push_off_needs_of_the_leaving_foot_counts(walker):
         least = min(*bent, found.stance_knee_at_kneestrike.value) / scale
         assert infos[-1]["stance_knee_impulse"] >= least - 1e-9
         assert infos[-1]["stance_knee_impulse"] == pytest.approx(min(bent) / scale, rel=1e-6)
-    heel, push = (
-        found.heelstrike_impulse.needed_friction.value,
-        found.push_off_impulse.needed_friction.value,
-    )
+    impulses = found.heelstrike_impulse, found.push_off_impulse
+    heel, push = (impulse.needed_friction.value for impulse in impulses)
     assert infos[-1]["friction"] >= max(heel, push) - 1e-9
     assert infos[-1]["friction"] == pytest.approx(max(heel, push), abs=0.02)
 

@@ -106,9 +106,8 @@ def test_pushes_come_at_their_share_of_the_stride(lab, at):
         advance(system, body, records, tolerance=1e-10)
         record = records[0]
         push = system.phases[record["phase"][0]].push
-        jump = push(
-            gait.walker.body, State(*record["state"][0]), -share * lab.push_forward[at], 0.0
-        )
+        impulse = -share * lab.push_forward[at]
+        jump = push(gait.walker.body, State(*record["state"][0]), impulse, 0.0)
         record["state"][0, 3:] += [jump[0], jump[1], jump[-1]]
         record["end"] = LONGEST_STRIDE
         advance(system, body, records, tolerance=1e-10, from_section=False)
@@ -154,9 +153,8 @@ def test_a_controller_that_does_nothing_withstands_what_the_passive_walker_does(
 def test_it_has_a_table_and_a_picture(lab, tmp_path):
     assert "gait sensitivity norm" in repr(lab)
     lab.to_csv(tmp_path / "pushes.csv")
-    assert (
-        (tmp_path / "pushes.csv").read_text().startswith("push_phases,push_forward,push_backward")
-    )
+    written = (tmp_path / "pushes.csv").read_text()
+    assert written.startswith("push_phases,push_forward,push_backward")
     panels = lab.plot()
     assert len(panels) == 4
     bars = [bar.get_height() for bar in panels[1].patches]

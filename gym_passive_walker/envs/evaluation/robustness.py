@@ -130,6 +130,7 @@ class Robustness(Table):
 
     def facts(self) -> dict[str, str]:
         """Every measure with its unit, and its error where it is of a sample."""
+        ahead, back = self.push_forward, self.push_backward
         return {
             "controller": f"{self.controller_name}, walker {name_of(self.walker)}",
             "downhill": f"{self.slope:.6g} rad",
@@ -140,13 +141,8 @@ class Robustness(Table):
             "gait sensitivity norm": f"{self.sensitivity:.4g} √(l/g) per l",
             "step up": f"{self.step_up:.4g} l",
             "step down": f"{self.step_down:.4g} l",
-            **{
-                f"push {way}": f"{impulses.min():.4g} to {impulses.max():.4g} m √(g l)"
-                for way, impulses in (
-                    ("forward", self.push_forward),
-                    ("backward", self.push_backward),
-                )
-            },
+            "push forward": f"{ahead.min():.4g} to {ahead.max():.4g} m √(g l)",
+            "push backward": f"{back.min():.4g} to {back.max():.4g} m √(g l)",
             "starts": f"{self.recovered:.3f} ± {self.recovered_error:.3f} of those "
             f"up to {self.initial_error:.0%} off keep walking",
             "recovery": f"{self.recovery:g} strides to a tenth",
