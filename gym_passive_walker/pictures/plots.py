@@ -113,7 +113,7 @@ def varied_label(parameter: str) -> str:
     """Axis label of the parameter of a branch, with the walker's own unit."""
     if parameter in ("slope", "foot_angle"):
         return SLOPE if parameter == "slope" else "foot angle (rad)"
-    words, kind = parameter.replace("_", " "), KINDS.get(parameter)
+    words, kind = parameter.replace("_", " "), KINDS.get(parameter, "")
     return words + f" (in the walker's unit of {_OWN_UNITS.get(kind, kind)})" * bool(kind)
 
 
