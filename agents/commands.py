@@ -90,7 +90,11 @@ def find_optimal(arguments: Sequence[str]) -> int:
         found = optimal.optimal_gaits(args.scene, speeds)
         optimal.save_costs(args.scene, found)
         # The passive gait of the scene is found too, and its speed is not one of the grid.
-        gaits = [gait for gait in found if gait.speed in kept or gait.speed not in speeds]
+        gaits = [
+            gait
+            for gait, speed in ((gait, round(gait.froude_speed, 6)) for gait in found)
+            if speed in kept or speed not in speeds
+        ]
         with replacing(optimal.STORE / f"{args.scene}.json") as path:
             optimal.save_gaits(path, gaits)
     print(optimal_table(optimal.load(args.scene)))
@@ -104,8 +108,9 @@ def optimal_table(gaits: Sequence[optimal.OptimalGait]) -> str:
     ]
     for gait in gaits:
         lines.append(
-            f"{gait.speed:11.3f}  {gait.cost_of_transport:17.5f}  {gait.hip_cost:13.5f}  "
-            f"{gait.step_period:6.3f}  {gait.multipliers[0]:18.3f}  {gait.optimality:10.1e}"
+            f"{gait.froude_speed:11.3f}  {gait.cost_of_transport:17.5f}  {gait.hip_cost:13.5f}  "
+            f"{gait.dimensionless.step_period:6.3f}  {abs(gait.multipliers[0]):18.3f}  "
+            f"{gait.optimality:10.1e}"
         )
     return "\n".join(lines)
 
@@ -145,7 +150,9 @@ def show_gait(arguments: Sequence[str]) -> int:
         least = optimal.least_cost(name, gait.froude_speed)
     print(_described(gait, least))
     if out is not None:
-        near = min(known, key=lambda other: abs(other.speed - gait.froude_speed), default=None)
+        near = min(
+            known, key=lambda other: abs(other.froude_speed - gait.froude_speed), default=None
+        )
         save(figure_of(gait.plot(OWN, optimum=near)), out)
     return 0
 

@@ -255,7 +255,7 @@ def draw(path: Path, scores: Sequence[Score]) -> None:
     family, gaits = _passive(), optimal.load("level")
     figure, (ax,) = panels(size=(7.0, 5.4))
     ax.plot(family.froude_speed, np.sin(family.slope), "--", color=GREY, label="passive, slope")
-    speeds = [g.speed for g in gaits]
+    speeds = [g.froude_speed for g in gaits]
     costs = [g.cost_of_transport for g in gaits]
     ax.plot(speeds, costs, color=BLACK, label="optimal gaits, level ground")
     for index, (agent, walked) in enumerate(walking_on_level_ground(scores).items()):

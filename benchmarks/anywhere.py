@@ -17,7 +17,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ from benchmarks.report import machine, seconds, table
 from benchmarks.tables import DOCS, keep
 from gym_passive_walker._tools import console
 from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, evaluate
+from gym_passive_walker.gaits.actuation import to_own
 from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.optimum import OptimalGait
 from gym_passive_walker.gaits.control.policy import Policy
@@ -167,7 +168,7 @@ def best_of(scene: Scene, speed: float, starts: list[OptimalGait | None]) -> Opt
             break
         with suppress(GaitNotFound, np.linalg.LinAlgError):
             gait = optimal.optimal_gait(alone, speed, start=start)
-            if best is None or gait.motor_cost < best.motor_cost:
+            if best is None or gait.charged_cost < best.charged_cost:
                 best = gait
     return best
 
@@ -193,7 +194,7 @@ def optima(out: Path, args: argparse.Namespace) -> None:
     scenes = held_out(args.bodies)
     places = [place(scene) for scene in scenes]
     known = [
-        (np.array([*places[i], _SPEED * gait.speed]), gait)
+        (np.array([*places[i], _SPEED * gait.froude_speed]), gait)
         for (_, i, _), gait in found.items()
         if gait is not None and i < args.bodies
     ]
@@ -206,20 +207,29 @@ def optima(out: Path, args: argparse.Namespace) -> None:
             here = np.array([*places[i], _SPEED * speed])
             apart = [float(np.sum((there - here) ** 2)) for there, _ in known]
             near = [known[k][1] for k in np.argsort(apart)[:_NEAREST]]
-            near = near or [min(stored, key=lambda gait, v=speed: abs(gait.speed - v))]
+            near = near or [min(stored, key=lambda gait, v=speed: abs(gait.froude_speed - v))]
             starts: list[OptimalGait | None] = [*near, None]
             if row["point"]:
-                period = len(row["torques"]) * scene.tick
-                own = {"point": row["point"], "torques": row["torques"], "step_period": period}
-                starts.insert(0, replace(near[0], **own))
+                starts.insert(0, begun(near[0], row, scene.tick))
             gait, before = best_of(scene, speed, starts), found.get((name, i, speed))
-            if before and (gait is None or gait.motor_cost > before.motor_cost):
+            if before and (gait is None or gait.charged_cost > before.charged_cost):
                 gait = before
             if gait is not None:
                 known.append((here, gait))
-            line = {"policy": name, "body": i, "speed": speed, "gait": gait and asdict(gait)}
+            line = {"policy": name, "body": i, "speed": speed, "gait": gait and gait.to_json()}
             file.write(json.dumps(line) + "\n")
             file.flush()
+
+
+def begun(gait: OptimalGait, row: dict[str, Any], tick: float) -> OptimalGait:
+    """Return a gait with the initial state and the torques of a policy's stride."""
+    held, duration = np.array(row["torques"]), len(row["torques"]) * tick * gait.units.time
+    return replace(
+        gait,
+        state=gait.point.section.states_at(np.array([row["point"]]))[0],
+        controller=to_own(gait.units, gpw.Actuation(held, np.zeros(len(held)))),
+        mean=gait.mean._replace(duration=duration),
+    )
 
 
 def place(scene: Scene) -> list[float]:
@@ -240,7 +250,7 @@ def read(out: Path) -> dict[tuple[str, int, float], OptimalGait | None]:
             entry = json.loads(line)
             gait = entry["gait"]
             key = entry["policy"], entry["body"], entry["speed"]
-            found[key] = OptimalGait(**gait) if gait else None
+            found[key] = OptimalGait.from_json(gait) if gait else None
     return found
 
 
@@ -266,7 +276,7 @@ def show(out: Path, _: argparse.Namespace) -> None:
         keys = [(name, i, row["speed"]) for i, row in enumerate(rows)]
         searched = np.array([key in found for key in keys])
         gaits = (found.get(key) for key in keys)
-        least = np.array([np.nan if gait is None else gait.cost_of_transport for gait in gaits])
+        least = np.array([np.nan if gait is None else optimal.charged(gait) for gait in gaits])
         # A body that walks to the end has a gait; one that falls counts unless a search finds none.
         counted = lasts | ~searched | np.isfinite(least)
         gaps = (cost / least - 1.0)[lasts & np.isfinite(least)]

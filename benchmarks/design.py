@@ -36,7 +36,7 @@ def designed(name: str) -> gpw.Design:
 
 def compared(design: gpw.Design, parameters: Sequence[str]) -> str:
     """A table of parameters and measures, before and after."""
-    gaits = design.before, design.after
+    gaits = design.start, design.gait
     rows: list[list[object]] = []
     for name in parameters:
         rows.append([name, *(f"{of(gait, name):.5g}" for gait in gaits)])
@@ -96,7 +96,7 @@ def cost() -> None:
     """Example: least cost of transport at a given speed."""
     design = designed("cheap")
     text = compared(design, CHEAP)
-    for when, gait in (("before", design.before), ("after", design.after)):
+    for when, gait in (("before", design.start), ("after", design.gait)):
         _, cost_of_transport, speed = walked(gait, 0.01)
         text += (
             f"\nSimulated {when}, begun with rates 1 % off: over strides {STRIDES // 2} to "
@@ -104,9 +104,7 @@ def cost() -> None:
         )
     keep("cheap", text, PAGE)
     figure, axes = figure_of(2, 1, (8.0, 5.0))
-    for ax, when, gait in zip(
-        axes, ("before", "after"), (design.before, design.after), strict=True
-    ):
+    for ax, when, gait in zip(axes, ("before", "after"), (design.start, design.gait), strict=True):
         strobe(gait.walker, gait.slope, gait.state, ax=ax)
         ax.set_title(f"{when}: cost of transport {gait.cost_of_transport:.4f}", fontsize="small")
     figure.savefig(IMAGES / "design-cost.png", dpi=110)
@@ -117,7 +115,7 @@ def returning() -> None:
     design = designed("steady")
     text = compared(design, STEADY)
     figure, (ax,) = figure_of(1, 1, (7.0, 3.6))
-    for when, gait, colour in (("before", design.before, BEFORE), ("after", design.after, AFTER)):
+    for when, gait, colour in (("before", design.start, BEFORE), ("after", design.gait, AFTER)):
         apart = walked(gait, 0.01, 24)[0]
         radius = abs(gait.multipliers[0])
         strides = np.arange(len(apart))
@@ -143,7 +141,7 @@ def steep() -> None:
     text = compared(design, STEEP)
     figure, (ax,) = figure_of(1, 1, (7.0, 3.6))
     for when, walker, colour in (
-        ("before", design.before.walker, BEFORE),
+        ("before", design.start.walker, BEFORE),
         ("after", design.walker, AFTER),
     ):
         (doubled, *_) = gpw.gait_family(walker, 0.05, 0.14).period_doublings

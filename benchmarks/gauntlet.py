@@ -180,7 +180,7 @@ def main() -> None:
     found.sort(key=lambda each: each.card.score, reverse=True)
     rows = []
     for number, each in enumerate(found, 1):
-        shares = dict(zip(each.card.walks, each.card.survival, strict=True))
+        shares = dict(zip(each.card.episodes, each.card.survival, strict=True))
         cost = f"{each.gait.cost_of_transport:.4f}"
         above = "–" if math.isnan(each.above) else f"{max(each.above, 0.0):.1%}"
         columns = (number, each.name, each.score, each.lasts, cost, above)

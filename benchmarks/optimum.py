@@ -39,11 +39,12 @@ def guess(speed: float, number: int) -> optimal.OptimalGait:
     known = optimal.load(SCENE)
     gait = known[random.integers(len(known))]
     shift = int(random.integers(-SHIFT, SHIFT + 1))
-    torques = np.array(gait.torques)
+    torques = gait.dimensionless.controller.hip_torque
     torques = torques[np.clip(np.arange(len(torques)) - shift, 0, len(torques) - 1)]
     largest = make_scene(SCENE).largest("hip")
     noise = random.uniform() * largest * random.uniform(-1.0, 1.0, len(torques))
-    return replace(gait, torques=np.clip(torques + noise, -largest, largest).tolist())
+    held = gait.units.torque * np.clip(torques + noise, -largest, largest)
+    return replace(gait, controller=gait.controller._replace(hip_torque=held))
 
 
 def searches() -> Iterator[tuple[float, float | None]]:
@@ -59,7 +60,7 @@ def searches() -> Iterator[tuple[float, float | None]]:
             searched()
             if (speed, number) not in done:
                 try:
-                    cost = optimal_gait(SCENE, speed, start=guess(speed, number)).motor_cost
+                    cost = optimal_gait(SCENE, speed, start=guess(speed, number)).charged_cost
                 except GaitNotFound:
                     cost = None
                 done[speed, number] = cost

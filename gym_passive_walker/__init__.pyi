@@ -31,7 +31,6 @@ from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.look.dense_stride import Impulse, TimedExtremum
 from gym_passive_walker.gaits.look.measures import (
     FootVelocity,
-    Measures,
     collision_matrix,
     foot_velocity,
     measures,
@@ -80,7 +79,6 @@ __all__ = [
     "Gauntlet",
     "Impulse",
     "Link",
-    "Measures",
     "OptimalGait",
     "Outcome",
     "Part",

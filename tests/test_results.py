@@ -64,7 +64,7 @@ def policy(name: str) -> gpw.Gait:
 def held(scene: Any, **given: Any) -> dict[str, Any]:
     feedback = LinearFeedback(scene, **given)
     return {
-        "gait": feedback.gait,
+        "gait": feedback.gait.state,
         "closed": feedback.closed_loop,
         "rows": feedback.rows,
         "actions": feedback.actions,
@@ -109,7 +109,8 @@ def configured() -> dict[str, Any]:
 
 def at_speed(scene: Any, speed: float) -> dict[str, Any]:
     found = gpw.optimal_gait(scene, speed)
-    return {"cost": found.motor_cost, "period": found.step_period, "speed": found.speed}
+    return {"cost": found.motor_cost, "period": found.dimensionless.step_period,
+            "speed": found.froude_speed}  # fmt: skip
 
 
 RESULTS: dict[str, Callable[[], Any]] = {

@@ -163,7 +163,7 @@ def _apart(shaping: PotentialShaping, slope: float, walks: Gait) -> float:
     Compared are the duration, the angles and the foot velocity just before heelstrike.
     """
     time, ends = _compass(shaping, slope, walks.state)
-    exact = gpw.measures(walks).foot_velocity, walks.stance_angle
+    exact = gpw.foot_velocity(walks), walks.stance_angle
     foot, half = exact
     stance, swing, stance_rate, swing_rate = ends
     # Both angular velocities move the landing foot (Eq. 4.10); the impact depends on nothing else.

@@ -117,8 +117,8 @@ def reality() -> Iterator[Row]:
         for check in tabled
         for needs in (
             check.stance_friction,
-            check.kneestrike_impulse.friction,
-            check.heelstrike_impulse.friction,
+            check.kneestrike_impulse.needed_friction,
+            check.heelstrike_impulse.needed_friction,
         )
     )
     said = (

@@ -18,7 +18,7 @@ _EXAMINED = "Long and short gaits of A, B, C, D, E and lab."
 
 
 def _loss_by_matrix(walks: Gait) -> float:
-    velocity = np.array(gpw.measures(walks).foot_velocity)
+    velocity = np.array(gpw.foot_velocity(walks))
     matrix = gpw.collision_matrix(walks.walker, float(walks.stride.state[0]))
     return float(0.5 * velocity @ matrix @ velocity)
 

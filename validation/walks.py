@@ -56,7 +56,7 @@ def checked(walker: Walker | str, slope: float, kind: Kind = "long") -> RealityC
 
 def sliding(walker: Walker | str, slope: float, kind: Kind) -> float:
     """Tangential over normal velocity of the landing foot."""
-    velocity = gpw.measures(gait(walker, slope, kind)).foot_velocity
+    velocity = gpw.foot_velocity(gait(walker, slope, kind))
     return abs(float(velocity.tangential / velocity.normal))
 
 

@@ -32,6 +32,26 @@ class Actuation(NamedTuple):
     ankle_torque: Any = 0.0
     push_off: Any = 0.0
 
+    @classmethod
+    def dimensionless(
+        cls, hip_torque: Any = 0.0, ankle_torque: Any = 0.0, push_off: Any = 0.0
+    ) -> DimensionlessActuation:
+        """Return an actuation without units, for a walker of any size.
+
+        Example:
+            >>> import gym_passive_walker as gpw
+            >>> held = gpw.Actuation.dimensionless(push_off=0.05)
+            >>> gait = gpw.find_gait(gpw.stride_map("D", 0.0, controller=held))
+            >>> round(gait.dimensionless.controller.push_off, 4)
+            0.05
+
+        Args:
+            hip_torque: Hip torque over m g l; over g l for the simplest walker.
+            ankle_torque: Ankle torque over m g l.
+            push_off: Push-off over m sqrt(g l).
+        """
+        return DimensionlessActuation(hip_torque, ankle_torque, push_off)
+
     @property
     def passive(self) -> bool:
         """Whether all torques and the push-off are zero."""
@@ -43,6 +63,12 @@ class Actuation(NamedTuple):
         if self[1:] == PASSIVE[1:] if _single(self) else not (np.any(self[1]) or np.any(self[2])):
             return ()
         return "ankle", "push_off"
+
+
+class DimensionlessActuation(Actuation):
+    """An actuation without units, which is converted where the walker is known."""
+
+    __slots__ = ()
 
 
 def _single(actuation: Actuation) -> bool:
@@ -78,6 +104,8 @@ def check_actuation(walker: Walker, actuation: Actuation) -> Actuation:
     Raises:
         ValueError: if a check fails; the message says what is allowed.
     """
+    if isinstance(actuation, DimensionlessActuation):
+        actuation = to_own(walker.units, check_actuation(walker, Actuation(*actuation)))
     if type(actuation) is Actuation and _single(actuation) and sum(map(abs, actuation)) < math.inf:
         if actuation == PASSIVE:
             return PASSIVE

@@ -25,6 +25,7 @@ from gym_passive_walker.engine.run import (
     states_in,
 )
 from gym_passive_walker.gaits.actuation import USES
+from gym_passive_walker.gaits.measures import RECORDED
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.models.equations.hybrid import Ground, Outcome, Phase, State, System
 from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
@@ -44,16 +45,6 @@ impact has not come by its error, and small enough that its square is below roun
 RATE_BEFORE = 1e-9
 """Share of the time until an impact at which rates before it are taken: they err by as much."""
 
-MEASURES = (
-    "time", "knee_time", "knee_loss", "heel_loss", "friction_loss", "step_length", "gravity_work",
-    "spring_work", "push_work",
-)  # fmt: skip
-"""Quantities that are reported of a walker besides its state and its controls.
-
-Since the stride began: the time, when the knee locked, what it cost, and what friction has taken.
-Of a stride that has ended, 0 before: what the heelstrike cost, the step length, and the work of
-gravity, of springs and of the push-off."""
-
 
 Entry = str | tuple[str, int]
 """A number of a record: a field, or a field and an index in it."""
@@ -61,6 +52,8 @@ Entry = str | tuple[str, int]
 
 class Reported(NamedTuple):
     """The numbers that are reported of a walker, its state first.
+
+    Of a stride that has not ended, its step length and its works are 0 so far.
 
     Attributes:
         entries: Each as an entry of a record, for `rows_of`.
@@ -83,16 +76,18 @@ def report_of(system: System) -> Reported:
 def _report(coordinates: int, controls: int, room: int) -> Reported:
     states = [("state", i + part) for part in (0, room) for i in range(coordinates)]
     angles = [(name, j) for name in ("moved", "turned") for j in range(controls)]
-    entries: tuple[Entry, ...] = (*states, *MEASURES, *angles)
+    entries: tuple[Entry, ...] = (*states, *(each.of for each in RECORDED), *angles)
     return Reported(entries, len(states), {entry: place for place, entry in enumerate(entries)})
 
 
-@lru_cache
-def _offsets(entries: tuple[Entry, ...], layout: Layout) -> list[int]:
+def offsets(entries: Sequence[Entry], layout: Layout) -> list[int]:
     """Places of entries among the numbers of a record."""
     fields: Any = record_for(layout).fields
     pairs = [entry if isinstance(entry, tuple) else (entry, 0) for entry in entries]
     return [fields[name][1] // 8 + index for name, index in pairs]
+
+
+_offsets = lru_cache(offsets)
 
 
 def numbers_of(records: NDArray) -> NDArray[np.float64]:
@@ -106,7 +101,8 @@ def rows_of(records: NDArray, entries: tuple[Entry, ...]) -> NDArray[np.float64]
     Returns:
         Shape (n, entries, 1 + k).
     """
-    rows = numbers_of(records).swapaxes(1, 2)[:, _offsets(entries, layout_in(records.dtype))]
+    places = _offsets(entries, layout_in(records.dtype))
+    rows = numbers_of(records).swapaxes(1, 2)[:, places]
     rows[records["outcome"][:, 0] > _STRUCK, :, 1:] = 0.0
     return rows
 

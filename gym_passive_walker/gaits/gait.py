@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker._tools.shown import Shown
 from gym_passive_walker.gaits.map_result import Change, Passage
+from gym_passive_walker.gaits.measures import Measured, in_words
 from gym_passive_walker.gaits.section import Points
-from gym_passive_walker.gaits.stride import Stride, together
+from gym_passive_walker.gaits.stride import Stride, one_of, together
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.walkers import Walker, name_of
 
 GaitKind = Literal["long", "short"]
@@ -29,8 +29,11 @@ class GaitNotFound(Exception):
 
 
 @dataclass(frozen=True, repr=False)
-class Gait(Shown):
+class Gait(Measured, Shown):
     """A periodic gait (limit cycle), passive or under a controller, in the walker's own units.
+
+    Its step length, speed, energies and costs are those of `gaits.measures.MEASURES`: means over
+    the strides of one period. `dimensionless` has the same attributes.
 
     Attributes:
         stride_map: The stride map of which this gait is a fixed point.
@@ -48,7 +51,7 @@ class Gait(Shown):
         multipliers_error: Estimated error of the moduli of the multipliers, where derivatives of
             the stride map are differences; 0 where they are exact.
         violation: Largest distance between the period's end and its start, dimensionless.
-        strides: The strides of one period, a `Stride` of arrays.
+        cycle: The strides of one period, a `Stride` of arrays.
     """
 
     stride_map: StrideMap
@@ -59,7 +62,7 @@ class Gait(Shown):
     multipliers: NDArray[np.complex128]
     multipliers_error: float
     violation: float
-    strides: Stride
+    cycle: Stride
 
     @property
     def walker(self) -> Walker:
@@ -79,32 +82,12 @@ class Gait(Shown):
     @cached_property
     def stride(self) -> Stride:
         """The first stride of the gait, with its energy balance."""
-        first = Stride(*(np.asarray(x)[0] for x in self.strides._replace(weight=[0.0])))
-        outcome = Outcome(int(first.outcome))
-        return first._replace(weight=self.strides.weight, outcome=outcome)  # type: ignore[arg-type]
+        return one_of(self.cycle, lambda values: values[0])
 
-    def _mean(self, values: NDArray) -> float:
-        return sum(np.asarray(values).tolist()) / len(self.strides.duration)
-
-    @property
-    def step_period(self) -> float:
-        """Mean time of a stride."""
-        return self._mean(self.strides.duration)
-
-    @property
-    def step_length(self) -> float:
-        """Mean distance between contacts along the slope."""
-        return self._mean(self.strides.step_length)
-
-    @property
-    def collision_loss(self) -> float:
-        """Mean energy lost at the impacts of a stride."""
-        return self._mean(self.strides.collision_loss)
-
-    @property
-    def friction_loss(self) -> float:
-        """Mean energy lost to friction in a stride."""
-        return self._mean(self.strides.friction_loss)
+    @cached_property
+    def mean(self) -> Stride:
+        """A stride with the mean of each quantity; its state is that after the first."""
+        return one_of(self.cycle, lambda x: x[0] if x.ndim > 1 else sum(x.tolist()) / len(x))
 
     @property
     def stance_angle(self) -> float:
@@ -112,96 +95,20 @@ class Gait(Shown):
         return float(self.state[0])
 
     @property
-    def speed(self) -> float:
-        """Mean speed along the slope."""
-        return self.step_length / self.step_period
-
-    @property
-    def froude_speed(self) -> float:
-        """Speed over sqrt(g l), the square root of the Froude number (Eq. 4.6)."""
-        return self.speed / self.walker.units.speed
-
-    def _cost(self, energies: NDArray) -> float:
-        """Mean energy of a stride over weight times distance."""
-        return self._mean(energies) / (self.strides.weight * self.step_length)
-
-    @property
-    def gravity_cost(self) -> float:
-        """Work of gravity over weight times distance."""
-        return self._cost(self.strides.gravity_work)
-
-    @property
-    def hip_cost(self) -> float:
-        """Absolute work of the hip torque over weight times distance."""
-        return self._cost(self.strides.hip_work_absolute)
-
-    @property
-    def net_hip_cost(self) -> float:
-        """Net work of the hip torque over weight times distance."""
-        return self._cost(self.strides.hip_work)
-
-    @property
-    def positive_hip_cost(self) -> float:
-        """Positive work of the hip torque over weight times distance."""
-        return self._cost(self.strides.hip_work_positive)
-
-    @property
-    def ankle_cost(self) -> float:
-        """Absolute work of the ankle torque over weight times distance."""
-        return self._cost(self.strides.ankle_work_absolute)
-
-    @property
-    def net_ankle_cost(self) -> float:
-        """Net work of the ankle torque over weight times distance."""
-        return self._cost(self.strides.ankle_work)
-
-    @property
-    def push_off_cost(self) -> float:
-        """Work of the push-off over weight times distance."""
-        return self._cost(self.strides.push_off_work)
-
-    @property
-    def motor_cost(self) -> float:
-        """Absolute work of all actuators over weight times distance."""
-        return self.hip_cost + self.ankle_cost + self.push_off_cost
-
-    @property
     def cost_of_transport(self) -> float:
-        """Energy spent over weight times distance (Eq. 4.3).
+        """Energy spent over weight and distance, with absolute work of torques.
 
-        The energy spent is the work of gravity plus the absolute work of the actuators. On a
-        passive gait it equals the losses to impacts and friction, which are used because they
-        keep their digits at small slopes.
+        On a passive gait it equals the losses to impacts and friction (Eq. 4.3), which are used
+        because they keep their digits at small slopes.
         """
         if self.controller is not None:
-            return self.gravity_cost + self.motor_cost
-        lost = self.collision_loss + self.friction_loss
-        return lost / (self.strides.weight * self.step_length)
-
-    @property
-    def kneestrike_time(self) -> float:
-        """Time from heelstrike to kneestrike in the first stride; NaN without knees."""
-        return float(self.stride.kneestrike_time)
-
-    @property
-    def kneestrike_loss(self) -> float:
-        """Energy lost at kneestrike in the first stride."""
-        return float(self.stride.kneestrike_loss)
-
-    @property
-    def heelstrike_loss(self) -> float:
-        """Energy lost at heelstrike in the first stride."""
-        return float(self.stride.heelstrike_loss)
+            return self.mean.cost_of_transport
+        return (self.collision_loss + self.friction_loss) / (self.weight * self.step_length)
 
     @property
     def beyond_fold(self) -> bool:
         """Whether a real multiplier exceeds 1, as on short-step gaits and the slowest gaits."""
         return bool(np.prod(1.0 - self.multipliers).real < 0.0)
-
-    @property
-    def stable(self) -> bool:
-        """Whether small disturbances die out: all multipliers inside the unit circle."""
-        return bool(np.abs(self.multipliers[0]) < 1.0)
 
     def facts(self) -> dict[str, str]:
         """Measures of the gait, dimensionless."""
@@ -213,7 +120,7 @@ class Gait(Shown):
             "step": self.kind,
             "period": str(self.period),
             "stance angle": f"{self.stance_angle:.6g} rad",
-            "speed": f"{self.froude_speed:.6g} √(g l)",
+            "speed": in_words(self, "speed"),
             "cost of transport": f"{self.cost_of_transport:.6g}",
             "largest multiplier": f"{abs(self.multipliers[0]):.6g}{error}",
             "": "stable" if self.stable else "unstable",
@@ -332,5 +239,5 @@ def gait_at(point: Points, slope: float, period: int) -> Gait:
         multipliers=multipliers,
         multipliers_error=error,
         violation=float(np.abs(gait.passage.ends - point.values).max()),
-        strides=strides,
+        cycle=strides,
     )

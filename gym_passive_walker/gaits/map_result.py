@@ -29,6 +29,7 @@ class Change:
         lost: Energy lost at impacts and to friction, (n,).
         supplied: Energy supplied by gravity and actuators, as if each stride ended at the height
             where it began, (n,).
+        braked: Absolute less net work of torques, (n,): energy spent beyond that supplied.
         knee_times: Time of kneestrike in the last stride, (n,); NaN without knees.
         imbalance: Energy lost less energy supplied, over their mean, (n,). It is zero on a gait,
             and precise where the small difference of two states would not be. With a push-off P it
@@ -40,6 +41,7 @@ class Change:
     lengths: NDArray[np.float64]
     lost: NDArray[np.float64]
     supplied: NDArray[np.float64]
+    braked: NDArray[np.float64]
     knee_times: NDArray[np.float64]
     imbalance: NDArray[np.float64]
 

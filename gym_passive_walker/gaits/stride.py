@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,14 +21,26 @@ from gym_passive_walker._tools.arguments import (
     whole,
 )
 from gym_passive_walker._tools.shown import Table
+from gym_passive_walker.engine.layout import Layout, layout_in
 from gym_passive_walker.gaits.actuation import PASSIVE, check_actuation, to_dimensionless
-from gym_passive_walker.gaits.flow import LONGEST_STRIDE, Walkers, advance, flow, states_in
+from gym_passive_walker.gaits.flow import (
+    LONGEST_STRIDE,
+    Walkers,
+    advance,
+    flow,
+    numbers_of,
+    offsets,
+    states_in,
+)
 from gym_passive_walker.gaits.given import GaitLike, walk_of
+from gym_passive_walker.gaits.measures import RECORDED, InUnits, StrideQuantities, in_words
 from gym_passive_walker.models.equations.hybrid import Ground, Outcome, System
 from gym_passive_walker.models.model import check_heights_only
+from gym_passive_walker.models.units import Units
 from gym_passive_walker.models.walkers import Walker
 from gym_passive_walker.models.walkers.walker import STATE_NAMES
 
+_OWN = [each.name for each in RECORDED if each.name != "push_off_work"]
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 
 
@@ -42,7 +55,7 @@ class _Fields(NamedTuple):
     kneestrike_loss: NDArray[np.float64]
     heelstrike_loss: NDArray[np.float64]
     gravity_work: NDArray[np.float64]
-    weight: float
+    walker: Walker
     spring_work: NDArray[np.float64]
     friction_loss: NDArray[np.float64]
     ankle_work: NDArray[np.float64]
@@ -50,11 +63,12 @@ class _Fields(NamedTuple):
     push_off_work: NDArray[np.float64]
 
 
-class Stride(Table, _Fields):
+class Stride(StrideQuantities, InUnits, Table, _Fields):
     """One application of the stride map, with its energy balance, in the walker's own units.
 
     A stride is one step, heelstrike to heelstrike. Each field is a number for one walker and an
-    array of shape (n,) for n walkers; `state` has shape (6,) or (n, 6).
+    array of shape (n,) for n walkers; `state` has shape (6,) or (n, 6). Speed, costs and further
+    quantities of `gaits.measures.MEASURES` are attributes too, as is a `dimensionless` view.
 
     The energy balance closes: gravity_work + spring_work + hip_work + ankle_work + push_off_work =
     kinetic energy gained + kneestrike_loss + heelstrike_loss + friction_loss. Energies of the
@@ -74,7 +88,7 @@ class Stride(Table, _Fields):
         kneestrike_loss: Energy lost at kneestrike.
         heelstrike_loss: Energy lost at heelstrike.
         gravity_work: Work of gravity.
-        weight: Total mass times gravity.
+        walker: The walker.
         spring_work: Net work of the springs.
         friction_loss: Energy lost to friction at the hip.
         ankle_work: Net work of the ankle torque.
@@ -84,46 +98,24 @@ class Stride(Table, _Fields):
 
     __slots__ = ()
 
-    @property
-    def hip_work_positive(self) -> NDArray[np.float64]:
-        """Positive work of the hip torque."""
-        return 0.5 * (self.hip_work_absolute + self.hip_work)
-
-    @property
-    def collision_loss(self) -> NDArray[np.float64]:
-        """Energy lost at kneestrike and heelstrike."""
-        return self.kneestrike_loss + self.heelstrike_loss
-
-    @property
-    def cost_of_transport(self) -> NDArray[np.float64]:
-        """Energy lost over weight times step length: sin(slope) on a passive gait."""
-        return (self.collision_loss + self.friction_loss) / (self.weight * self.step_length)
-
     def facts(self) -> dict[str, str]:
         """Outcome and measures of one stride; of several, how many ended with a heelstrike."""
         if np.ndim(self.outcome):
             struck = np.count_nonzero(self.outcome == _STRUCK)
             return {"strides": f"{np.size(self.outcome)}, {struck} end with a heelstrike"}
-        named = {
-            "duration": self.duration,
-            "step length": self.step_length,
-            "cost of transport": self.cost_of_transport,
-            "gravity's work": self.gravity_work,
-            "hip's work": self.hip_work,
-            "lost at kneestrike": self.kneestrike_loss,
-            "lost at heelstrike": self.heelstrike_loss,
-        }
+        names = ["duration", "step_length", "cost_of_transport", "gravity_work", "hip_work"]
+        names += ["kneestrike_loss", "heelstrike_loss"]
         if self.spring_work or self.friction_loss:
-            named |= {"springs' work": self.spring_work, "lost to friction": self.friction_loss}
-        ends = str(Outcome(int(self.outcome)))
-        return {"ends": ends} | {name: f"{value:.6g}" for name, value in named.items()}
+            names += ["spring_work", "friction_loss"]
+        ends = {"ends": str(Outcome(int(self.outcome)))}
+        return ends | {name.replace("_", " "): in_words(self, name) for name in names}
 
     def columns(self) -> dict[str, NDArray]:
         """One row for each stride; its final state comes first."""
         size = np.shape(self.state)[-1]
         names = STATE_NAMES if size == 6 else [f"state_{i}" for i in range(size)]
         table = dict(zip(names, np.reshape(self.state, (-1, size)).T, strict=True))
-        results = (name for name in self._fields[1:] if name != "weight")
+        results = (name for name in self._fields[1:] if name != "walker")
         return table | {name: np.ravel(getattr(self, name)) for name in results}
 
 
@@ -272,6 +264,16 @@ def stride(
     return account(walker, walked.system, walked.bodies, record, works, pushed, shape)
 
 
+@lru_cache
+def _places(layout: Layout) -> NDArray[np.int64]:
+    return np.array(offsets([each.of for each in RECORDED if each.name in _OWN], layout))
+
+
+@lru_cache(maxsize=4096)  # one walker's stride waits for it
+def _own_units(units: Units) -> NDArray[np.float64]:
+    return np.array([getattr(units, each.unit) for each in RECORDED if each.name in _OWN])
+
+
 def account(
     walker: Walker,
     system: System,
@@ -292,48 +294,44 @@ def account(
         pushed: Work of push-offs in the walker's units, (n,).
         shape: Shape of the strides: (n,), or () for one.
     """
-    units, (hip, ankle) = walker.units, works
-    outcome, length = record["outcome"], record["step_length"]
-    gravity, spring, knee_time = (record[x] for x in ("gravity_work", "spring_work", "knee_time"))
-    knee_time[knee_time <= 0.0] = np.nan
-    outcome[outcome == _RUNNING] = _STALLED
+    (hip, ankle), outcome = works, record["outcome"]
     lost = outcome != _STRUCK
     if lost.any():
-        length[lost] = np.nan
-        gravity[lost], spring[lost] = conservative_work(system, bodies, record[lost])
-
-    def shaped(values: NDArray) -> NDArray:
-        return values.reshape(shape) if shape else values[0]
-
+        outcome[outcome == _RUNNING] = _STALLED
+        record["step_length"][lost] = np.nan
+        gravity, spring = conservative_work(system, bodies, record[lost])
+        record["gravity_work"][lost], record["spring_work"][lost] = gravity, spring
+    knee_time = record["knee_time"]
+    knee_time[knee_time <= 0.0] = np.nan
+    numbers = numbers_of(record).take(_places(layout_in(record.dtype)), axis=1)
+    numbers *= _own_units(walker.units)
+    state: Any = walker.units.to_own(states_in(record, system.coordinates))
+    if shape:
+        own: Any = numbers.T
+    else:
+        own, state, outcome, pushed = numbers[0], state[0], Outcome(int(outcome[0])), pushed[0]
+        hip, ankle = ((net[0], absolute[0]) for net, absolute in works)
     return Stride(
-        state=units.to_own(states_in(record, system.coordinates)).reshape(
-            *shape, 2 * system.coordinates
-        ),
-        duration=shaped(record["time"] * units.time),
-        outcome=shaped(outcome) if shape else Outcome(int(outcome[0])),  # type: ignore[arg-type]
-        kneestrike_time=shaped(knee_time * units.time),
-        step_length=shaped(length * units.length),
-        hip_work=shaped(hip[0]),
-        hip_work_absolute=shaped(hip[1]),
-        kneestrike_loss=shaped(record["knee_loss"] * units.energy),
-        heelstrike_loss=shaped(record["heel_loss"] * units.energy),
-        gravity_work=shaped(gravity * units.energy),
-        weight=walker.weight,
-        spring_work=shaped(spring * units.energy),
-        friction_loss=shaped(record["friction_loss"] * units.energy),
-        ankle_work=shaped(ankle[0]),
-        ankle_work_absolute=shaped(ankle[1]),
-        push_off_work=shaped(pushed),
-    )
+        state=state, outcome=outcome,  # type: ignore[arg-type]
+        walker=walker, hip_work=hip[0], hip_work_absolute=hip[1],
+        ankle_work=ankle[0], ankle_work_absolute=ankle[1], push_off_work=pushed,
+        **dict(zip(_OWN, own)),  # noqa: B905 - strictness takes a microsecond
+    )  # fmt: skip
 
 
 def together(strides: Sequence[Stride]) -> Stride:
     """Combine single strides of one walker into one `Stride` of arrays."""
-    names = (name for name in Stride._fields if name not in ("weight", "outcome"))
+    names = (name for name in Stride._fields if name not in ("walker", "outcome"))
     return strides[0]._replace(
         outcome=np.array([int(one.outcome) for one in strides]),
         **{name: np.array([getattr(one, name) for one in strides]) for name in names},
     )
+
+
+def one_of(strides: Stride, function: Callable[[NDArray], Any]) -> Stride:
+    """Return the stride, ended by a heelstrike, with a function of each field of strides."""
+    parts = {name: function(x) for name, x in strides._asdict().items() if name != "walker"}
+    return strides._replace(**parts | {"outcome": Outcome.HEELSTRIKE})
 
 
 def conservative_work(

@@ -367,7 +367,7 @@ class StrideMap(Section):
         by: Sequence[str] = (),
         along: NDArray | None = None,
     ) -> tuple[NDArray, NDArray[np.int8]]:
-        """Return fields of `Change`, values before derivatives, (1 + k, m + 6, n), and outcomes."""
+        """Return fields of `Change`, values before derivatives, (1 + k, m + 7, n), and outcomes."""
         walking = np.flatnonzero(np.isfinite(points).all(axis=1))
         outcomes = np.full(len(points), Outcome.DIVERGED, np.int8)
         outcomes[walking] = _STRUCK
@@ -385,7 +385,7 @@ class StrideMap(Section):
                 by=by, along=along, lanes=lanes[walking],
             )  # fmt: skip
             planes = walked.records.shape[1]
-            totals, on = np.zeros((5, len(walking), planes)), np.ones(len(walking), bool)
+            totals, on = np.zeros((6, len(walking), planes)), np.ones(len(walking), bool)
             for stride in range(strides * len(ground)):
                 if stride:
                     tilt, *foothold = ground[stride % len(ground)]
@@ -405,8 +405,8 @@ class StrideMap(Section):
                         break
             records = walked.records if on.all() else walked.records[on]
             unbalanced = imbalance(totals[2], totals[3], records["push_off"], totals[1])
-        totals[4][totals[4][:, 0] == 0.0] = np.nan
-        results = np.full((planes, self.dimension + 6, len(points)), np.nan)
+        totals[5][totals[5][:, 0] == 0.0] = np.nan
+        results = np.full((planes, self.dimension + 7, len(points)), np.nan)
         ends = self.point(states_in(records, self.size // 2)).transpose(2, 0, 1)
         rows = np.concatenate([ends, totals, unbalanced[None]])
         results[:, :, walking] = rows.transpose(2, 0, 1)
@@ -414,7 +414,7 @@ class StrideMap(Section):
 
     def _add(self, totals: NDArray, walked: Flow, place: int) -> None:
         """Add the measures of one stride each to the totals of the strides before, in place."""
-        durations, lengths, lost, supplied, knee_times = totals
+        durations, lengths, lost, supplied, braked, knee_times = totals
         records = walked.records
         length, sine = records["step_length"], records["ground"][..., 0]
         durations += records["time"]
@@ -431,8 +431,11 @@ class StrideMap(Section):
         supplied += records["push_work"]
         works = np.array(walked.system.works)  # no work of the hip on feet without mass
         each = slice(len(works))
-        powers = product(records["control"][..., each], records["moved"][..., each])
+        controls = records["control"][..., each]
+        powers = product(controls, records["moved"][..., each])
         supplied += (works * powers).sum(axis=2)
+        turned = product(np.sign(controls[:, :1]) * controls, records["turned"][..., each])
+        braked += (works * (turned - powers)).sum(axis=2)
         knee_times[:] = records["knee_time"]
 
     def _heights(self, bodies: NDArray, shape: tuple[int, ...], place: int) -> NDArray[np.float64]:
@@ -579,6 +582,6 @@ def map_of(walker: MapLike, *, tolerance: float) -> StrideMap:
 
 
 def _named(results: NDArray) -> dict[str, NDArray]:
-    """Split rows (m + 6, n), or their derivatives (m + 6, n, k), into the fields of `Change`."""
+    """Split rows (m + 7, n), or their derivatives (m + 7, n, k), into the fields of `Change`."""
     rest = 1 - len(_FIELDS)
     return dict(zip(_FIELDS, [results[:rest].swapaxes(0, 1), *results[rest:]], strict=True))

@@ -101,6 +101,9 @@ UNITS: dict[str, tuple[str, Callable[[Any, Units], Any]]] = {
     "speed": ("√(g l)", lambda walker, units: units.speed),
     "torque": ("(m g l)", lambda walker, units: units.torque),
     "energy": ("(m g l)", lambda walker, units: units.energy),
+    "rate": ("√(g/l)", lambda walker, units: units.rate),
+    "force": ("(m g)", lambda walker, units: units.force),
+    "twist": ("(m l √(g l))", lambda walker, units: units.time * units.torque),
     "friction": ("(m l √(g l))", lambda walker, units: units.torque * units.time),
     "impulse": ("(m √(g l))", lambda walker, units: units.impulse),
 }

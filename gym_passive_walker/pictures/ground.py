@@ -81,7 +81,7 @@ def ground_under(walk: Trajectory, margin: float) -> NDArray[np.float64] | None:
     """
     if walk.terrain is None:
         return None
-    begun = np.flatnonzero(np.diff(walk.strides, prepend=-1))
+    begun = np.flatnonzero(np.diff(walk.stride_index, prepend=-1))
     known = np.column_stack([walk.contact_x, walk.contact_y])[begun]
     if walk.outcomes[-1] == Outcome.HEELSTRIKE:  # the last foothold has been touched as well
         landed = pose(

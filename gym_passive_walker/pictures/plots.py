@@ -17,6 +17,7 @@ from gym_passive_walker.gaits.look.reality import RealityCheck
 from gym_passive_walker.gaits.look.trajectory import Trajectory, simulate
 from gym_passive_walker.gaits.robust.basin import UNSETTLED, Basin, basin_of_attraction
 from gym_passive_walker.gaits.stride import Stride
+from gym_passive_walker.models.units import KINDS
 from gym_passive_walker.models.walkers import name_of
 from gym_passive_walker.pictures.axes import (
     ANGLE,
@@ -54,14 +55,8 @@ _CELLS, _STRIDES = 61, 100  # resolution and strides of the basin of a controlle
 
 _NO_TORQUE = 1e-6  # range of torques / (m g l) below which they are drawn as none
 
-_OWN_UNITS = {
-    "mass": "mass",
-    "torque": ("torque", "stiffness"),
-    "torque and time": "friction",
-    "impulse": "push_off",
-    "acceleration": "gravity",
-}
-"""Endings of the names of parameters by unit; all other parameters are lengths."""
+_OWN_UNITS = {"energy": "torque", "friction": "torque and time", "gravity": "acceleration"}
+"""Units of parameters that are not named as the kinds of `models.units.KINDS`."""
 
 _ENDS = {
     continuation.KNEE_MEETS_HEEL: "X",
@@ -118,8 +113,8 @@ def varied_label(parameter: str) -> str:
     """Axis label of the parameter of a branch, with the walker's own unit."""
     if parameter in ("slope", "foot_angle"):
         return SLOPE if parameter == "slope" else "foot angle (rad)"
-    unit = next((unit for unit, ends in _OWN_UNITS.items() if parameter.endswith(ends)), "length")
-    return f"{parameter.replace('_', ' ')} (in the walker's unit of {unit})"
+    words, kind = parameter.replace("_", " "), KINDS.get(parameter, "")
+    return words + f" (in the walker's unit of {_OWN_UNITS.get(kind, kind)})" * bool(kind)
 
 
 def _to_minus_one(family: GaitFamily) -> NDArray[np.float64]:
@@ -366,7 +361,7 @@ def _gait(gait: Gait, ax: Axes | None = None, optimum: Any = None) -> Axes | NDA
 
 def _torques(ax: Axes, walk: Trajectory, gait: Gait, optimum: Any) -> None:
     """Draw the hip torque over the first stride, beside that of an optimal gait."""
-    units, first = walk.walker.units, walk.strides == 0
+    units, first = walk.walker.units, walk.stride_index == 0
     times, name = walk.times[first] / units.time, gait.stride_map.controller_name
     if "actuation" not in walk.walker.supports:
         for (label, colour, dash), torque in zip(
@@ -379,10 +374,11 @@ def _torques(ax: Axes, walk: Trajectory, gait: Gait, optimum: Any) -> None:
     torques = walk.torques[first, 0] / units.torque
     ax.step(times, torques, where="pre", color=BLUE, label=name)
     if optimum is not None:
-        held = np.append(optimum.torques, optimum.torques[-1])
-        hold = min(gait.stride_map.hold, optimum.step_period)
-        edges = np.minimum(hold * np.arange(len(held)), optimum.step_period)
-        label = f"optimal at speed {optimum.speed:.3f} √(g l)"
+        best = optimum.dimensionless
+        held = np.append(best.controller.hip_torque, best.controller.hip_torque[-1])
+        hold = min(gait.stride_map.hold, best.step_period)
+        edges = np.minimum(hold * np.arange(len(held)), best.step_period)
+        label = f"optimal at speed {best.speed:.3f} √(g l)"
         ax.step(edges, held, where="post", color=BLACK, linestyle="--", label=label)
     ax.axhline(0.0, color=GREY, linewidth=0.4)
     if np.ptp(ax.get_ylim()) < _NO_TORQUE:  # no picture of rounding

@@ -53,14 +53,14 @@ def _by_leg(walk: Trajectory) -> NDArray[np.float64]:
     stance, thigh, shank = walk.states[:, :3].T - walk.tilts  # from the slope's normal
     standing = np.stack([stance, stance], axis=-1)
     swinging = np.stack([thigh, shank], axis=-1)
-    odd = (walk.strides % 2 == 1)[:, None]
+    odd = (walk.stride_index % 2 == 1)[:, None]
     return np.stack([np.where(odd, swinging, standing), np.where(odd, standing, swinging)], axis=1)
 
 
 def angles_over_time(ax: Axes, walk: Trajectory) -> None:
     """Draw each leg's angles over time, through both its roles; vertical lines are impacts."""
     times = walk.times / walk.walker.units.time
-    heels = np.flatnonzero(np.diff(walk.strides)) + 1
+    heels = np.flatnonzero(np.diff(walk.stride_index)) + 1
     if "legs" not in walk.walker.supports:
         for (name, colour, dash), angle in zip(
             parts_of(walk.walker.parts), walk.states.T, strict=False

@@ -90,7 +90,7 @@ def strobe(
         terrain=terrain, terrain_seed=terrain_seed,
     )  # fmt: skip
     # A walk has two states at a heelstrike, before and after, of one posture: draw it once.
-    once = np.append(np.diff(walk.strides) == 0, True)
+    once = np.append(np.diff(walk.stride_index) == 0, True)
     torques: list[float | None] = [None] * strides
     if hip_torque is not None:
         torques = np.broadcast_to(np.asarray(hip_torque, dtype=float), (strides,)).tolist()
@@ -103,7 +103,7 @@ def strobe(
         contact_y=walk.contact_y[once],
         tilts=walk.tilts[once],
         surface=ground_under(walk, walk.walker.leg_length),
-        strides=walk.strides[once],
+        strides=walk.stride_index[once],
         kneestrikes=_kneestrikes(walk, strides_of, torques, flashes) if walk.walker.knees else (),
         ax=ax,
         path=path,

@@ -182,6 +182,6 @@ def frames_of(
     ground = ground_under(walk, screen.seen + walk.walker.leg_length)
     for i in np.searchsorted(walk.times, instants):
         yield screen.draw(
-            walk.states[i], walk.slope, float(walk.contact_x[i]), int(walk.strides[i]),
+            walk.states[i], walk.slope, float(walk.contact_x[i]), int(walk.stride_index[i]),
             contact_y=float(walk.contact_y[i]), tilt=float(walk.tilts[i]), profile=ground,
         )  # type: ignore[misc]  # fmt: skip

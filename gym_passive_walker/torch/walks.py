@@ -13,6 +13,7 @@ from torch import Tensor
 from gym_passive_walker._tools.arguments import check_tolerance, unknown
 from gym_passive_walker.gaits.actuation import Actuation, actuation_units
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE
+from gym_passive_walker.gaits.measures import RECORDED
 from gym_passive_walker.gaits.scenes.rules import work_of
 from gym_passive_walker.models.equations.systems import UNEVEN
 from gym_passive_walker.models.units import Units
@@ -229,19 +230,6 @@ def tick(
 
 _Result = TypeVar("_Result", Stride, Tick)
 
-_IN_UNITS = {
-    "duration": ("time", "time"),
-    "kneestrike_time": ("knee_time", "time"),
-    "step_length": ("step_length", "length"),
-    "kneestrike_loss": ("knee_loss", "energy"),
-    "heelstrike_loss": ("heel_loss", "energy"),
-    "gravity_work": ("gravity_work", "energy"),
-    "spring_work": ("spring_work", "energy"),
-    "friction_loss": ("friction_loss", "energy"),
-    "push_off_work": ("push_work", "energy"),
-}
-"""Entry of the results and unit of each field."""
-
 
 def _found(
     kind: type[_Result], walker: Walker, units: Units, time: Tensor, moved: FlowResult, held: Tensor
@@ -264,7 +252,7 @@ def _found(
         "walks": moved.walks,
         "margin": moved.margins,
     }
-    for name, (entry, unit) in _IN_UNITS.items():
+    for name, unit, entry, _ in RECORDED:
         if name in kind._fields:
             found[name] = moved.result(entry) * getattr(units, unit)
     if kind is Tick:

@@ -86,8 +86,8 @@ def test_a_gait_is_drawn_beside_the_optimal_gait_of_about_its_speed(tmp_path, mo
     line = ["gait", "constant", "--scene", "level", "--out", str(tmp_path / "gait.png")]
     assert train.main(line) == 0
     ((gait, beside),) = drawn
-    apart = [abs(other.speed - gait.froude_speed) for other in optimal.load("level")]
-    assert abs(beside.speed - gait.froude_speed) == min(apart) < 0.01
+    apart = [abs(other.froude_speed - gait.froude_speed) for other in optimal.load("level")]
+    assert abs(beside.froude_speed - gait.froude_speed) == min(apart) < 0.01
 
 
 def test_an_evaluation_can_be_repeated(trained, capsys):

@@ -214,7 +214,7 @@ def test_the_picture_of_costs_shows_each_seed_at_its_speed_and_both_curves(drawn
     for agent, scores in own.items():
         points = [[s["speed"], s["cost_of_transport"]] for s in scores]
         np.testing.assert_allclose(lines[f"{agent}, level ground"], points)
-    gaits = [[g.speed, g.cost_of_transport] for g in optimal.load("level")]
+    gaits = [[g.froude_speed, g.cost_of_transport] for g in optimal.load("level")]
     np.testing.assert_allclose(lines["optimal gaits, level ground"], gaits)
     for speed, cost in lines["passive, slope"][::7]:
         assert results._cost_at(results._passive(), speed) == pytest.approx(cost)

@@ -165,16 +165,17 @@ def test_robustness_is_that_of_python(answer):
     data, text = answer("robustness D --slope 0.009 --walkers 30 --strides 30 --roughness 2e-4 "
                         "--seed 4")  # fmt: skip
     found = gpw.robustness("D", slope=0.009, walkers=30, strides=30, roughness=2e-4, seed=4)
-    names = ("slope", "step_length", "period", "roughness", "sensitivity", "step_up", "step_down")
-    names += ("initial_error", "recovered", "recovered_error", "recovery")
+    names = ("slope", "step_length", "step_period", "roughness", "sensitivity", "step_up")
+    names += ("step_down", "initial_error", "recovered", "recovered_error", "recovery")
     assert {name: data[name] for name in names} == attributes(found, names)
     lasting = found.first_passage
     assert data["first_passage"] == plain(lasting.mean)
     assert data["first_passage_error"] == plain(lasting.error)
     assert data["first_passage_interval"] == plain(lasting.interval)
     assert (data["falls"], data["strides"]) == (lasting.falls, lasting.strides) and lasting.falls
-    assert data["phase"] == list(found.columns()["phase"])
-    assert (data["forward"], data["backward"]) == tuple(map(plain, (found.forward, found.backward)))
+    assert data["push_phases"] == list(found.columns()["push_phases"])
+    for name in ("push_forward", "push_backward"):
+        assert data[name] == plain(getattr(found, name))
     facts, pushes = text.split("\n\n")
     for fact, said in found.facts().items():
         assert said in facts, fact
@@ -183,7 +184,7 @@ def test_robustness_is_that_of_python(answer):
     assert head.index("forward") < head.index("backward")
     values = [[float(x.replace("-", "nan") if x == "-" else x) for x in row.split()]
               for row in rows]  # fmt: skip
-    expected = [*zip(found.columns()["phase"], found.forward, found.backward, strict=True)]
+    expected = [*zip(*found.columns().values(), strict=True)]
     np.testing.assert_allclose(values, expected, rtol=1e-5)
 
 
@@ -191,7 +192,7 @@ def test_a_gauntlet_is_that_of_python(answer):
     data, text = answer("gauntlet steep-ppo --walkers 3")
     found = gpw.gauntlet("steep-ppo", walkers=3)
     low, high = found.score_interval
-    assert (data["controller"], data["score"]) == (found.controller, plain(found.score))
+    assert (data["controller"], data["score"]) == (found.controller_name, plain(found.score))
     assert (data["low"], data["high"]) == (plain(low), plain(high)) and data["low"] < data["high"]
     for name, values in found.columns().items():
         assert [row[name] for row in data["tests"]] == plain(values), name

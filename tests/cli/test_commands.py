@@ -253,21 +253,6 @@ def test_tuning_errors_are_printed_whichever_sign_they_have(capsys):
         assert off == pytest.approx(max(map(abs, errors[name])), rel=1e-3, abs=1e-12)
 
 
-def test_a_gait_is_printed_to_the_last_digit(reported):
-    (gait,) = reported("gait", "lab", 0.036)
-    exact = gpw.find_gait("lab", 0.036)
-    assert gait["state"] == exact.state.tolist()
-    assert [complex(*pair) for pair in gait["multipliers"]] == exact.multipliers.tolist()
-    assert gait["stable"] is True and gait["kind"] == "long"
-
-
-def test_a_table_has_names_and_units(capsys):
-    assert main(["gait", "lab", "0.036"]) == 0
-    said = capsys.readouterr().out
-    for words in ("stance angle (rad)    ", "step period (s)", "speed / √(g l)", "stable"):
-        assert words in said
-
-
 @pytest.mark.parametrize("suffix", ["json", "yaml"])
 def test_a_walker_of_one_s_own_walks_by_the_laws_of_size(suffix, mine, reported):
     """At half the size, the angles are equal and the time is shorter by 1/√2."""

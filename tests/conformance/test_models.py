@@ -118,7 +118,7 @@ def trajectories(m):
 
 def rough_ground(m):
     rough = gpw.rough(0.0005)
-    assert gpw.simulate(m.gait, strides=2, terrain=rough).strides.max() >= 1
+    assert gpw.simulate(m.gait, strides=2, terrain=rough).stride_index.max() >= 1
 
 
 def pictures(m):

@@ -51,14 +51,13 @@ def test_derivatives_are_those_of_the_network(strides):
     def reported(shift):
         own = strides.with_parameter("foot_radius", np.array([radius + shift[-1]]))
         taken = own.apply(point + shift[:m], slope + shift[m], strides=2)
-        rows = (taken.durations, taken.lengths, taken.lost, taken.supplied)
+        rows = (taken.durations, taken.lengths, taken.lost, taken.supplied, taken.braked)
         return np.concatenate([taken.ends[0], *rows])
 
     widths = np.full(m + 2, 1e-7)
     widths[m] = 1e-8  # a network that has seen one slope alone turns sharply with it
-    exact = np.concatenate(
-        [change.ends[0], change.durations, change.lengths, change.lost, change.supplied]
-    )
+    rows = (change.durations, change.lengths, change.lost, change.supplied, change.braked)
+    exact = np.concatenate([change.ends[0], *rows])
     assert passage.alive.all()
     for j, way in enumerate(np.diag(widths)):
         difference = (reported(way) - reported(-way)) / (2.0 * widths[j])
@@ -312,8 +311,8 @@ def test_a_gait_on_steps_repeats_as_its_ground_does_and_its_energy_balance_close
         )
         state = walk.state
     np.testing.assert_allclose(state, gait.state, rtol=1e-10, atol=1e-12)
-    spent = gait.strides.gravity_work + gait.strides.hip_work
-    assert sum(spent) == pytest.approx(sum(gait.strides.collision_loss), rel=1e-10)
+    spent = gait.cycle.gravity_work + gait.cycle.hip_work
+    assert sum(spent) == pytest.approx(sum(gait.cycle.collision_loss), rel=1e-10)
     passage = strides.apply(strides.points_at(gait.state), strides=2)
     assert abs(passage.imbalance[0]) < 1e-10
     assert gpw.simulate(gait, strides=3 * len(ground.rises)).ending == "heelstrike"

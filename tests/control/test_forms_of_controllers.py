@@ -137,7 +137,7 @@ def test_a_gauntlet_takes_it_or_says_why_not(walk):
             gpw.gauntlet(controller, scene, walkers=2)
         return
     found = gpw.gauntlet(controller, scene, walkers=2)
-    assert found.controller and found.walks["own scene"].distance.min() > 10.0
+    assert found.controller_name and found.episodes["own scene"].distance.min() > 10.0
 
 
 def test_a_module_s_map_has_exact_derivatives_in_double_precision():

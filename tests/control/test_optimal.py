@@ -16,33 +16,23 @@ from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import ConstantTorque, LinearFeedback, Optimal
 from gym_passive_walker.gaits.control.optimum import Problem
 from gym_passive_walker.gaits.control.ticks import ticked_stride
+from gym_passive_walker.gaits.measures import cost_of_transport
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.section import Section
 
 SCENES = sorted(path.stem for path in optimal.STORE.glob("*.json"))
-STORED = [(scene, gait) for scene in SCENES for gait in optimal.load(scene)]
 
 
-@pytest.mark.parametrize(
-    ("scene", "gait"), STORED, ids=[f"{scene}-{gait.speed:.3f}" for scene, gait in STORED]
-)
-def test_a_stored_gait_closes_at_its_speed_and_cost(scene, gait):
-    scene = make_scene(scene)
-    tick = scene.tick if scene.control == "tick" else np.inf
-    torques = np.array(gait.torques)
-    assert np.max(np.abs(torques)) <= scene.max_hip_torque * (1.0 + 1e-12)
-    walked = ticked_stride(scene.walker, gait.slope, np.array(gait.point), torques, tick=tick)
-    assert walked.end == pytest.approx(gait.point, abs=1e-9)
-    assert walked.length / walked.duration == pytest.approx(gait.speed, rel=1e-9)
-    work = float(np.abs(torques) @ walked.turn)
-    assert work / walked.length == pytest.approx(gait.hip_cost, rel=1e-6)
-    assert not gait.stubs
+def problem_of(gait, further=0, **changes):
+    """The problem that a gait of "level" solves, with further ticks, in a changed scene."""
+    ticks = len(gait.controller.hip_torque) + further
+    return Problem(make_scene("level", **changes), gait.froude_speed, ticks, 4)
 
 
 def test_a_motor_that_pushes_both_ways_at_once_is_not_paid_for_it(monkeypatch):
     gait = optimal.load("level")[5]
-    problem = Problem(make_scene("level"), gait.speed, len(gait.torques), len(gait.point))
-    alone = problem.begun(gait.point, (gait.torques,), 0.0)
+    problem = problem_of(gait)
+    alone = problem.begun_at(gait)
     both = alone.copy()
     for parts in problem.parts(both):
         parts += 0.01
@@ -60,14 +50,17 @@ STIFF = [[0.13, -0.16, -0.08, -0.10], [0.25, -0.30, -0.21, -0.41]]
 
 def stiff(point: list[float]) -> optimal.OptimalGait:
     """An initial guess in which the swing leg, held back at first, passes through the ground."""
-    torques = [-0.05, -0.05, 0.0]
-    return replace(optimal.load("level")[5], point=point, torques=torques, step_period=3.15)
+    gait = optimal.load("level")[5]
+    state = Section(walker=gait.walker).states_at(np.array([point]))[0]
+    torques = to_own(gait.units, Actuation(np.array([-0.05, -0.05, 0.0]), np.zeros(3), 0.0))
+    longer = gait.mean._replace(duration=3.15 * gait.units.time)
+    return replace(gait, state=state, controller=torques, mean=longer)
 
 
 @pytest.mark.parametrize("actions", [("hip",), ("hip", "push_off")])
 def test_how_far_the_toe_clears_the_ground_is_known_with_its_derivatives(actions):
     gait = optimal.load("level")[5]
-    problem = Problem(make_scene("level", actions=actions), gait.speed, len(gait.torques) + 3, 4)
+    problem = problem_of(gait, 3, actions=actions)
     problem.clears = True
     z = problem.begun_at(gait)
     z[6:20] += 0.01
@@ -96,8 +89,7 @@ def test_a_search_for_a_clear_toe_keeps_a_gait_that_clears_and_refuses_one_that_
 ):
     """Of the gait with which the search ends."""
     gait = optimal.load("level")[5]
-    scene = make_scene("level", end_on_toe_stub=end_on_toe_stub)
-    problem = Problem(scene, gait.speed, len(gait.torques), len(gait.point))
+    problem = problem_of(gait, end_on_toe_stub=end_on_toe_stub)
     problem.clears = True
     z = problem.begun_at(gait)
     monkeypatch.setattr(problem, "_minimised", lambda z, *_: z)
@@ -142,7 +134,7 @@ def test_stored_costs_are_those_of_the_stored_gaits_and_finer(scene):
     apart = np.diff([speed for speed, _ in costs if scene != "lab" or speed < 0.217])
     assert apart.max() < 1.3e-3  # faster walks of `lab` have no optimum at some speeds
     for gait in gaits:
-        assert optimal.least_cost(scene, gait.speed) == pytest.approx(gait.cost_of_transport)
+        assert optimal.least_cost(scene, gait.froude_speed) == pytest.approx(gait.cost_of_transport)
     (low, _), *_, (high, _) = costs
     for beyond in (low - 1e-6, high + 1e-6):
         with pytest.raises(ValueError, match=f"speeds from {low:g} to {high:g} .*, not at"):
@@ -151,7 +143,7 @@ def test_stored_costs_are_those_of_the_stored_gaits_and_finer(scene):
 
 @pytest.mark.parametrize("speed", [0.088125, 0.165625])
 def test_midway_between_stored_costs_the_optimum_is_known_within_a_thousandth(speed):
-    start = min(optimal.load("level"), key=lambda gait: abs(gait.speed - speed))
+    start = min(optimal.load("level"), key=lambda gait: abs(gait.froude_speed - speed))
     found = optimal.optimal_gait("level", speed, start=start)
     assert optimal.least_cost("level", speed) == pytest.approx(found.cost_of_transport, rel=1e-3)
 
@@ -163,7 +155,9 @@ def test_costs_between_gaits_given_are_interpolated_smoothly():
         assert optimal.least_cost(gaits, speed) == pytest.approx(
             optimal.least_cost("level", speed), rel=7e-3
         )
-    assert optimal.least_cost(gaits[:1], gaits[0].speed) == gaits[0].cost_of_transport
+    assert optimal.least_cost(gaits[:1], gaits[0].froude_speed) == pytest.approx(
+        gaits[0].cost_of_transport
+    )
     with pytest.raises(ValueError, match=r"from 0\.05 to 0\.05 .*, not at 0\.1"):
         optimal.least_cost(gaits[:1], 0.1)
     for speed in (float("nan"), "0.1", None):
@@ -180,7 +174,7 @@ def test_a_scene_without_stored_costs_is_named(tmp_path, monkeypatch):
     gaits = optimal.load("steep")
     optimal.save_costs("moon", gaits)
     optimal.save_costs("sun", gaits[:3])
-    assert optimal.stored_costs("moon") == [(g.speed, g.cost_of_transport) for g in gaits]
+    assert optimal.stored_costs("moon") == [(g.froude_speed, optimal.charged(g)) for g in gaits]
     assert len(optimal.stored_costs("sun")) == 3
     optimal.stored_costs.cache_clear()
 
@@ -197,15 +191,14 @@ def test_level_walking_at_a_tenth_costs_a_third_of_a_percent():
 def test_at_its_own_speed_the_passive_gait_is_the_optimum(name):
     scene = make_scene(name)
     gait = gpw.find_gait(scene.walker, scene.slope)
-    speed = gait.speed / np.sqrt(scene.walker.gravity * scene.walker.leg_length)
-    cost = optimal.least_cost(optimal.load(name), speed)
+    cost = optimal.least_cost(optimal.load(name), gait.froude_speed)
     assert cost == pytest.approx(np.sin(scene.slope), rel=1e-6)
 
 
 def test_a_gait_is_found_from_its_neighbour():
-    start = next(gait for gait in optimal.load("level") if gait.speed > 0.055)
+    start = next(gait for gait in optimal.load("level") if gait.froude_speed > 0.055)
     found = optimal.optimal_gait("level", 0.055, start=start)
-    assert found.speed == pytest.approx(0.055) and found.violation < 1e-9
+    assert found.froude_speed == pytest.approx(0.055) and found.violation < 1e-9
     assert found.optimality < 0.01
     assert found.hip_cost == pytest.approx(optimal.least_cost("level", 0.055), rel=1e-3)
 
@@ -223,17 +216,19 @@ def test_a_passive_gait_is_its_own_optimum_without_a_motor():
     found = optimal.optimal_gait(scene, gait.froude_speed)
     assert found.hip_cost == pytest.approx(0.0, abs=1e-9)
     assert found.cost_of_transport == pytest.approx(np.sin(0.036))
-    assert found.multipliers[0] == pytest.approx(abs(gait.multipliers[0]), rel=1e-6)
+    assert abs(found.multipliers[0]) == pytest.approx(abs(gait.multipliers[0]), rel=1e-6)
 
 
 def test_optima_at_several_speeds_are_those_that_are_stored():
     found = optimal.optimal_gaits("steep", [0.33, 0.32])
     passive = gpw.find_gait("C", 0.11).froude_speed
-    assert [gait.speed for gait in found] == pytest.approx([0.32, passive, 0.33])
+    assert [gait.froude_speed for gait in found] == pytest.approx([0.32, passive, 0.33])
     for gait in found:
-        stored = min(optimal.load("steep"), key=lambda other: abs(other.speed - gait.speed))
+        stored = min(
+            optimal.load("steep"), key=lambda other: abs(other.froude_speed - gait.froude_speed)
+        )
         assert gait.hip_cost == pytest.approx(stored.hip_cost, abs=1e-7)
-    speeds, costs = np.array([(gait.speed, gait.cost_of_transport) for gait in found]).T
+    speeds, costs = np.array([(gait.froude_speed, gait.cost_of_transport) for gait in found]).T
     assert optimal.least_cost(found, speeds[1]) == pytest.approx(costs[1], rel=1e-12)
     for beyond in (speeds[0] - 1e-6, speeds[-1] + 1e-6):
         with pytest.raises(ValueError, match="known at speeds"):
@@ -246,31 +241,34 @@ def test_of_two_optima_at_one_speed_the_cheaper_is_kept(costs, monkeypatch):
     left = iter(costs)
 
     def found(scene, speed, *, start):
-        return replace(start, speed=speed, hip_cost=next(left))
+        mean = start.mean._replace(step_length=speed * start.units.speed * start.step_period)
+        return replace(start, mean=mean, charged_cost=next(left))
 
     monkeypatch.setattr(optimal, "optimal_gait", found)
     _, slower, faster = optimal.optimal_gaits("steep", [0.33, 0.335])
-    assert (slower.speed, slower.hip_cost) == (0.33, min(costs[0], costs[2]))
-    assert (faster.speed, faster.hip_cost) == (0.335, costs[1])
+    assert [g.froude_speed for g in (slower, faster)] == pytest.approx([0.33, 0.335])
+    assert (slower.charged_cost, faster.charged_cost) == (min(costs[0], costs[2]), costs[1])
 
 
 @pytest.mark.parametrize("energy", ["absolute", "positive", "net"])
 def test_the_motor_of_an_optimal_gait_is_charged_as_its_scene_says(energy):
     scene = make_scene("lab", control="stride", slope=0.03, energy=energy)
     gait = optimal.optimal_gait(scene, 0.16)
-    torque, point = np.array(gait.torques), np.array(gait.point)
+    torque, point = gait.dimensionless.controller.hip_torque, gait.point.values[0]
     walked = ticked_stride(scene.walker, 0.03, point, torque, tick=np.inf)
     absolute, net = np.abs(torque) @ walked.turn, torque @ walked.swing
     work = {"absolute": absolute, "positive": 0.5 * (absolute + net), "net": net}[energy]
-    assert gait.hip_cost == pytest.approx(work / walked.length, rel=1e-9)
-    assert gait.cost_of_transport == pytest.approx(np.sin(0.03) + gait.hip_cost)
+    assert gait.charged_cost == pytest.approx(work / walked.length, rel=1e-9)
+    assert cost_of_transport(gait, energy) == pytest.approx(np.sin(0.03) + gait.charged_cost)
+    assert optimal.charged(gait) == pytest.approx(cost_of_transport(gait, energy), rel=1e-9)
+    assert gait.hip_cost == pytest.approx(absolute / walked.length, rel=1e-9)
     assert not net == pytest.approx(absolute, rel=1e-3)
 
 
 def test_the_optimal_policy_plays_its_gait_and_returns_to_it():
     policy = Optimal("level")
     closed = closed_loop_gait(policy, "level")
-    assert closed.froude_speed == pytest.approx(policy.gait.speed, rel=1e-6)
+    assert closed.froude_speed == pytest.approx(policy.gait.froude_speed, rel=1e-6)
     assert closed.hip_cost == pytest.approx(policy.gait.hip_cost, rel=1e-3)
     assert closed.stable
     arena = gym.make_vec("PassiveWalker-v0", num_envs=8)
@@ -280,7 +278,8 @@ def test_the_optimal_policy_plays_its_gait_and_returns_to_it():
 
 
 def test_stored_gaits_belong_to_a_scene_however_it_is_named():
-    assert Optimal(make_scene("steep")).gait == Optimal("steep").gait
+    gaits = [Optimal(scene).gait.to_json() for scene in (make_scene("steep"), "steep")]
+    assert gaits[0] == gaits[1]
     with pytest.raises(ValueError, match="optimal_gait"):
         Optimal(make_scene("level", slope=0.001))
     with pytest.raises(ValueError, match="optimal_gait"):
@@ -310,7 +309,7 @@ def test_a_speed_out_of_reach_is_said_to_be():
     ) as said:
         optimal.optimal_gait(scene, 1.5)
     speed = float(re.search(r"at speed (0\.\d+)", str(said.value))[1])
-    assert optimal.optimal_gait(scene, speed).speed == pytest.approx(speed)
+    assert optimal.optimal_gait(scene, speed).froude_speed == pytest.approx(speed)
 
 
 def test_the_speeds_of_stored_gaits_are_said_where_a_search_finds_none():
@@ -333,11 +332,14 @@ def test_the_simplest_walker_s_optimal_push_off_makes_good_its_heelstrike():
     """On level ground P = v tan(alpha), 2 alpha between the legs (Kuo 2002)."""
     gait = gpw.find_gait(gpw.stride_map("D", 0.0, controller=Actuation(push_off=0.05)))
     found = optimal.optimal_gait("push-off", gait.froude_speed)
-    assert found.speed == pytest.approx(gait.froude_speed, rel=1e-9)
-    angle, rate = found.point[:2]
-    assert found.push_off == pytest.approx(-rate * np.tan(angle), rel=1e-8)
-    assert found.cost_of_transport == found.push_off_cost
-    assert found.push_off_cost == pytest.approx(0.5 * found.push_off**2 / found.step_length)
+    assert found.froude_speed == pytest.approx(gait.froude_speed, rel=1e-9)
+    angle, rate = found.point.values[0, :2]
+    walked = found.dimensionless
+    push_off = walked.controller.push_off
+    assert push_off == pytest.approx(-rate * np.tan(angle), rel=1e-8)
+    assert found.push_off_cost == optimal.charged(found)
+    assert found.cost_of_transport == pytest.approx(found.push_off_cost, rel=1e-12)
+    assert found.push_off_cost == pytest.approx(0.5 * push_off**2 / walked.step_length)
     units = gait.walker.units
     longer = float(gait.stride.push_off_work) / (units.energy * gait.step_length)
     assert found.push_off_cost < longer  # shorter steps at the same speed cost less
@@ -348,34 +350,22 @@ def test_with_every_motor_a_gait_and_its_energy_balance_close():
     actions, slope = ("hip", "ankle", "push_off"), -0.005
     scene = make_scene("level", walker="E", slope=slope, control="stride", actions=actions)
     found = optimal.optimal_gait(scene, 0.15)
-    walker, units = scene.walker, scene.walker.units
-    state = Section(walker=walker).states_at(np.array([found.point]))[0]
-    drive = to_own(units, Actuation(found.torques[0], found.ankle_torques[0], found.push_off))
-    walked = gpw.stride(walker, slope, state, **drive._asdict())
-    np.testing.assert_allclose(walked.state, state, atol=1e-8)
-    work = units.energy * found.step_length
-    assert float(walked.hip_work_absolute) / work == pytest.approx(found.hip_cost, abs=1e-9)
-    assert float(walked.push_off_work) / work == pytest.approx(found.push_off_cost, abs=1e-9)
-    assert float(walked.ankle_work_absolute) / work == pytest.approx(found.ankle_cost, abs=1e-9)
-    assert found.push_off > 0.0
+    (hip,), (ankle,), push_off = found.controller
+    walked = gpw.stride(
+        scene.walker, slope, found.state, hip_torque=hip, ankle_torque=ankle, push_off=push_off
+    )
+    np.testing.assert_allclose(walked.state, found.state, atol=1e-8)
+    for name in ("hip_cost", "ankle_cost", "push_off_cost", "collision_cost", "gravity_cost"):
+        assert getattr(walked, name) == pytest.approx(getattr(found, name), abs=1e-9)
+    assert found.charged_cost == pytest.approx(found.motor_cost, rel=1e-9)
+    assert push_off > 0.0
 
 
 def test_in_ticks_the_push_off_is_cheaper_than_the_hip():
     """As Kuo found it for the simplest walker, so it is for one with knees."""
     pushing = optimal.optimal_gait(make_scene("level", actions=("push_off",)), 0.15)
     assert pushing.optimality < 1e-8
-    assert pushing.motor_cost < 0.25 * optimal.least_cost(optimal.load("level"), 0.15)
-
-
-def test_each_torque_is_charged_to_its_motor():
-    scene = make_scene("level", walker="E", slope=0.01, control="stride", actions=("hip", "ankle"))
-    found = optimal.optimal_gait(scene, 0.15)
-    torques = np.array([found.torques, found.ankle_torques])
-    walked = ticked_stride(scene.walker, 0.01, np.array(found.point), torques, tick=np.inf)
-    hip, ankle = np.abs(torques[:, 0]) * walked.turn[:, 0] / walked.length
-    assert (found.hip_cost, found.ankle_cost) == pytest.approx((hip, ankle), rel=1e-9)
-    assert found.ankle_cost > 5.0 * found.hip_cost > 0.0
-    assert found.motor_cost == pytest.approx(hip + ankle, rel=1e-9)
+    assert pushing.charged_cost < 0.25 * optimal.least_cost(optimal.load("level"), 0.15)
 
 
 @pytest.mark.parametrize(("scene", "speed"), [("level", 0.08), ("lab", 0.17)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, replace
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +13,7 @@ import scipy
 
 import gym_passive_walker as gpw
 from examples.torso import TORSO
+from gym_passive_walker.gaits.actuation import Actuation, to_own
 from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import (
     BASELINES,
@@ -30,6 +31,7 @@ from gym_passive_walker.gaits.control.maps import calm, map_in
 from gym_passive_walker.gaits.control.optimum import OptimalGait, Problem
 from gym_passive_walker.gaits.control.policy import FunctionPolicy
 from gym_passive_walker.gaits.gait import GaitNotFound
+from gym_passive_walker.gaits.measures import MEASURES
 from gym_passive_walker.gaits.scenes.scene import make_scene
 
 LEVEL = make_scene("level")
@@ -229,12 +231,12 @@ def test_a_powered_gait_has_the_torque_that_replaces_gravity(slope):
     gait = powered_gait(walker, slope)
     if slope > 0.0:
         np.testing.assert_array_equal(gait.state, gpw.find_gait(walker, slope).state)
-        assert gait.hip_torque == 0.0
+        assert gait.controller is None
         return
     known = gpw.find_gait(walker, 0.005)
     missing = math.sin(0.005) - math.sin(slope)
     torque = 1.0 * 9.81 * known.step_length * missing / (4.0 * known.stance_angle)
-    assert gait.hip_torque == pytest.approx(torque, rel=1e-12)
+    assert gait.controller.hip_torque == pytest.approx(torque, rel=1e-12)
     end = gpw.stride(walker, slope, gait.state, hip_torque=torque, tolerance=1e-12)
     np.testing.assert_allclose(end.state, gait.state, rtol=1e-8)
 
@@ -246,47 +248,44 @@ def test_a_simplest_walker_is_not_driven_by_its_hip():
 
 def test_the_first_amount_that_drives_a_walker_is_taken():
     walker, unit = gpw.WALKERS["E"], gpw.WALKERS["E"].units.impulse
-    state, held = first_driven(walker, 0.0, "push_off", iter([0.0, 0.02, 0.05]))
-    assert held == gpw.Actuation(push_off=pytest.approx(0.02 * unit))
-    end = gpw.stride(walker, 0.0, state, push_off=0.02 * unit, tolerance=1e-12)
-    np.testing.assert_allclose(end.state, state, rtol=1e-8)
+    gait = first_driven(walker, 0.0, "push_off", iter([0.0, 0.02, 0.05]))
+    assert gait.controller == gpw.Actuation(push_off=pytest.approx(0.02 * unit))
     assert first_driven(walker, 0.0, "push_off", [0.0]) is None
 
 
+UNIT = gpw.WALKERS["C"].units
 SCENES = sorted(path.stem for path in optimal.STORE.glob("*.json"))
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_a_stored_gait_costs_what_its_torques_do_in_its_scene(name):
+def test_a_stored_gait_reports_what_its_torques_do_in_its_scene(name):
     """By the strides of its stride map, tick by tick."""
     scene = make_scene(name)
-    for gait in optimal.load(name)[::6]:
+    for gait in optimal.load(name):
         strides = gpw.stride_map(controller=gait, scene=name)
-        state = strides.states_at(np.array([gait.point]))[0]
-        end, units = strides.stride(state), scene.walker.units
-        np.testing.assert_allclose(end.state, state, atol=1e-7)
-        weight = units.force
-        assert end.duration / units.time == pytest.approx(gait.step_period, rel=1e-8)
-        assert end.step_length / units.length == pytest.approx(gait.step_length, rel=1e-8)
-        assert gait.speed == pytest.approx(gait.step_length / gait.step_period, rel=1e-9)
-        cost = end.hip_work_absolute / (weight * end.step_length)
-        assert cost == pytest.approx(gait.hip_cost, rel=1e-6, abs=1e-9)
-        assert gait.cost_of_transport == pytest.approx(math.sin(gait.slope) + cost, rel=1e-6)
-        assert end.kneestrike_time / units.time == pytest.approx(gait.kneestrike_time, rel=1e-7)
-        _, change = strides.linearize(strides.points_at(state), gait.slope)
+        torques = np.abs(gait.dimensionless.controller.hip_torque)
+        assert torques.max() <= scene.max_hip_torque * (1.0 + 1e-12) and not gait.stubs
+        end = strides.stride(gait.state)
+        np.testing.assert_allclose(end.state, gait.state, atol=1e-7)
+        for each in MEASURES:
+            if each.name != "duration":
+                found, known = getattr(gait, each.name), getattr(end, each.name)
+                assert found == pytest.approx(known, rel=1e-6, abs=1e-9), each.name
+        assert gait.cost_of_transport == pytest.approx(math.sin(gait.slope) + gait.hip_cost)
+        _, change = strides.linearize(strides.points_at(gait.state), gait.slope)
         moduli = sorted(np.abs(np.linalg.eigvals(change.ends[0])), reverse=True)
-        np.testing.assert_allclose(gait.multipliers, moduli, atol=1e-5)
-        assert gait.stable == (max(gait.multipliers) < 1.0)
+        np.testing.assert_allclose(np.abs(gait.multipliers), moduli, atol=1e-5)
+        assert gait.stable == (max(moduli) < 1.0)
         if scene.control == "tick":
-            assert len(gait.torques) == math.ceil(gait.step_period / scene.tick)
-        assert gait.motor_cost == gait.hip_cost + gait.ankle_cost + gait.push_off_cost
+            ticks = math.ceil(gait.dimensionless.step_period / scene.tick)
+            assert len(gait.controller.hip_torque) == ticks
 
 
 @pytest.mark.parametrize("energy", ["absolute", "positive", "net"])
 def test_the_gradient_of_the_cost_and_the_constraints_is_that_of_differences(energy):
     scene = make_scene("level", energy=energy)
     gait = optimal.load("level")[4]
-    problem = Problem(scene, gait.speed * 0.99, len(gait.torques) + 2, len(gait.point))
+    problem = Problem(scene, gait.froude_speed * 0.99, len(gait.controller.hip_torque) + 2, 4)
     random = np.random.default_rng(0)
     z = problem.begun_at(gait)
     inside = slice(problem.m, len(z))
@@ -318,23 +317,21 @@ def test_torques_of_hip_and_ankle_are_each_a_share_of_their_own_largest():
     assert problem.push_off(beyond) == pytest.approx(0.2)
 
 
-def some(speed, cost=0.01, **changes):
+def some(speed, cost=0.01, *, hip=(0.0,), ankle=(0.0,), push_off=0.0, **changes):
+    """A gait with dimensionless torques and push-off."""
     gait = optimal.load("level")[3]
-    return replace(gait, speed=speed, cost_of_transport=cost, hip_cost=cost, **changes)
+    length = speed * gait.units.speed * gait.step_period
+    held = to_own(gait.units, Actuation(np.array(hip), np.array(ankle), push_off))
+    mean = gait.mean._replace(step_length=length, **changes)
+    return replace(gait, mean=mean, charged_cost=cost, controller=held)
 
 
 def test_saved_gaits_are_loaded_with_every_field(tmp_path, monkeypatch):
-    given = [
-        some(0.1, ankle_torques=[0.1, 0.2], ankle_cost=0.3, push_off=0.4, push_off_cost=0.5,
-             on_edge=True, stubs=True),
-        some(0.2, 1.0 / 3.0),
-    ]  # fmt: skip
-    optimal.save_gaits(tmp_path / "ours.json", given)
-    assert [asdict(OptimalGait(**x)) for x in json.loads((tmp_path / "ours.json").read_text())] == [
-        asdict(gait) for gait in given
-    ]
+    given = [replace(some(0.1, ankle=[0.1, 0.2], push_off=0.4), on_edge=True), some(0.2, 1.0 / 3.0)]
     monkeypatch.setattr(optimal, "STORE", tmp_path)
-    assert optimal.load("ours") == given
+    optimal.save_gaits(tmp_path / "ours.json", given)
+    assert [gait.to_json() for gait in optimal.load("ours")] == [gait.to_json() for gait in given]
+    assert {*given[0].to_json()} == {each.name for each in fields(OptimalGait)}
     with pytest.raises(ValueError, match=r"of scene 'level' are stored, only those of: ours; .*"
                        "--scene level"):  # fmt: skip
         optimal.load("level")
@@ -376,36 +373,33 @@ def test_least_costs_between_gaits_are_interpolated_by_their_logarithm():
 
 
 def test_torques_are_shifted_by_a_tick_each_way_and_none_is_lost():
-    gait = some(0.1, torques=[1.0, 2.0, 3.0], ankle_torques=[4.0, 5.0])
-    later, earlier = optimal._shifted(gait)
-    assert later.torques == [1.0, 1.0, 2.0, 3.0] and later.ankle_torques == [4.0, 4.0, 5.0]
-    assert earlier.torques == [2.0, 3.0] and earlier.ankle_torques == [5.0]
-    _, earlier = optimal._shifted(some(0.1, torques=[1.0]))
-    assert earlier.torques == [1.0] and earlier.ankle_torques == []
+    gait = some(0.1, hip=[1.0, 2.0, 3.0], ankle=[4.0, 5.0, 6.0])
+    later, earlier = (x.dimensionless.controller for x in optimal._shifted(gait))
+    np.testing.assert_allclose(later[:2], [[1.0, 1.0, 2.0, 3.0], [4.0, 4.0, 5.0, 6.0]])
+    np.testing.assert_allclose(earlier[:2], [[2.0, 3.0], [5.0, 6.0]])
+    _, earlier = optimal._shifted(some(0.1, hip=[1.0]))
+    np.testing.assert_allclose(earlier.dimensionless.controller[:2], [[1.0], [0.0]])
 
 
 @pytest.mark.parametrize(
     ("time", "tick", "edges"),
-    [(0.0, 0.1, []), (1.23, math.inf, []), (1.23, 0.1, [12, 13]), (1.2, 0.1, [12]),
+    [(math.nan, 0.1, []), (1.23, math.inf, []), (1.23, 0.1, [12, 13]), (1.2, 0.1, [12]),
      (1.2003, 0.1, [12])],
 )  # fmt: skip
 def test_a_kneestrike_is_tried_at_the_ends_of_the_ticks_around_it(time, tick, edges):
-    found = optimal._edges(some(0.1, kneestrike_time=time), tick)
+    found = optimal._edges(some(0.1, kneestrike_time=time * UNIT.time), tick)
     np.testing.assert_allclose(found, [edge * 0.1 for edge in edges])
 
 
 def test_a_schedule_plays_hip_ankle_and_push_off_each_to_its_own_motor():
     scene = make_scene("level", walker="E", actions=("push_off", "ankle", "hip"),
                        max_push_off=0.2, max_ankle_torque=0.03)  # fmt: skip
-    gait = some(0.1, point=[0.2, -0.3, -0.1], torques=[0.01, -0.02], ankle_torques=[0.003, 0.006],
-                push_off=0.05)  # fmt: skip
+    gait = some(0.1, hip=[0.01, -0.02], ankle=[0.003, 0.006], push_off=0.05)
     played = Schedule(scene, gait)
     largest = scene.max_hip_torque
     expected = [[0.25, 0.1, 0.01 / largest], [0.25, 0.2, -0.02 / largest]]
     np.testing.assert_allclose(played.actions, expected)
     assert not played.rows.any() and played.name == "schedule"
-    bare = Schedule(scene, replace(gait, ankle_torques=[]))
-    np.testing.assert_array_equal(bare.actions[:, 1], 0.0)
 
 
 def test_controllers_are_found_in_each_form_with_their_scene():

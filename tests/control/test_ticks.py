@@ -50,13 +50,14 @@ def test_derivatives_are_those_of_the_stride(level):
 
 def test_equal_ticks_are_one_torque(level):
     gait = powered_gait(WALKER, 0.0)
+    torque = gait.controller.hip_torque
     unit = WALKER.total_mass * WALKER.gravity * WALKER.leg_length
-    walked = ticked_stride(WALKER, 0.0, level, np.full(TICKS, gait.hip_torque / unit), tick=TICK)
+    walked = ticked_stride(WALKER, 0.0, level, np.full(TICKS, torque / unit), tick=TICK)
     assert walked.end == pytest.approx(level, abs=1e-9)
-    whole = gpw.stride(WALKER, 0.0, gait.state, hip_torque=gait.hip_torque)
+    whole = gpw.stride(WALKER, 0.0, gait.state, hip_torque=torque)
     assert walked.duration * WALKER.time_unit == pytest.approx(float(whole.duration))
-    assert gait.hip_torque * walked.turn.sum() == pytest.approx(float(whole.hip_work_absolute))
-    assert gait.hip_torque * walked.swing.sum() == pytest.approx(float(whole.hip_work))
+    assert torque * walked.turn.sum() == pytest.approx(float(whole.hip_work_absolute))
+    assert torque * walked.swing.sum() == pytest.approx(float(whole.hip_work))
 
 
 def test_walkers_that_differ_strike_each_in_its_own_time(monkeypatch):

@@ -72,12 +72,12 @@ def test_readings_of_a_stride_are_those_of_the_reality_check(walker):
         struck = found.stance_knee_at_kneestrike.value, found.stance_knee_at_heelstrike.value
         scale = units.impulse * units.length
         assert least("stance_knee_impulse") == pytest.approx(min(struck) / scale, rel=1e-7)
-    normal = min(impulse.normal for impulse in impulses)
+    normal = min(impulse.normal_impulse for impulse in impulses)
     assert least("normal_impulse") == pytest.approx(normal / units.impulse, rel=1e-7)
     force = found.least_normal_force.value / units.force
     assert least("normal_force") == pytest.approx(force, abs=1e-3)
     assert least("normal_force") >= force - 1e-9
-    needed = [found.stance_friction.value, *(impulse.friction.value for impulse in impulses)]
+    needed = [found.stance_friction.value, *(impulse.needed_friction.value for impulse in impulses)]
     friction = max(info["friction"] for info in infos)
     assert friction == pytest.approx(max(needed), abs=1e-3)
     assert friction <= max(needed) + 1e-7
@@ -105,7 +105,8 @@ def test_what_a_push_off_needs_of_the_leaving_foot_counts(walker):
         least = min(*bent, found.stance_knee_at_kneestrike.value) / scale
         assert infos[-1]["stance_knee_impulse"] >= least - 1e-9
         assert infos[-1]["stance_knee_impulse"] == pytest.approx(min(bent) / scale, rel=1e-6)
-    heel, push = found.heelstrike_impulse.friction.value, found.push_off_impulse.friction.value
+    impulses = found.heelstrike_impulse, found.push_off_impulse
+    heel, push = (impulse.needed_friction.value for impulse in impulses)
     assert infos[-1]["friction"] >= max(heel, push) - 1e-9
     assert infos[-1]["friction"] == pytest.approx(max(heel, push), abs=0.02)
 
@@ -153,7 +154,7 @@ def _gait(walker):
 
 def test_a_strike_that_slips_ends_the_episode_though_the_foot_came_down():
     gait = gpw.find_gait("A", 0.03)
-    needed = gpw.reality_check("A", 0.03, gait.state).heelstrike_impulse.friction.value
+    needed = gpw.reality_check("A", 0.03, gait.state).heelstrike_impulse.needed_friction.value
     infos = walked(
         world("A", constraints={"friction": "end"}, friction=needed - 1e-3, control="stride"),
         options={"state": gait.state},

@@ -36,7 +36,7 @@ def test_a_walk_in_the_environment_is_the_walk_over_the_same_footholds():
     trajectory = gpw.simulate("C", 0.05, state, len(infos), terrain=terrain, terrain_seed=key)
     made = sum(info.get("outcome") == "heelstrike" for info in infos)
     assert made >= 5
-    first = np.flatnonzero(np.diff(trajectory.strides, prepend=-1))[: made + 1]
+    first = np.flatnonzero(np.diff(trajectory.stride_index, prepend=-1))[: made + 1]
     own = trajectory.states[first]
     np.testing.assert_allclose(observations[: len(own), :3], own[:, :3], atol=2e-6)
     np.testing.assert_allclose(

@@ -232,7 +232,7 @@ def test_a_walk_over_rough_ground_has_its_feet_on_it():
     walk = simulate("lab", gait.slope, gait.state, 6, terrain=rough(0.002, 0.01), terrain_seed=3)
     assert len(walk.outcomes) == 6
     walker = WALKERS["lab"]
-    for k in walk.struck[walk.strides[walk.struck] != walk.strides[walk.struck - 1]]:
+    for k in walk.struck[walk.stride_index[walk.struck] != walk.stride_index[walk.struck - 1]]:
         feet = []
         for i, leg in ((k - 1, 1), (k, 0)):
             own = bodies.Bodies(walker, walk.states[i, :3])

@@ -27,7 +27,7 @@ def test_each_stride_starts_where_the_stride_map_says():
     assert walk.times[6] == ends.duration
     assert walk.contact_x[6] == ends.step_length
     assert list(walk.outcomes) == [Outcome.HEELSTRIKE] * 3
-    assert list(walk.strides) == [0] * 6 + [1] * 6 + [2] * 6
+    assert list(walk.stride_index) == [0] * 6 + [1] * 6 + [2] * 6
 
 
 def test_a_stride_ends_just_before_its_heelstrike():

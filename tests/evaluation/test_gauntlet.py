@@ -13,8 +13,8 @@ from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
 @pytest.mark.parametrize("name", shipped_policies())
 def test_every_trained_policy_can_be_tested_and_each_test_changes_its_walks(name):
     found = gpw.gauntlet(name, walkers=2)
-    assert tuple(found.walks) == tuple(TESTS)
-    distances = {test: walks.distance for test, walks in found.walks.items()}
+    assert tuple(found.episodes) == tuple(TESTS)
+    distances = {test: walks.distance for test, walks in found.episodes.items()}
     own = distances.pop("own scene")
     same = [test for test, others in distances.items() if np.array_equal(others, own)]
     massless = ["bodies, 5 %", "bodies, 20 %"]  # the simplest walker has nothing to vary
@@ -26,20 +26,22 @@ def test_the_result_depends_on_the_controller_alone():
     first, again = (gpw.gauntlet("steep-ppo", walkers=4) for _ in range(2))
     np.testing.assert_array_equal(first.columns()["distance"], again.columns()["distance"])
     more = gpw.gauntlet("steep-ppo", walkers=6)
-    for test, walks in first.walks.items():
-        np.testing.assert_array_equal(more.walks[test].distance[:4], walks.distance)
+    for test, walks in first.episodes.items():
+        np.testing.assert_array_equal(more.episodes[test].distance[:4], walks.distance)
     policy = gpw.gauntlet(gpw.load_policy("steep-ppo"), walkers=4)
     np.testing.assert_array_equal(policy.survival, first.survival)
 
 
 def test_the_score_is_the_mean_survival_within_its_interval():
     found = gpw.gauntlet("steep-sac", walkers=8)
-    ended = [walks.endings.count("reached the time limit") / 8 for walks in found.walks.values()]
+    ended = [walks.endings.count("reached the time limit") / 8 for walks in found.episodes.values()]
     np.testing.assert_array_equal(found.survival, ended)
     low, high = found.score_interval
     assert 0.0 < low < found.score < high < 1.0
     assert found.score == pytest.approx(np.mean(ended))
-    inside = (found.interval[:, 0] <= found.survival) & (found.survival <= found.interval[:, 1])
+    inside = (found.survival_interval[:, 0] <= found.survival) & (
+        found.survival <= found.survival_interval[:, 1]
+    )
     assert inside.all()
     said = str(found)
     assert said.startswith("steep-sac, walker 'C': 8 walks of 100 sqrt(l/g) in each test")
@@ -49,8 +51,8 @@ def test_the_score_is_the_mean_survival_within_its_interval():
 def test_a_walker_without_a_motor_and_a_controller_of_one_s_own_can_be_tested():
     lab = make_scene("lab")
     passive = gpw.gauntlet(Passive(), lab, walkers=4)
-    assert passive.controller == "passive" and passive.survival[0] > 0.0
-    assert passive.walks["own scene"].motor_work.max() == 0.0
+    assert passive.controller_name == "passive" and passive.survival[0] > 0.0
+    assert passive.episodes["own scene"].motor_work.max() == 0.0
     with pytest.raises(ValueError, match="say in which scene"):
         gpw.gauntlet(Passive())
     with pytest.raises(ValueError, match="walkers"):

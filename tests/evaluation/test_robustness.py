@@ -38,7 +38,7 @@ def walked(first: dict, state, count: int) -> int:
 def test_the_gait_is_the_one_that_is_found(lab):
     gait = gpw.find_gait("lab", SLOPE)
     assert lab.step_length * gait.walker.leg_length == pytest.approx(gait.step_length, rel=1e-5)
-    assert lab.period * gait.walker.time_unit == pytest.approx(gait.step_period, rel=1e-5)
+    assert lab.step_period * gait.walker.time_unit == pytest.approx(gait.step_period, rel=1e-5)
 
 
 def test_the_sensitivity_is_that_of_the_linearized_stride_map(lab):
@@ -87,7 +87,7 @@ def test_a_push_at_the_beginning_is_a_change_of_the_rates(lab):
     system = gait.walker.equations()
     body = gait.walker.body
     state = units.to_dimensionless(gait.state)
-    for impulse, way in ((lab.forward[0], 1.0), (lab.backward[0], -1.0)):
+    for impulse, way in ((lab.push_forward[0], 1.0), (lab.push_backward[0], -1.0)):
         for share, survives in ((0.98, True), (1.03, False)):
             jump = system.phases[0].push(
                 body, gpw.models.equations.hybrid.State(*state), -way * share * impulse, 0.0
@@ -100,13 +100,14 @@ def test_a_push_at_the_beginning_is_a_change_of_the_rates(lab):
 def test_pushes_come_at_their_share_of_the_stride(lab, at):
     gait, units = gpw.find_gait("lab", SLOPE), gpw.WALKERS["lab"].units
     system, body = gait.walker.equations(), bodies(gait.walker)
-    start, time = units.to_dimensionless(gait.state)[None], lab.phases[at] * lab.period
+    start, time = units.to_dimensionless(gait.state)[None], lab.push_phases[at] * lab.step_period
     for share, survives in ((0.98, True), (1.03, False)):
         records = new_records(start, SLOPE, end=time)
         advance(system, body, records, tolerance=1e-10)
         record = records[0]
         push = system.phases[record["phase"][0]].push
-        jump = push(gait.walker.body, State(*record["state"][0]), -share * lab.forward[at], 0.0)
+        impulse = -share * lab.push_forward[at]
+        jump = push(gait.walker.body, State(*record["state"][0]), impulse, 0.0)
         record["state"][0, 3:] += [jump[0], jump[1], jump[-1]]
         record["end"] = LONGEST_STRIDE
         advance(system, body, records, tolerance=1e-10, from_section=False)
@@ -152,14 +153,15 @@ def test_a_controller_that_does_nothing_withstands_what_the_passive_walker_does(
 def test_it_has_a_table_and_a_picture(lab, tmp_path):
     assert "gait sensitivity norm" in repr(lab)
     lab.to_csv(tmp_path / "pushes.csv")
-    assert (tmp_path / "pushes.csv").read_text().startswith("phase,forward,backward")
+    written = (tmp_path / "pushes.csv").read_text()
+    assert written.startswith("push_phases,push_forward,push_backward")
     panels = lab.plot()
     assert len(panels) == 4
     bars = [bar.get_height() for bar in panels[1].patches]
     np.testing.assert_allclose(bars, lab.period_response[: len(bars)])
     forward, backward = panels[2].lines
-    for line, sizes in ((forward, lab.forward), (backward, lab.backward)):
-        np.testing.assert_allclose(line.get_xdata(), 100.0 * lab.phases)  # % of the period
+    for line, sizes in ((forward, lab.push_forward), (backward, lab.push_backward)):
+        np.testing.assert_allclose(line.get_xdata(), 100.0 * lab.push_phases)  # % of the period
         np.testing.assert_allclose(line.get_ydata(), sizes)
 
 

@@ -51,7 +51,7 @@ def wilson(hits, count):
 def test_survival_and_its_intervals_are_those_of_wilson_test_by_test():
     np.testing.assert_allclose(CARD.survival, [1.0, 0.0, 3 / 8])
     intervals = [wilson(hits, 8) for hits in (8, 0, 3)]
-    np.testing.assert_allclose(CARD.interval, intervals, atol=1e-9)
+    np.testing.assert_allclose(CARD.survival_interval, intervals, atol=1e-9)
     assert CARD.score == pytest.approx(11 / 24)
     assert CARD.score_interval == pytest.approx(wilson(11, 24))
     low, high = wilson(11, 24)
@@ -64,8 +64,8 @@ def test_the_columns_are_medians_and_costs_of_walks_with_a_stride():
     columns = CARD.columns()
     assert list(columns) == ["test", "survival", "low", "high", "distance", "cost_of_transport"]
     assert columns["test"].tolist() == list(EACH)
-    np.testing.assert_array_equal(columns["low"], CARD.interval[:, 0])
-    np.testing.assert_array_equal(columns["high"], CARD.interval[:, 1])
+    np.testing.assert_array_equal(columns["low"], CARD.survival_interval[:, 0])
+    np.testing.assert_array_equal(columns["high"], CARD.survival_interval[:, 1])
     for i, each in enumerate(EACH.values()):
         assert columns["distance"][i] == np.median(each.distance)
         some = each.length > 0.0
@@ -107,7 +107,7 @@ def test_each_test_changes_its_one_thing_and_begins_with_the_same_seeds(monkeypa
     monkeypatch.setattr(gauntlets, "evaluate", noted)
     own = make_scene("lab", slope=0.03, tick=0.25)
     found = gpw.gauntlet(Passive(), own, walkers=3)
-    assert tuple(found.walks) == tuple(TESTS) and found.scene == own
+    assert tuple(found.episodes) == tuple(TESTS) and found.scene == own
     for (_, count, scene, limit, seed), changes in zip(asked, TESTS.values(), strict=True):
         assert (count, limit, seed) == (3, 400, 7_202_611)  # 100 sqrt(l/g) of 0.25 each
         assert scene == make_scene(own, **changes)
@@ -134,7 +134,7 @@ def test_a_card_has_the_name_of_its_controller_however_it_is_given(monkeypatch, 
         (gpw.load_policy("steep-ppo"), None, "steep-ppo"), (Nameless(), "lab", "Nameless"),
         ("lqr", "steep", "lqr"), (Passive(), "lab", "passive"),
     ):  # fmt: skip
-        assert gpw.gauntlet(controller, scene, walkers=1).controller == title
+        assert gpw.gauntlet(controller, scene, walkers=1).controller_name == title
 
 
 @pytest.mark.parametrize("walkers", [-1, 1.5, 100_001, "many"])
@@ -244,12 +244,13 @@ class Passage:
 def invented(**changes):
     """Measures that are all different."""
     values = dict(
-        controller="mine", walker=gpw.WALKERS["lab"], slope=0.0361, step_length=0.51, period=2.52,
+        controller_name="mine", walker=gpw.WALKERS["lab"], slope=0.0361, step_length=0.51,
+        step_period=2.52,
         roughness=0.0025, first_passage=Passage(), survivors=0.9 ** np.arange(1, 31),
         sensitivity=12.3, period_response=np.linspace(-3.0, 2.0, 60), step_up=0.0123,
-        step_down=0.0456, phases=np.array([0.0, 0.25, 0.5]), forward=np.array([0.3, 0.1, 0.2]),
-        backward=np.array([0.03, 0.02, 0.05]), initial_error=0.25, recovered=0.625,
-        recovered_error=0.031, recovery=7.0,
+        step_down=0.0456, push_phases=np.array([0.0, 0.25, 0.5]),
+        push_forward=np.array([0.3, 0.1, 0.2]), push_backward=np.array([0.03, 0.02, 0.05]),
+        initial_error=0.25, recovered=0.625, recovered_error=0.031, recovery=7.0,
     )  # fmt: skip
     return Robustness(**(values | changes))
 
@@ -259,7 +260,7 @@ def test_measures_of_robustness_are_listed_each_with_its_unit():
         "controller": "mine, walker lab",
         "downhill": "0.0361 rad",
         "step length": "0.51 l",
-        "period": "2.52 √(l/g)",
+        "step period": "2.52 √(l/g)",
         "rough ground": "heights differ by 0.0025 l",
         "first passage": "40 strides there",
         "gait sensitivity norm": "12.3 √(l/g) per l",
@@ -271,7 +272,7 @@ def test_measures_of_robustness_are_listed_each_with_its_unit():
         "recovery": "7 strides to a tenth",
     }
     columns = invented().columns()
-    for name, of in (("phase", "phases"), ("forward", "forward"), ("backward", "backward")):
+    for name, of in ((x, x) for x in ("push_phases", "push_forward", "push_backward")):
         np.testing.assert_array_equal(columns[name], getattr(invented(), of))
 
 
@@ -294,7 +295,7 @@ def test_the_picture_of_robustness_shows_each_measure_on_its_axes():
     assert "stride" in response.get_xlabel() and "√(l/g) per l" in response.get_ylabel()
     assert [line.get_label() for line in pushes.lines] == ["forward", "backward"]
     np.testing.assert_allclose(pushes.lines[0].get_xdata(), [0.0, 25.0, 50.0])
-    np.testing.assert_allclose(pushes.lines[1].get_ydata(), found.backward)
+    np.testing.assert_allclose(pushes.lines[1].get_ydata(), found.push_backward)
     assert "%" in pushes.get_xlabel() and "m √(g l)" in pushes.get_ylabel()
     assert pushes.get_ylim()[0] == 0.0
     names, values = (text.get_text().split("\n") for text in results.texts)

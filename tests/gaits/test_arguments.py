@@ -121,7 +121,7 @@ def test_the_velocity_of_the_landing_foot_needs_a_state_before_heelstrike(name, 
     gait = gpw.find_gait(name, slope)
     walk = gpw.simulate(gait, strides=1, samples=5).states
     np.testing.assert_allclose(
-        gpw.foot_velocity(name, walk[-1]), gpw.measures(gait).foot_velocity, rtol=1e-6, atol=1e-8
+        gpw.foot_velocity(name, walk[-1]), gpw.foot_velocity(gait), rtol=1e-6, atol=1e-8
     )
     for state in (gait.state, walk[2], np.stack([walk[-1], gait.state])):
         with pytest.raises(ValueError, match=r"^state must be just before heelstrike, with a neg"):

@@ -23,13 +23,13 @@ def neighbours(design, parameters, bounds, share=0.01):
     """Gaits of walkers and on slopes a little way off, as far as bounds allow, at random."""
     random = np.random.default_rng(5)
     for _ in range(20):
-        moved, slope = {}, design.after.slope
+        moved, slope = {}, design.gait.slope
         for name, (low, high) in zip(parameters, bounds, strict=True):
             here = slope if name == "slope" else getattr(design.walker, name)
             moved[name] = np.clip(here + share * (high - low) * random.uniform(-1, 1), low, high)
         slope = float(moved.pop("slope", slope))
         walker = replace(design.walker, **moved)
-        yield find_gait(walker, slope, guess=design.after.state)
+        yield find_gait(walker, slope, guess=design.gait.state)
 
 
 def settles(gait, strides=60):
@@ -46,12 +46,12 @@ def test_the_least_cost_of_transport_at_a_speed():
         "lab", "cost_of_transport", parameters, bounds, slope=0.036,
         constraints={"froude_speed": 0.18, "clearance": (0.005, None)},
     )  # fmt: skip
-    gait = design.after
+    gait = design.gait
     assert design.converged
-    assert design.before.stance_angle == find_gait("lab", 0.036).stance_angle
+    assert design.start.stance_angle == find_gait("lab", 0.036).stance_angle
     assert gait.froude_speed == pytest.approx(0.18, rel=1e-6)
     assert gait.cost_of_transport == pytest.approx(np.sin(gait.slope), rel=1e-9)
-    assert gait.cost_of_transport < 0.62 * design.before.cost_of_transport
+    assert gait.cost_of_transport < 0.62 * design.start.cost_of_transport
     assert design.values["cost_of_transport"][1] == pytest.approx(gait.cost_of_transport)
     check = gpw.reality_check(gait.walker, gait.slope, gait.state)
     assert check.clearance.value == pytest.approx(0.005, rel=1e-4)
@@ -68,13 +68,13 @@ def test_the_least_cost_of_transport_at_a_speed():
 
 def test_the_smallest_spectral_radius_at_a_slope():
     design = optimize_walker("lab", "spectral_radius", MOVED, BOUNDS, slope=0.036)
-    before, after = (np.abs(gait.multipliers) for gait in (design.before, design.after))
+    before, after = (np.abs(gait.multipliers) for gait in (design.start, design.gait))
     assert design.converged
     assert after[0] < 0.5 * before[0]
     # At such an optimum several multipliers are as large.
     assert np.count_nonzero(after > after[0] - 1e-6) > 1
     assert design.values["spectral_radius"] == pytest.approx((before[0], after[0]))
-    assert settles(design.after, strides=15)
+    assert settles(design.gait, strides=15)
     for other in neighbours(design, MOVED, BOUNDS):
         assert np.abs(other.multipliers[0]) >= after[0] - 1e-9
 
@@ -87,13 +87,13 @@ def test_the_steepest_slope_that_is_still_walked_stably():
         constraints={"spectral_radius": (None, 1.0), "total_mass": TUNED.total_mass},
     )  # fmt: skip
     assert design.walker.total_mass == pytest.approx(TUNED.total_mass, rel=1e-9)
-    np.testing.assert_allclose(design.after.multipliers[0], -1.0, atol=1e-6)
+    np.testing.assert_allclose(design.gait.multipliers[0], -1.0, atol=1e-6)
     # There, and not before, the new walker's gait doubles its period.
     family = gpw.gait_family(design.walker, 0.02, 0.12)
-    assert family.period_doublings[0] == pytest.approx(design.after.slope, rel=1e-6)
-    assert gpw.gait_family(TUNED, 0.02, 0.12).period_doublings[0] < 0.8 * design.after.slope
+    assert family.period_doublings[0] == pytest.approx(design.gait.slope, rel=1e-6)
+    assert gpw.gait_family(TUNED, 0.02, 0.12).period_doublings[0] < 0.8 * design.gait.slope
     walks = gpw.bifurcation_diagram(
-        design.walker, design.after.slope + np.array([-1e-3, 1e-3]), n_transient=1500, n_recorded=64
+        design.walker, design.gait.slope + np.array([-1e-3, 1e-3]), n_transient=1500, n_recorded=64
     )
     assert walks.period.tolist() == [1, 2]
 
@@ -112,7 +112,7 @@ def test_lengths_scale_as_they_must():
         "D", "leg_length", ["thigh_length", "shank_length"], [(0.1, 2.0), (0.1, 2.0)],
         slope=0.009, constraints={"step_period": 1.7},
     )  # fmt: skip
-    before = design.before
+    before = design.start
     assert design.walker.leg_length == pytest.approx((1.7 / before.step_period) ** 2, rel=1e-6)
 
 

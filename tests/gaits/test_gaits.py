@@ -125,22 +125,6 @@ def test_the_lab_walker_s_own_fixed_point_is_found():
     np.testing.assert_allclose(gait.state[3:], rates, atol=5e-5)
 
 
-def test_a_walker_in_other_units_has_the_same_gait():
-    giant = replace(
-        WALKERS["lab"],
-        **{
-            name: 100.0 * value
-            for name, value in asdict(WALKERS["lab"]).items()
-            if name.endswith(("length", "offset", "gyration", "com", "radius"))
-        },
-        gravity=1.6,
-    )
-    a, b = find_gait("lab", 0.03), find_gait(giant, 0.03)
-    assert b.stance_angle == pytest.approx(a.stance_angle, rel=1e-12)
-    assert b.froude_speed == pytest.approx(a.froude_speed, rel=1e-12)
-    np.testing.assert_allclose(b.multipliers, a.multipliers, atol=1e-10)
-
-
 def random_walkers(count):
     """Tuned walkers with every proportion a tenth or two off a published one."""
     random = np.random.default_rng(7)

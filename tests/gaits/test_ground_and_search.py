@@ -215,7 +215,7 @@ def test_a_gait_of_three_strides_has_each_of_its_states_once():
     for _ in range(3):
         states.append(stride("D", 0.0125, states[-1], tolerance=1e-12).state)
     np.testing.assert_allclose(states[3], states[0], rtol=1e-9)
-    np.testing.assert_allclose(gait.strides.state, states[1:], rtol=1e-8)
+    np.testing.assert_allclose(gait.cycle.state, states[1:], rtol=1e-8)
     product = np.eye(3)
     for state in states[:3]:
         product = gpw.stride_jacobian("D", 0.0125, state) @ product
@@ -280,13 +280,13 @@ def test_a_design_s_values_are_those_of_its_gaits_before_and_after():
         constraints={"step_length": (None, 0.43), "total_mass": (0.9, 1.3)}, maximize=True,
         iterations=20,
     )  # fmt: skip
-    assert design.objective == "speed" and design.walker == design.after.walker
+    assert design.objective == "speed" and design.walker == design.gait.walker
     assert list(design.values) == ["speed", "step_length", "total_mass"]
     for name, values in design.values.items():
-        for gait, value in zip((design.before, design.after), values, strict=True):
+        for gait, value in zip((design.start, design.gait), values, strict=True):
             of = gait.walker if name == "total_mass" else gait
             assert value == pytest.approx(getattr(of, name), rel=1e-6), name
-    assert design.after.speed > design.before.speed
-    assert design.before.walker == WALKERS["E"] and design.after.slope == 0.01
+    assert design.gait.speed > design.start.speed
+    assert design.start.walker == WALKERS["E"] and design.gait.slope == 0.01
     assert 0.0 <= design.walker.hip_mass <= 0.3 and 0.4 <= design.walker.shank_com <= 0.5
     assert design.tried >= 2

@@ -353,8 +353,8 @@ def test_several_strides_of_a_check_are_each_stride_s():
         np.testing.assert_allclose(found, known, rtol=1e-6, atol=1e-9, err_msg=name)
     for name in ("kneestrike_impulse", "heelstrike_impulse"):
         one, two, found = (getattr(x, name) for x in (first, second, both))
-        worst = two if two.friction.value > one.friction.value else one
-        assert found.normal == pytest.approx(worst.normal, rel=1e-6)
+        worst = two if two.needed_friction.value > one.needed_friction.value else one
+        assert found.normal_impulse == pytest.approx(worst.normal_impulse, rel=1e-6)
     assert reality_check(find_gait("D", 0.016, period=2)).strides == 2
 
 

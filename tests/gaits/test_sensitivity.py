@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gym_passive_walker import WALKERS, find_gait, reality_check, tune
+from gym_passive_walker import WALKERS, Actuation, find_gait, reality_check, tune
 from gym_passive_walker.gaits.branches.sensitivity import (
     map_change,
     place_near,
@@ -28,16 +28,19 @@ BY = {
     "D": ("slope", "thigh_length"),
 }
 BY["sprung"] = ("slope", "hip_stiffness", "hip_friction", "knee_stiffness", "shank_mass")
-SLOPES = {"lab": 0.036, "A": 0.02, "E": 0.02, "D": 0.009, "sprung": 0.036}
+BY["driven"] = ("slope", "shank_com")
+SLOPES = {"lab": 0.036, "A": 0.02, "E": 0.02, "D": 0.009, "sprung": 0.036, "driven": 0.01}
 SPRUNG = replace(WALKERS["lab"], hip_stiffness=0.3, hip_friction=0.02, knee_stiffness=0.01)
-WALKERS = {**WALKERS, "sprung": SPRUNG}
+WALKERS = {**WALKERS, "sprung": SPRUNG, "driven": WALKERS["E"]}
+HELD = {"driven": Actuation.dimensionless(-0.001, 0.001, 0.01)}
+"""Under torques that drive and brake."""
 
 
 def gait_of(name):
     """A preset's long-step gait and its derivatives."""
-    walker, slope = WALKERS[name], SLOPES[name]
-    point = StrideMap.of(walker, slope=slope).points(find_gait(walker, slope).state)
-    return sensitivity(point, BY[name])
+    held = HELD.get(name, Actuation())
+    strides = StrideMap.of(WALKERS[name], slope=SLOPES[name], controller=held)
+    return sensitivity(strides.points(find_gait(strides).state), BY[name])
 
 
 def multiplier_changes(map_derivative, change):
@@ -58,7 +61,7 @@ def found_beside(gait, name, column, distance):
         slope += distance
     else:
         walker = replace(walker, **{name: getattr(walker, name) + distance})
-    beside = place_near(StrideMap.of(walker), slope, guess)
+    beside = place_near(place.section.with_walker(walker), slope, guess)
     assert beside is not None
     return sensitivity(beside, gait.by)
 
@@ -118,11 +121,13 @@ def test_multipliers_change_as_those_of_gaits_found_beside_do(name):
         assert moved[0, 0].real == pytest.approx(largest, rel=1e-7)
 
 
-@pytest.mark.parametrize("name", ["lab", "sprung"])
+@pytest.mark.parametrize("name", ["lab", "sprung", "driven"])
 def test_quantities_are_those_that_users_know(name):
-    walker, slope = WALKERS[name], 0.036
-    gait, known = gait_of(name), find_gait(walker, slope)
-    for name in QUANTITIES:
+    walker, slope, gait = WALKERS[name], SLOPES[name], gait_of(name)
+    known = find_gait(gait.place.section)
+    spent = known.cost_of_transport / (known.collision_cost + known.friction_cost)
+    assert (spent > 1.01) == (name in HELD)
+    for name in [n for n in QUANTITIES if walker.knees or n not in ("clearance", "knee_margin")]:
         value = QUANTITIES[name](gait)[0]
         if name == "clearance":
             expected = reality_check(walker, slope, known.state).clearance.value

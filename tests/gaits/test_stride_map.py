@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from gym_passive_walker import WALKERS, Outcome, find_gait, stride, stride_jacobian
+from gym_passive_walker import WALKERS, Outcome, find_gait, stride
 from gym_passive_walker.gaits.actuation import Actuation, actuation_units
 from gym_passive_walker.gaits.find.newton import newton
 from gym_passive_walker.gaits.look.dense_stride import states_at
@@ -277,14 +277,6 @@ def test_units_turn_states_there_and_back():
     units = WALKERS["lab"].units
     np.testing.assert_allclose(units.to_own(units.to_dimensionless(states)), states, rtol=1e-15)
     np.testing.assert_array_equal(units.to_dimensionless(states)[:, :3], states[:, :3])
-
-
-def test_the_derivative_of_the_map_is_the_same_in_any_units():
-    walker_map, slope, points = beside("C")
-    _, change = walker_map.linearize(points, slope)
-    own = stride_jacobian("C", slope, walker_map.states_at(points)[0], tolerance=1e-14)
-    time = np.array([1.0, *[walker_map.units.time] * 3])
-    np.testing.assert_allclose(change.ends[0] / time[:, None] * time, own, rtol=1e-10, atol=1e-12)
 
 
 @pytest.mark.parametrize("shape", [(3,), (2, 4), (5, 1, 3)])

@@ -61,7 +61,7 @@ def test_a_gain_changes_the_multipliers_of_a_gait_but_not_the_gait():
     np.testing.assert_allclose(
         np.sort_complex(family.multipliers[-1]), np.sort_complex(wanted), atol=1e-6
     )
-    constant = gpw.Actuation(hip_torque=own.gait.hip_torque)
+    constant = own.gait.controller
     passive = gpw.find_gait(gpw.stride_map("C", 0.0, controller=constant), guess=own.gait.state)
     np.testing.assert_allclose(
         np.sort_complex(family.multipliers[0]), np.sort_complex(passive.multipliers), atol=1e-6

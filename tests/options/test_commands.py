@@ -27,6 +27,7 @@ def motors(before, after="", walker="E", at="0.01"):
         "torque": (base, f"{base} --torque 0.001"),
         "ankle_torque": (base, f"{base} --ankle-torque 0.001"),
         "push_off": (base, f"{base} --push-off 0.01"),
+        "dimensionless": (f"{base} --torque 1e-3", f"{base} --torque 1e-3 --dimensionless"),
         "controller": (lab, f"{lab} --controller lab-ppo"),
         "scene": (f"{lab} --controller lab-ppo", f"{lab} --controller lab-ppo --scene steep"),
     }

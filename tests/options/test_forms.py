@@ -148,7 +148,7 @@ def test_a_gait_keeps_its_period_and_its_motors():
     assert gpw.stride(driven, hip_torque=0.0).hip_work == 0.0
     pushed = gpw.find_gait(gpw.stride_map("D", 0.009, controller=gpw.Actuation(push_off=0.01)))
     assert gpw.simulate(pushed, strides=2).ending == "heelstrike"
-    assert gpw.reality_check(pushed).push_off_impulse.normal > 0.0
+    assert gpw.reality_check(pushed).push_off_impulse.normal_impulse > 0.0
     assert gpw.reality_check(gpw.find_gait("D", 0.016, period=2)).strides == 2
 
 

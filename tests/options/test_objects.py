@@ -35,7 +35,7 @@ from tests.own.statements import COMPASS, DRIVEN
 
 RESULTS = set(
     "Basin BifurcationDiagram Cascade Design TimedExtremum FootVelocity Gait GaitFamily Gauntlet "
-    "GaitNotFound Impulse Measures OptimalGait Outcome PolicyError RealityCheck Robustness "
+    "GaitNotFound Impulse OptimalGait Outcome PolicyError RealityCheck Robustness "
     "StatementError Stride SweepResult TrainedPolicy Trajectory Transition TuningErrors "
     "VelocityPerturbations WalkerError".split()
 )

@@ -171,7 +171,7 @@ def test_a_strike_just_after_a_step_of_the_integration_has_its_derivatives():
 def test_held_controls_are_a_controller_of_a_system():
     strides = gpw.stride_map(DRIVEN, SLOPE, controller={"hip": 0.01})
     gait = gpw.find_gait(strides)
-    assert strides.exact and gait.strides.hip_work[0] > 0.0
+    assert strides.exact and gait.cycle.hip_work[0] > 0.0
     assert gpw.stride_map(DRIVEN, SLOPE, controller={"hip": 0.0}).passive
     with pytest.raises(ValueError, match="has no knee; it has hip"):
         gpw.stride_map(DRIVEN, SLOPE, controller={"knee": 0.01})

@@ -19,7 +19,7 @@ FEW = {"slope": SLOPE, "walkers": 100, "strides": 20, "roughness": 0.001, "start
 
 def test_a_compass_stated_by_its_masses_is_as_robust_as_the_package_s_own():
     found, expected = (gpw.robustness(walker, **FEW) for walker in (COMPASS, STRAIGHT))
-    for name in ("step_length", "period", "sensitivity", "period_response"):
+    for name in ("step_length", "step_period", "sensitivity", "period_response"):
         np.testing.assert_allclose(
             getattr(found, name), getattr(expected, name), rtol=1e-7, atol=1e-7, err_msg=name
         )
@@ -31,9 +31,9 @@ def test_a_compass_stated_by_its_masses_is_as_robust_as_the_package_s_own():
 def test_a_system_without_controls_and_with_a_torso_has_a_robustness():
     found = gpw.robustness(TORSO, **FEW)
     gait = gpw.find_gait(TORSO, SLOPE)
-    assert found.period == pytest.approx(gait.strides.duration[0], rel=1e-6)
-    assert found.step_length == pytest.approx(gait.strides.step_length[0], rel=1e-6)
-    assert 0.0 < found.step_down < 0.1 and found.forward.min() > 0.0
+    assert found.step_period == pytest.approx(gait.cycle.duration[0], rel=1e-6)
+    assert found.step_length == pytest.approx(gait.cycle.step_length[0], rel=1e-6)
+    assert 0.0 < found.step_down < 0.1 and found.push_forward.min() > 0.0
     assert 0.0 < found.recovered < 1.0
 
 
@@ -42,7 +42,7 @@ def test_a_wheel_without_spokes_to_move_has_a_robustness():
         RIMLESS_WHEEL, slope=0.2, roughness=0.02, walkers=100, strides=20, starts=32
     )
     gait = gpw.find_gait(RIMLESS_WHEEL, 0.2)
-    assert found.step_length == pytest.approx(gait.strides.step_length[0], rel=1e-6)
+    assert found.step_length == pytest.approx(gait.cycle.step_length[0], rel=1e-6)
     assert 0.0 < found.recovered <= 1.0 and found.step_up > 0.0
 
 
@@ -64,7 +64,7 @@ def test_a_feedback_changes_what_a_system_withstands():
     scene = {"system": DRIVEN, "slope": SLOPE, "control": "stride"}
     driven = gpw.robustness(gpw.stride_map(controller=held, scene=scene), **FEW)
     passive = gpw.robustness(DRIVEN, **FEW)
-    assert driven.controller == "held" and passive.controller == "passive"
+    assert driven.controller_name == "held" and passive.controller_name == "passive"
     assert driven.step_length > passive.step_length
     assert driven.step_down != passive.step_down
     names = {field.name for field in dataclasses.fields(gpw.Robustness)}

@@ -155,7 +155,7 @@ def of_screen(name: str, **shown: Any) -> list[str]:
         for i in range(7):
             given = shown if i < 3 else {}
             screen.draw(
-                walk.states[i], walk.slope, walk.contact_x[i], int(walk.strides[i]), **given
+                walk.states[i], walk.slope, walk.contact_x[i], int(walk.stride_index[i]), **given
             )
 
     return of_frame(frames)
@@ -172,7 +172,7 @@ def on_footholds() -> list[str]:
     def frames() -> None:
         for i in range(len(walk.states)):
             screen.draw(
-                walk.states[i], walk.slope, walk.contact_x[i], int(walk.strides[i]),
+                walk.states[i], walk.slope, walk.contact_x[i], int(walk.stride_index[i]),
                 contact_y=walk.contact_y[i], tilt=walk.tilts[i], profile=surface, push=0.3,
             )  # fmt: skip
 
@@ -197,7 +197,7 @@ def of_agents(name: str) -> Figure:
     scores: list[Any] = [
         {"scene": "level", "agent": agent, "seed": seed, "reached_time_limit": 1.0, "reward": 40.0,
          "learning_steps": 1e5 * (seed + 2), "above_optimum": 0.1 * seed + 0.05,
-         "speed": gaits[seed].speed, "cost_of_transport": 0.01 * (seed + 1)}
+         "speed": gaits[seed].froude_speed, "cost_of_transport": 0.01 * (seed + 1)}
         for seed in range(3) for agent in ("ppo", "sac", "linear")
     ]  # fmt: skip
     rows = [{"steps": 2e5 * i, "seconds": 9.0 * i, "distance": 3.0 * i, "strides": 2.0 * i,

@@ -276,6 +276,7 @@ def test_frames_of_a_walk_are_evenly_spaced_in_the_walker_s_time(slower, tmp_pat
         best = near[0] + int(np.argmin(apart))
         assert apart.min() < 0.01 and slope == 0.05
         assert (strides, y, tilt) == (
-            walk.strides[best], pytest.approx(walk.contact_y[best], abs=1e-3), walk.tilts[best],
+            walk.stride_index[best], pytest.approx(walk.contact_y[best], abs=1e-3),
+            walk.tilts[best],
         )  # fmt: skip
         assert x == pytest.approx(walk.contact_x[best], abs=2e-3)

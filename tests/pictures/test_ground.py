@@ -44,11 +44,11 @@ def test_stance_feet_touch_the_ground_and_swing_feet_land_on_it(name, terrain):
     assert len(walk.outcomes) >= 2
     length = walk.walker.leg_length
     surface, posture = ground_under(walk, length), postures(walk)
-    stands = walk.outcomes[walk.strides] == gpw.Outcome.HEELSTRIKE  # a fall may roll off
+    stands = walk.outcomes[walk.stride_index] == gpw.Outcome.HEELSTRIKE  # a fall may roll off
     off = (height(surface, walk.contact_x) - walk.contact_y)[stands]
     np.testing.assert_allclose(off, 0.0, atol=1e-12)
     assert below(surface, posture.stance.sole[stands]).max() < 1e-9 * length
-    ends = np.append(np.flatnonzero(np.diff(walk.strides)), len(walk) - 1)
+    ends = np.append(np.flatnonzero(np.diff(walk.stride_index)), len(walk) - 1)
     ends = ends[walk.outcomes == gpw.Outcome.HEELSTRIKE]
     deep = below(surface, posture.swing.sole[ends])
     assert deep.max() < 1e-6 * length < length / LEG_ON_A_FRAME
@@ -65,8 +65,8 @@ def test_the_foothold_on_which_a_walk_ends_is_where_a_longer_one_goes_on(name):
     )
     length = short.walker.leg_length
     surface = ground_under(short, length)
-    first = np.argmax(long.strides == 2)
-    assert long.strides[first] == 2 and long.tilts[first] == -0.004
+    first = np.argmax(long.stride_index == 2)
+    assert long.stride_index[first] == 2 and long.tilts[first] == -0.004
     place = long.contact_x[first]
     assert height(surface, place) == pytest.approx(long.contact_y[first], abs=1e-7 * length)
     further = height(surface, place + 1e-3 * length)

@@ -183,13 +183,14 @@ def test_every_parameter_has_the_unit_of_its_kind():
     from gym_passive_walker.models.units import KINDS
 
     words = {"friction": "torque and time", "gravity": "acceleration"}
-    for name, kind in KINDS.items():
+    for name, kind in {"slope": "angle", **KINDS}.items():
         if name in ("hip_torque", "ankle_torque"):
             continue
         label = plots.varied_label(name)
         expected = "(rad)" if kind == "angle" else f"unit of {words.get(kind, kind)})"
         assert label.endswith(expected), name
         assert label.startswith(name.replace("_", " "))
+    assert plots.varied_label("gain") == "gain"
 
 
 @pytest.mark.parametrize("controlled", [False, True])
@@ -214,7 +215,7 @@ def test_a_gait_s_four_panels_are_named_and_say_whether_it_is_stable(controlled,
         assert said(panels[0])[:2] == ("time t / √(l/g)", "hip torque τ / (m g l)")
         (torque,) = [line for line in panels[0].lines if line.get_label().lower().startswith("lqr")]
         walk = gpw.simulate(found, strides=2, samples=400)
-        first, units = walk.strides == 0, walk.walker.units
+        first, units = walk.stride_index == 0, walk.walker.units
         np.testing.assert_allclose(torque.get_xdata(), walk.times[first] / units.time)
         np.testing.assert_allclose(torque.get_ydata(), walk.torques[first, 0] / units.torque)
         assert "stance angular velocity" in panels[2].get_ylabel()

@@ -13,7 +13,6 @@ from gym_passive_walker._tools.shown import Table
 from gym_passive_walker.gaits.control.baselines import LinearFeedback
 from gym_passive_walker.pictures import phase_portrait, plots, strobe
 from gym_passive_walker.pictures.axes import OWN
-from gym_passive_walker.pictures.plots import varied_label
 
 plt = pytest.importorskip("matplotlib.pyplot")
 
@@ -220,21 +219,6 @@ def test_drawing_leaves_matplotlib_s_settings_alone(gait):
     before = dict(matplotlib.rcParams)
     gait.plot()
     assert dict(matplotlib.rcParams) == before
-
-
-@pytest.mark.parametrize(
-    ("parameter", "words"),
-    [
-        ("slope", "(rad)"),
-        ("foot_angle", "(rad)"),
-        ("foot_radius", "unit of length"),
-        ("hip_mass", "unit of mass"),
-        ("hip_stiffness", "unit of torque"),
-        ("push_off", "unit of impulse"),
-    ],
-)
-def test_the_varied_parameter_has_its_unit(parameter, words):
-    assert words in varied_label(parameter)
 
 
 def test_each_end_of_a_family_is_marked_for_its_own_reason(family):

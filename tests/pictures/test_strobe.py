@@ -54,7 +54,7 @@ def test_a_strobe_picture_stands_on_footholds_that_are_tilted():
     strobe("lab", SLOPE, GAIT, strides=3, flashes=3, ax=ax, **ground)
     walk = simulate("lab", SLOPE, GAIT, strides=3, samples=3, **ground)
     assert np.ptp(walk.tilts) > 0.01
-    once = np.append(np.diff(walk.strides) == 0, True)
+    once = np.append(np.diff(walk.stride_index) == 0, True)
     posture = pose("lab", walk.states, walk.contact_x, walk.contact_y, walk.tilts)
     np.testing.assert_allclose(hips(ax), level(posture.hip[once], SLOPE))
 
@@ -88,7 +88,7 @@ def test_kneestrikes_are_marked_on_the_legs_of_a_walk_over_tilted_footholds():
     walk = simulate("lab", SLOPE, GAIT, strides=3, samples=20_001, **ground)
     assert len(marked) == len(walk.outcomes) > 1
     for stride, mark in enumerate(marked):
-        struck = np.argmax((walk.strides == stride) & (walk.phases == Stage.LOCKED))
+        struck = np.argmax((walk.stride_index == stride) & (walk.phases == Stage.LOCKED))
         contact = walk.contact_x[struck], walk.contact_y[struck], walk.tilts[struck]
         knee = pose("lab", walk.states[struck], *contact).swing.knee
         np.testing.assert_allclose(mark, level(knee, SLOPE), atol=1e-4)

@@ -127,8 +127,8 @@ def test_a_file_acts_in_every_analysis_as_its_policy(tmp_path):
     score, expected = (gpw.gauntlet(which, walkers=8) for which in (path, "steep-sac"))
     # Rounding decides few of the walks.
     assert np.max(np.abs(score.survival - expected.survival)) <= 0.13
-    assert score.walks["own scene"].distance == pytest.approx(
-        expected.walks["own scene"].distance, rel=1e-3
+    assert score.episodes["own scene"].distance == pytest.approx(
+        expected.episodes["own scene"].distance, rel=1e-3
     )
 
 
@@ -217,7 +217,7 @@ def test_a_file_without_a_scene_needs_one(tmp_path):
     path = str(linear(tmp_path / "other.onnx"))
     with pytest.raises(ValueError, match="say in which scene"):
         gpw.gauntlet(path, walkers=2)
-    assert gpw.gauntlet(path, "steep", walkers=2).controller == path
+    assert gpw.gauntlet(path, "steep", walkers=2).controller_name == path
     assert gpw.stride_map(controller=path).scene == gpw.stride_map(controller="level-ppo").scene
 
 

@@ -51,7 +51,7 @@ def test_a_file_acts_in_every_analysis_and_has_derivatives(tmp_path):
     score, expected = (gpw.gauntlet(which, "steep", walkers=4) for which in (path, model))
     assert np.max(np.abs(score.survival - expected.survival)) <= 0.25
     own = "own scene"
-    assert score.walks[own].distance == pytest.approx(expected.walks[own].distance, rel=1e-3)
+    assert score.episodes[own].distance == pytest.approx(expected.episodes[own].distance, rel=1e-3)
     with pytest.raises(ValueError, match="say in which scene"):
         gpw.gauntlet(path)
     with pytest.raises(ValueError, match=r"\(n, 8\), not \(64, 12\)"):

@@ -326,7 +326,8 @@ def test_a_row_of_an_invalid_walker_has_no_unit_and_others_keep_theirs():
 @pytest.mark.parametrize(
     ("name", "analysis", "own"),
     [("step_length", "gait", True), ("step_period", "gait", True),
-     ("step_length", "optimal", False), ("step_up", "robustness", False),
+     ("step_length", "optimal", False), ("push_off", "optimal", False),
+     ("step_up", "robustness", False),
      ("push_forward", "robustness", False)],
 )  # fmt: skip
 def test_results_in_a_walker_s_own_units_are_those_of_gaits_alone(name, analysis, own):

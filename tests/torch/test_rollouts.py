@@ -31,10 +31,9 @@ class Steady(torch.nn.Module):
     def __init__(self):
         super().__init__()
         walker = make_scene("level").walker
-        powered = powered_gait(walker, 0.0)
-        torque = powered.hip_torque / walker.units.torque
-        self.share = torch.nn.Parameter(torch.tensor(torque / 0.05))
-        self.start = walker.units.to_dimensionless(powered.state).tolist()
+        powered = powered_gait(walker, 0.0).dimensionless
+        self.share = torch.nn.Parameter(torch.tensor(powered.controller.hip_torque / 0.05))
+        self.start = powered.state.tolist()
         self.rest = network(scale=0.05)
 
     def forward(self, observations):

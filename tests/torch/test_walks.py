@@ -7,7 +7,9 @@ import pytest
 import torch
 
 import gym_passive_walker as gpw
+from gym_passive_walker.gaits.measures import UNIT_OF
 from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.models.units import UNITS
 from gym_passive_walker.torch import stride, tick
 
 SLOPES = {"D": 0.009, "E": 0.009, "F": 0.009, "lab": 0.036}
@@ -168,13 +170,11 @@ def test_ticks_and_strides_are_the_same_in_any_units():
             walker, slope, begun, **given, duration=2.0 * units.time, push=0.02 * units.impulse,
             tolerance=1e-12,
         )  # fmt: skip
-        sizes = {
-            "duration": units.time, "distance": units.length, "step_length": units.length,
-            "hip_work": units.energy, "ankle_work": units.energy, "push_off_work": units.energy,
-        }  # fmt: skip
         reported = [units.to_dimensionless(each.state) for each in (whole, part)]
         for each in (whole, part):
-            reported += [getattr(each, x) / size for x, size in sizes.items() if hasattr(each, x)]
+            reported += [value / UNITS[UNIT_OF[name]][1](walker, units)
+                         for name, value in each._asdict().items()
+                         if UNIT_OF.get(name) in UNITS]  # fmt: skip
         found.append(reported)
     for ours, theirs in zip(*found, strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-12)

@@ -87,7 +87,7 @@ def test_gaits_are_counted_walker_by_walker_and_found_by_their_kind():
     for kind in walks.KINDS:
         gait = walks.gait("D", 0.009, kind)
         assert gait.stance_angle == gpw.find_gait("D", 0.009, kind).stance_angle
-        velocity = gpw.measures(gait).foot_velocity
+        velocity = gpw.foot_velocity(gait)
         found = walks.sliding("D", 0.009, kind)
         assert found == pytest.approx(abs(velocity.tangential) / abs(velocity.normal))
 

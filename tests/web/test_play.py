@@ -283,7 +283,7 @@ def test_a_policy_walks_as_in_its_environment(name):
     calm |= {"domain_randomization": {}} if name == "anywhere-ppo" else {}
     env = gym.make("PassiveWalker-v0", **vars(policy.scene) | calm)
     seen, _ = env.reset(seed=0, options={"state": walk.states[0]})
-    began = walk.contact_x[np.flatnonzero(np.diff(walk.strides)) + 1]
+    began = walk.contact_x[np.flatnonzero(np.diff(walk.stride_index)) + 1]
     lengths = np.diff(began) / walk.walker.leg_length
     made = []
     while len(made) < 4:

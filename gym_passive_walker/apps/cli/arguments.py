@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import unknown
+from gym_passive_walker.apps.cli.report import PLAIN, SI
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.control.baselines import BASELINES
 from gym_passive_walker.gaits.control.maps import stride_map
@@ -152,6 +153,8 @@ def add_motors(command: ArgumentParser, *, push_off: bool = True) -> None:
     """Add arguments for the walker's actuation; `map_of` returns the stride map."""
     add = command.add_argument
     about = "{} in {}, equal in each stride (%(default)s)"
+    add("--dimensionless", action="store_true", help="torques, push-off and initial state "
+        "in units of m, l, √(l/g), as are results of gait, family, simulate")  # fmt: skip
     add("--torque", type=float, default=0.0, metavar="T", help=about.format("hip torque", "N m"))
     add("--ankle-torque", type=float, default=0.0, metavar="T",
         help=about.format("ankle torque (requires point feet)", "N m"))  # fmt: skip
@@ -173,6 +176,11 @@ def add_controller(command: ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def shown_in(arguments: Namespace, result: Any) -> tuple[Any, dict[str, str]]:
+    """Return a result in the units asked for, and the names of these units."""
+    return (result.dimensionless, PLAIN) if arguments.dimensionless else (result, SI)
+
+
 def chosen_map(arguments: Namespace, slope: float | None = None) -> StrideMap:
     """The stride map of the walker and the actuation or controller given by the arguments.
 
@@ -180,7 +188,8 @@ def chosen_map(arguments: Namespace, slope: float | None = None) -> StrideMap:
         ValueError: if both torques or a push-off and a controller are given.
     """
     parts = (getattr(arguments, name, 0.0) for name in ("torque", "ankle_torque", "push_off"))
-    held, walker = Actuation(*parts), walker_of(arguments)
+    walker, plain = walker_of(arguments), arguments.dimensionless
+    held = Actuation.dimensionless(*parts) if plain else Actuation(*parts)
     if arguments.controller is None and arguments.scene is not None:
         raise ValueError("--scene is that of a --controller, which is not given")
     if arguments.controller is None:
@@ -228,7 +237,8 @@ def add_walk(command: ArgumentParser, *, strides: int) -> None:
 def start_of(arguments: Namespace) -> NDArray[np.float64]:
     """Initial state of a walk, shape (6,): the state given by the arguments, or the gait's."""
     if arguments.state is not None:
-        return np.array(arguments.state)
+        state = np.array(arguments.state)
+        return walker_of(arguments).units.to_own(state) if arguments.dimensionless else state
     walks = chosen_map(arguments, arguments.slope)
     # With constant actuation, a walk starts on the passive gait, so that it shows the transient.
     passive = walker_of(arguments) if not walks.controlled else walks

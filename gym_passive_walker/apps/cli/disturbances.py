@@ -15,7 +15,7 @@ from gym_passive_walker.gaits.control.baselines import BASELINES
 from gym_passive_walker.models.walkers import is_walker
 from gym_passive_walker.pictures.axes import OWN, figure_of, picture_path, save
 
-_MEASURES = ("step_length", "period", "roughness", "sensitivity", "step_up", "step_down")
+_MEASURES = ("step_length", "step_period", "roughness", "sensitivity", "step_up", "step_down")
 _MEASURES += ("initial_error", "recovered", "recovered_error", "recovery")
 _COUNTS = ("falls", "strides", "states")  # of a first passage, sampled or by a mesh
 
@@ -39,7 +39,7 @@ def gauntlet(command: ArgumentParser) -> Callable[[Namespace], Report]:
         columns = found.columns()
         rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
         low, high = found.score_interval
-        data = {"controller": found.controller, "score": found.score, "low": low, "high": high}
+        data = {"controller": found.controller_name, "score": found.score, "low": low, "high": high}
         return Report(str(found), {**data, "tests": rows})
 
     return run
@@ -99,8 +99,9 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
         )  # fmt: skip
         lasting = found.first_passage
         data = {name: getattr(found, name) for name in _MEASURES} | {
-            "controller": found.controller, "slope": found.slope, "first_passage": lasting.mean,
-            "first_passage_error": lasting.error, "first_passage_interval": lasting.interval,
+            "controller": found.controller_name, "slope": found.slope,
+            "first_passage": lasting.mean, "first_passage_error": lasting.error,
+            "first_passage_interval": lasting.interval,
             **{name: count for name, count in lasting._asdict().items() if name in _COUNTS},
             **found.columns(),
         }  # fmt: skip
@@ -110,9 +111,9 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
         pushes = table(
             [
                 {
-                    "push at (periods)": f"{row['phase']:.1f}",
-                    "forward (m √(g l))": row["forward"],
-                    "backward (m √(g l))": row["backward"],
+                    "push at (periods)": f"{row['push_phases']:.1f}",
+                    "forward (m √(g l))": row["push_forward"],
+                    "backward (m √(g l))": row["push_backward"],
                 }
                 for row in rows
             ]

@@ -18,6 +18,7 @@ from gym_passive_walker.apps.cli.arguments import (
     add_walker,
     chosen_map,
     gait_of,
+    shown_in,
     walker_of,
 )
 from gym_passive_walker.apps.cli.report import Report, listing, record, table
@@ -58,7 +59,7 @@ def gait(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     passive-walker gait lab 0.036
     passive-walker gait C 0.09 --period 2
-    passive-walker gait D 0.0 --push-off 0.05
+    passive-walker gait D 0.0 --push-off 0.05 --dimensionless
     passive-walker gait C 0.0 --controller level-ppo
     passive-walker gait mine.json 0.02 --tune
     """
@@ -73,15 +74,17 @@ def gait(command: ArgumentParser) -> Callable[[Namespace], Report]:
         # If there is none, `find_gait` raises an error with the reason; a policy has one gait.
         found = [] if strides.controlled else find_gaits(strides, period=period)
         gaits = found or [find_gait(strides, period=period)]
-        records = [record(gait, _GAIT) for gait in gaits]
+        shown = [shown_in(arguments, gait) for gait in gaits]
+        records = [record(gait, _GAIT) for gait, _ in shown]
         under = f" under {strides.controller_name}" if strides.controlled else ""
         texts = [
             listing(
                 f"{gait['kind']}-step gait of {describe(walker)}{under} at slope {slope:g} rad, "
                 f"period {gait['period']}",
                 {name: gait[name] for name in _GAIT[2:]},
+                units,
             )
-            for gait in records
+            for gait, (_, units) in zip(records, shown, strict=True)
         ]
         return Report("\n\n".join(texts), records)
 
@@ -103,7 +106,8 @@ def family(command: ArgumentParser) -> Callable[[Namespace], Report]:
     def run(arguments: Namespace) -> Report:
         walker = walker_of(arguments)
         found = gait_family(chosen_map(arguments), arguments.low, arguments.high, arguments.kind)
-        columns: dict[str, Any] = record(found, _FAMILY)
+        view, units = shown_in(arguments, found)
+        columns: dict[str, Any] = record(view, _FAMILY)
         shown = columns | {"multiplier": np.abs(found.multipliers[:, 0]), "stable": found.stable}
         columns |= record(found, ("multipliers", "stable"))
         marks = record(found, ("folds", "period_doublings", "neimark_sackers", "halts"))
@@ -111,7 +115,7 @@ def family(command: ArgumentParser) -> Callable[[Namespace], Report]:
         for side, end in zip(("first", "last"), found.ends, strict=True):
             facts[f"{side} end"] = f"{end.value:.8g} rad: {end.reason}"
         title = f"{len(found)} {arguments.kind}-step gaits of {describe(walker)}"
-        text = f"{table(_rows(shown))}\n\n{listing(title, facts)}"
+        text = f"{table(_rows(shown), units)}\n\n{listing(title, facts)}"
         return Report(text, {"gaits": columns, **marks, "ends": found.ends})
 
     return run

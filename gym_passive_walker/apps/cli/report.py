@@ -12,32 +12,31 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-_LABELS = {
-    "slope": "slope (rad)",
-    "stance_angle": "stance angle (rad)",
-    "stance_angles": "stance angles (rad)",
-    "state": "section state (rad, rad/s)",
-    "duration": "duration (s)",
-    "step_period": "step period (s)",
-    "step_length": "step length (m)",
-    "speed": "speed (m/s)",
+from gym_passive_walker.gaits.measures import SYMBOLS, UNIT_OF
+
+_WORDS = {
+    "state": "section state",
     "froude_speed": "speed / √(g l)",
-    "kneestrike_time": "kneestrike (s)",
-    "kneestrike_loss": "kneestrike loss (J)",
-    "heelstrike_loss": "heelstrike loss (J)",
-    "hip_work": "hip work (J)",
+    "kneestrike_time": "kneestrike",
     "multiplier": "|multiplier|",
-    "leg_length": "leg (m)",
-    "total_mass": "mass (kg)",
-    "foot_radius": "foot radius (m)",
-    "seconds": "seconds (s)",
+    "leg_length": "leg",
+    "total_mass": "mass",
     "outcome": "ends with",
     "about": "what it is",
 }
-"""Labels of quantities with SI units, which the presets use and a walker's file is taken to use.
+"""Labels of quantities with a name that is not their label."""
 
-A quantity that is not listed has its name as its label.
-"""
+_KINDS = UNIT_OF | {
+    "stance_angles": "angle", "leg_length": "length", "total_mass": "mass", "seconds": "time",
+}  # fmt: skip
+SI = {
+    "angle": "rad", "state": "rad, rad/s", "time": "s", "length": "m", "speed": "m/s",
+    "energy": "J", "mass": "kg",
+}  # fmt: skip
+"""Units of quantities of the presets; a walker's file is taken to use them."""
+
+PLAIN = SYMBOLS | {"state": "rad, √(g/l)"}
+"""Units of dimensionless quantities."""
 
 
 class Report(NamedTuple):
@@ -62,9 +61,9 @@ def record(source: Any, names: Iterable[str]) -> dict[str, Any]:
     return {name: getattr(source, name) for name in names}
 
 
-def listing(title: str, values: Mapping[str, Any]) -> str:
+def listing(title: str, values: Mapping[str, Any], units: Mapping[str, str] = SI) -> str:
     """A title, and below it one line for each quantity."""
-    labels = [_label(name) for name in values]
+    labels = [_label(name, units) for name in values]
     width = max(map(len, labels))
     lines = [
         f"  {label:<{width}}  {_written(value, digits=8)}"
@@ -73,9 +72,9 @@ def listing(title: str, values: Mapping[str, Any]) -> str:
     return "\n".join([title, *lines])
 
 
-def table(rows: Sequence[Mapping[str, Any]]) -> str:
+def table(rows: Sequence[Mapping[str, Any]], units: Mapping[str, str] = SI) -> str:
     """A table with a column for each quantity; text aligned left, numbers right."""
-    cells = [[_label(name) for name in rows[0]]]
+    cells = [[_label(name, units) for name in rows[0]]]
     cells += [[_written(value) for value in row.values()] for row in rows]
     words = [isinstance(value, str) for value in rows[0].values()]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
@@ -113,8 +112,9 @@ def plain(value: Any) -> Any:
     return str(value)
 
 
-def _label(name: str) -> str:
-    return _LABELS.get(name, name.replace("_", " "))
+def _label(name: str, units: Mapping[str, str]) -> str:
+    words, unit = _WORDS.get(name, name.replace("_", " ")), units.get(_KINDS.get(name, ""), "")
+    return f"{words} ({unit})" if unit else words
 
 
 def _written(value: Any, digits: int = 6) -> str:

@@ -21,9 +21,10 @@ from gym_passive_walker.apps.cli.arguments import (
     add_terrain,
     add_walk,
     chosen_map,
+    shown_in,
     start_of,
 )
-from gym_passive_walker.apps.cli.report import Report, listing, record, table
+from gym_passive_walker.apps.cli.report import SI, Report, listing, record, table
 from gym_passive_walker.envs import explain
 from gym_passive_walker.envs.evaluation.walks import evaluate as evaluated
 from gym_passive_walker.envs.evaluation.walks import score_table as compared
@@ -75,18 +76,20 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
             )  # fmt: skip
             files[out] = lambda path: _WRITERS[path.suffix.lower()](sampled, path)
         rows: list[dict[str, Any]] = []
+        units = SI
         strides = whole(arguments.strides, "--strides")
         ground = ground_of(arguments.terrain, arguments.terrain_seed, strides)
         for tilt, rise, turn in ground.tolist():
             walk = stride(
                 walks, slope + tilt, state, height_change=rise * length, slope_change=turn
             )
+            view, units = shown_in(arguments, walk)
             rows.append({"stride": len(rows) + 1, "stance_angle": state[0],
-                         **record(walk, _STRIDE), "outcome": walk.outcome})  # fmt: skip
+                         **record(view, _STRIDE), "outcome": walk.outcome})  # fmt: skip
             if walk.outcome != Outcome.HEELSTRIKE:
                 break
             state = walk.state
-        return Report(table(rows), rows, files)
+        return Report(table(rows, units), rows, files)
 
     return run
 

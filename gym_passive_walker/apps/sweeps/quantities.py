@@ -29,9 +29,9 @@ _RESULTS = {
 _KINDS = KINDS | {name: kind for kind, names in _RESULTS.items() for name in names}
 _KINDS.pop("gravity")  # over itself it would be 1
 _SYMBOLS = {"count": "strides"} | {kind: symbol for kind, (symbol, _) in UNITS.items()}
-_OWN = {*(f.name for f in fields(Walker)), *Actuation._fields}
-_OWN_OF = {"gait": {"step_length", "step_period"}}
-"""Columns in a walker's own units: walker parameters and actuation, and these results."""
+_OWN = {f.name for f in fields(Walker)}
+_OWN_OF = {"gait": {*Actuation._fields, "step_length", "step_period"}}
+"""Columns in a walker's own units: walker parameters, and actuation and results of gaits."""
 
 
 def label(name: str) -> str:

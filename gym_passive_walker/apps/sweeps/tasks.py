@@ -178,17 +178,18 @@ def robustness(
         "first_passage": lasting.mean,
         "first_passage_error": lasting.error,
         **{name: float(getattr(found, name)) for name in names},
-        "push_forward": float(np.min(found.forward)),
-        "push_backward": float(np.min(found.backward)),
+        "push_forward": float(np.min(found.push_forward)),
+        "push_backward": float(np.min(found.push_backward)),
     }
 
 
 def optimal(changes: Mapping[str, Any], speed: float, scene: str = "level") -> Row:
-    """Compute the gait of least cost of transport at a speed."""
-    found = optimal_gait(with_changes(scene, changes), speed)
-    names = ("cost_of_transport", "hip_cost", "ankle_cost", "push_off_cost", "push_off")
-    names += ("step_period", "step_length", "stable", "stubs")
-    return {name: getattr(found, name) for name in names}
+    """Compute the gait of least cost of transport at a speed; its quantities are dimensionless."""
+    found = optimal_gait(with_changes(scene, changes), speed).dimensionless
+    names = ("cost_of_transport", "hip_cost", "ankle_cost", "push_off_cost")
+    names += ("step_period", "step_length", "froude_speed", "stable", "stubs")
+    row = {name: getattr(found, name) for name in names}
+    return row | {"push_off": float(found.controller.push_off)}
 
 
 def evaluation(

@@ -66,14 +66,14 @@ class Gauntlet(Table):
     """Results of `gauntlet`; print it for a table.
 
     Attributes:
-        controller: Name of the controller.
+        controller_name: Name of the controller.
         scene: The scene that the tests change.
-        walks: Episodes of each test, by its name.
+        episodes: Episodes of each test, by its name.
     """
 
-    controller: str
+    controller_name: str
     scene: Scene
-    walks: Mapping[str, Walks]
+    episodes: Mapping[str, Walks]
 
     @property
     def survival(self) -> NDArray[np.float64]:
@@ -81,7 +81,7 @@ class Gauntlet(Table):
         return np.array([walks.reached_limit.mean() for walks in self._each])
 
     @property
-    def interval(self) -> NDArray[np.float64]:
+    def survival_interval(self) -> NDArray[np.float64]:
         """95 % intervals of `survival` (Wilson), (tests, 2)."""
         return np.array([_interval(walks.reached_limit) for walks in self._each])
 
@@ -99,7 +99,7 @@ class Gauntlet(Table):
         """Controller, walker and score."""
         low, high = self.score_interval
         return {
-            "controller": self.controller,
+            "controller": self.controller_name,
             "walker": name_of(self.scene.walker),
             "score": f"{self.score:.3f} ({low:.3f} to {high:.3f})",
         }
@@ -109,17 +109,17 @@ class Gauntlet(Table):
         with np.errstate(all="ignore"):
             costs = [w.cost_of_transport[np.isfinite(w.cost_of_transport)] for w in self._each]
         return {
-            "test": np.array(list(self.walks)),
+            "test": np.array(list(self.episodes)),
             "survival": self.survival,
-            "low": self.interval[:, 0],
-            "high": self.interval[:, 1],
+            "low": self.survival_interval[:, 0],
+            "high": self.survival_interval[:, 1],
             "distance": np.array([np.median(walks.distance) for walks in self._each]),
             "cost_of_transport": np.array([np.median(c) if len(c) else np.nan for c in costs]),
         }
 
     @property
     def _each(self) -> list[Walks]:
-        return list(self.walks.values())
+        return list(self.episodes.values())
 
     def __str__(self) -> str:
         columns, facts = self.columns(), self.facts()
@@ -160,7 +160,7 @@ def gauntlet(
 
     Example:
         >>> import gym_passive_walker as gpw
-        >>> gpw.gauntlet("level-ppo", walkers=4).walks["own scene"].endings[0]
+        >>> gpw.gauntlet("level-ppo", walkers=4).episodes["own scene"].endings[0]
         'reached the time limit'
     """
     count = whole(walkers, "walkers", 1, 100_000)

@@ -59,7 +59,7 @@ def _robustness(found: Robustness, ax: Axes | None = None) -> Axes | NDArray:
         style = {"va": "top", "fontsize": "small", "linespacing": 1.6}
         results.text(place, 1.0, "\n".join(column), transform=results.transAxes, **style)
     figure.suptitle(
-        f"Walker {name_of(found.walker)} at slope {found.slope:.4g} rad, {found.controller}",
+        f"Walker {name_of(found.walker)} at slope {found.slope:.4g} rad, {found.controller_name}",
         fontsize="medium",
     )
     return np.array(axes)
@@ -84,9 +84,9 @@ def _gauntlet(found: Gauntlet, ax: Axes | None = None) -> Axes:
 
 def _pushes(ax: Axes, found: Robustness) -> None:
     """The largest pushes both ways, over the stride."""
-    share = found.phases * 100.0
-    ax.plot(share, found.forward, "o-", color=BLUE, label="forward")
-    ax.plot(share, found.backward, "s--", color=VERMILION, label="backward")
+    share = found.push_phases * 100.0
+    ax.plot(share, found.push_forward, "o-", color=BLUE, label="forward")
+    ax.plot(share, found.push_backward, "s--", color=VERMILION, label="backward")
     ax.set(
         xlabel="time of the push (% of the period)",
         ylabel="largest impulse (m √(g l))",

@@ -83,11 +83,11 @@ class Robustness(Table):
     """Disturbances that a walk withstands. Lengths are in leg lengths l, times in sqrt(l/g).
 
     Attributes:
-        controller: The controller.
+        controller_name: Name of the controller.
         walker: The walker.
         slope: On which slope, in rad.
         step_length: Step length of the gait.
-        period: Period of the gait.
+        step_period: Time of a stride of the gait.
         roughness: Standard deviation of the heights of footholds, on rough ground.
         first_passage: Strides to a fall there, sampled or computed by a mesh of states.
         survivors: Share of walkers that are left there after each stride, (strides,). By a mesh:
@@ -98,21 +98,21 @@ class Robustness(Table):
         step_up: Highest step of the ground that the walker walks on over, as it does over any lower
             one that was tried.
         step_down: Deepest step down, in leg lengths.
-        phases: Times of pushes, as shares of the period, (k,).
-        forward: Largest impulse downhill then, on the hip or on the centre of mass of a `System`,
-            in m sqrt(g l), (k,).
-        backward: Largest uphill, (k,).
+        push_phases: Times of pushes, as shares of the period, (k,).
+        push_forward: Largest impulse downhill then, on the hip or on the centre of mass of a
+            `System`, in m sqrt(g l), (k,).
+        push_backward: Largest uphill, (k,).
         initial_error: Largest share of the gait's angle and rates by which starts were off.
         recovered: Share of starts within it from which the walker walks on.
         recovered_error: Standard error of this share.
         recovery: Strides after which a small error is a tenth of what it was; infinite if never.
     """
 
-    controller: str
+    controller_name: str
     walker: Walker
     slope: float
     step_length: float
-    period: float
+    step_period: float
     roughness: float
     first_passage: FirstPassage | MeshPassage
     survivors: NDArray[np.float64]
@@ -120,9 +120,9 @@ class Robustness(Table):
     period_response: NDArray[np.float64]
     step_up: float
     step_down: float
-    phases: NDArray[np.float64]
-    forward: NDArray[np.float64]
-    backward: NDArray[np.float64]
+    push_phases: NDArray[np.float64]
+    push_forward: NDArray[np.float64]
+    push_backward: NDArray[np.float64]
     initial_error: float
     recovered: float
     recovered_error: float
@@ -130,18 +130,19 @@ class Robustness(Table):
 
     def facts(self) -> dict[str, str]:
         """Every measure with its unit, and its error where it is of a sample."""
+        ahead, back = self.push_forward, self.push_backward
         return {
-            "controller": f"{self.controller}, walker {name_of(self.walker)}",
+            "controller": f"{self.controller_name}, walker {name_of(self.walker)}",
             "downhill": f"{self.slope:.6g} rad",
             "step length": f"{self.step_length:.4g} l",
-            "period": f"{self.period:.4g} √(l/g)",
+            "step period": f"{self.step_period:.4g} √(l/g)",
             "rough ground": f"heights differ by {self.roughness:.3g} l",
             "first passage": f"{self.first_passage} there",
             "gait sensitivity norm": f"{self.sensitivity:.4g} √(l/g) per l",
             "step up": f"{self.step_up:.4g} l",
             "step down": f"{self.step_down:.4g} l",
-            "push forward": f"{self.forward.min():.4g} to {self.forward.max():.4g} m √(g l)",
-            "push backward": f"{self.backward.min():.4g} to {self.backward.max():.4g} m √(g l)",
+            "push forward": f"{ahead.min():.4g} to {ahead.max():.4g} m √(g l)",
+            "push backward": f"{back.min():.4g} to {back.max():.4g} m √(g l)",
             "starts": f"{self.recovered:.3f} ± {self.recovered_error:.3f} of those "
             f"up to {self.initial_error:.0%} off keep walking",
             "recovery": f"{self.recovery:g} strides to a tenth",
@@ -149,7 +150,8 @@ class Robustness(Table):
 
     def columns(self) -> dict[str, NDArray]:
         """A row for each phase of the stride at which the walker was pushed."""
-        return {"phase": self.phases, "forward": self.forward, "backward": self.backward}
+        names = ("push_phases", "push_forward", "push_backward")
+        return {name: getattr(self, name) for name in names}
 
 
 def robustness(
@@ -252,11 +254,11 @@ def robustness(
         recovery = tries.recovery(seed)
         done()
     return Robustness(
-        controller=name,
+        controller_name=name,
         walker=tried.walker,
         slope=float(np.mean(tried.slope)),
         step_length=step_length,
-        period=period,
+        step_period=period,
         roughness=ground.height_std,
         first_passage=lasting,
         survivors=survived,
@@ -264,9 +266,9 @@ def robustness(
         period_response=period_response,
         step_up=up,
         step_down=down,
-        phases=PHASES,
-        forward=forward,
-        backward=backward,
+        push_phases=PHASES,
+        push_forward=forward,
+        push_backward=backward,
         initial_error=float(initial_error),
         recovered=share,
         recovered_error=error,

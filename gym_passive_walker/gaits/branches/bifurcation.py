@@ -31,6 +31,7 @@ from gym_passive_walker._tools.progress import progress
 from gym_passive_walker._tools.shown import Table
 from gym_passive_walker.gaits.branches.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.gait import GaitKind
+from gym_passive_walker.gaits.measures import InUnits
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.walkers import Walker, name_of
 
@@ -39,7 +40,7 @@ _NUDGE = 1e-4  # off the gait, which a walker would otherwise stay on though it 
 
 
 @dataclass(frozen=True, repr=False)
-class BifurcationDiagram(Table):
+class BifurcationDiagram(InUnits, Table):
     """Settled walks over slopes.
 
     Attributes:

@@ -28,6 +28,7 @@ from gym_passive_walker.gaits.branches.varied_map import MapOfValue, map_at
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
+from gym_passive_walker.gaits.measures import InUnits, StrideQuantities
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.walkers import Walker, describe, name_of
 
@@ -38,7 +39,7 @@ _TRIED = 9  # values of a function's parameter at which a gait to begin with is 
 
 
 @dataclass(frozen=True, repr=False)
-class GaitFamily(Table):
+class GaitFamily(InUnits, Table):
     """A curve of gaits, in order along the curve; arrays have one entry per gait.
 
     Attributes:
@@ -84,15 +85,14 @@ class GaitFamily(Table):
         """The controller, apart from a varied part; None if passive."""
         return self.stride_map.controller
 
-    @property
-    def speed(self) -> NDArray[np.float64]:
-        """Speed along the slope."""
-        return self.step_length / self.step_period
+    speed = StrideQuantities.speed
+    froude_speed = StrideQuantities.froude_speed
 
     @property
-    def froude_speed(self) -> NDArray[np.float64]:
-        """Speed over sqrt(g l) of `walker`."""
-        return self.speed / self.walker.units.speed
+    def units(self) -> Any:
+        """Dimensionless units of each gait's walker, in the walker's own."""
+        varied = self.parameter in self.walker.parameters
+        return self.walker.units_with(**{self.parameter: self.value} if varied else {})
 
     @property
     def stable(self) -> NDArray[np.bool_]:
@@ -115,7 +115,8 @@ class GaitFamily(Table):
             **({"controller": name} if name else {}),
             "walker": name_of(self.walker),
             "gaits": f"{len(self)} of period {self.period}, {self.stable.sum()} stable",
-            self.parameter: f"{self.value.min():.6g} to {self.value.max():.6g}",
+            self.parameter: f"{self.value.min():.6g} to {self.value.max():.6g}"
+            + " rad" * (self.parameter == "slope"),
             **{name: ", ".join(f"{x:.6g}" for x in at) for name, at in marks.items() if at},
             "ends": " and ".join(f"at {value:.6g} ({reason})" for value, reason in self.ends),
         }

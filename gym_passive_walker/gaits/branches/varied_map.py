@@ -112,7 +112,7 @@ class VariedMap(StrideMap):
         by: Sequence[str] = (),
         along: NDArray | None = None,
     ) -> tuple[NDArray, NDArray[np.int8]]:
-        """Return fields of `Change`, values before derivatives, (1 + k, m + 6, n), and outcomes."""
+        """Return fields of `Change`, values before derivatives, (1 + k, m + 7, n), and outcomes."""
         results, outcomes = [], []
         for i, lane in enumerate(lanes.tolist()):
             here = slice(i, i + 1)
@@ -131,7 +131,7 @@ class VariedMap(StrideMap):
         return np.concatenate(results, axis=2), np.concatenate(outcomes)
 
     def _rate(self, value: float, walk: tuple[NDArray, NDArray, NDArray, int]) -> NDArray:
-        """Return the derivative of a walk's results by the parameter, (1, m + 6, 1)."""
+        """Return the derivative of a walk's results by the parameter, (1, m + 7, 1)."""
         low, high = self.bounds
         shift = _SHIFT * (high - low)
         ends = max(value - shift, low), min(value + shift, high)

@@ -28,7 +28,6 @@ from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.scenes.rules import CHANNELS
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
-from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.walkers import describe, name_of
 
@@ -191,15 +190,10 @@ class Schedule(StrideFeedback):
 
     def __init__(self, scene: Scene | str | dict[str, Any], gait: OptimalGait) -> None:
         scene = make_scene(scene)
-        count = len(gait.torques)
-        given = {
-            "hip": gait.torques,
-            "ankle": gait.ankle_torques or [0.0] * count,
-            "push_off": [gait.push_off] * count,
-        }
-        actions = np.array([given[name] for name in scene.actions], dtype=float).T
+        held = dict(zip(CHANNELS, np.broadcast_arrays(*gait.dimensionless.controller), strict=True))
+        actions = np.array([held[name] for name in scene.actions], dtype=float).T  # type: ignore[index]
         largest = np.array([scene.largest(name) for name in scene.actions])
-        super().__init__("schedule", scene, np.array(gait.point), actions / largest)
+        super().__init__("schedule", scene, gait.point.values[0], actions / largest)
 
 
 class LinearFeedback(StrideFeedback):
@@ -251,8 +245,8 @@ class LinearFeedback(StrideFeedback):
                     'a scene with actions=("hip",)'
                 )
             self.gait = powered_gait(walker, slope)
-            point, scale = Section(walker=walker).points_at(self.gait.state)[0], largest[0]
-            torque = self.gait.hip_torque / walker.units.torque
+            point, scale = self.gait.point.values[0], largest[0]
+            torque = self.gait.stride_map.actuation.hip_torque
             free = ticked_stride(walker, slope, point, np.array([torque]), tick=np.inf)
             count = 1 if scene.control == "stride" else math.ceil(free.duration / scene.tick)
             torques = np.full(count, torque)
@@ -307,9 +301,11 @@ class Optimal(StrideFeedback):
         given, scene = scene, make_scene(scene)
         if gait is None:
             known = optimal.load(given if isinstance(given, str) else optimal.stored_name(scene))
-            gait = max(known, key=lambda g: g.speed * (1.0 - scene.energy_weight * g.hip_cost))
+            gait = max(
+                known, key=lambda g: g.froude_speed * (1.0 - scene.energy_weight * g.hip_cost)
+            )
         self.gait = gait
-        point, torques = np.array(gait.point), np.array(gait.torques)
+        point, torques = gait.point.values[0], gait.dimensionless.controller.hip_torque
         tick = scene.tick if scene.control == "tick" else np.inf
         walked = ticked_stride(scene.walker, gait.slope, point, torques, tick=tick)
         rows = gains(walked.by_point, walked.by_torque, torque_weight=torque_weight)

@@ -269,10 +269,10 @@ class ControlledMap(StrideMap):
         by: Sequence[str] = (),
         along: NDArray | None = None,
     ) -> tuple[NDArray, NDArray[np.int8]]:
-        """Results as in `Change`, values before derivatives, (1 + k, m + 6, n); and outcomes."""
+        """Results as in `Change`, values before derivatives, (1 + k, m + 7, n); and outcomes."""
         m, n = self.dimension, len(points)
         change, moving = self.seeds(n, by, along)
-        total = np.zeros((n, m + 6, 1 + change.shape[2]))
+        total = np.zeros((n, m + 7, 1 + change.shape[2]))
         outcomes = np.full(n, _STRUCK)
         places = np.tile(np.arange(len(self.ground)), strides).tolist()
         with (
@@ -282,20 +282,20 @@ class ControlledMap(StrideMap):
             for place in places:
                 results, ended = self._stride(points, slopes, lanes, Seeds(change, moving), place)
                 outcomes = np.where(outcomes == _STRUCK, ended, outcomes)
-                total[:, m : m + 4] += results[:, m : m + 4]
-                total[:, :m], total[:, m + 4 :] = results[:, :m], results[:, m + 4 :]
+                total[:, m : m + 5] += results[:, m : m + 5]
+                total[:, :m], total[:, m + 5 :] = results[:, :m], results[:, m + 5 :]
                 points, change = results[:, :m, 0], results[:, :m, 1:]
                 taken()
                 if not (outcomes == _STRUCK).any():
                     break
-            rows = total[:, m + 2], total[:, m + 3], total[:, m + 5], total[:, m + 1]
-            total[:, m + 5] = imbalance(*rows)
+            rows = total[:, m + 2], total[:, m + 3], total[:, m + 6], total[:, m + 1]
+            total[:, m + 6] = imbalance(*rows)
         return total.transpose(2, 1, 0), outcomes.astype(np.int8)
 
     def _stride(
         self, points: NDArray, slopes: NDArray, lanes: NDArray, seeds: Seeds, place: int
     ) -> tuple[NDArray, NDArray]:
-        """One stride, as `_follow` but for the imbalance, (n, m + 6, 1 + k); and the outcomes.
+        """One stride, as `_follow` but for the imbalance, (n, m + 7, 1 + k); and the outcomes.
 
         Where the imbalance goes is the push-off.
         """
@@ -313,13 +313,13 @@ class ControlledMap(StrideMap):
         at, of, rows = report_of(self.system).at, steps.walkers, steps.rows
         struck, over = steps.outcomes == _STRUCK, steps.outcomes != _RUNNING
         there, ended = of[struck], rows[struck]
-        results = np.full((n, m + 6, 1 + width), np.nan)
+        results = np.full((n, m + 7, 1 + width), np.nan)
         outcomes = np.full(n, int(Outcome.DIVERGED))
         results[sound, m + 2 :], outcomes[sound] = 0.0, _STALLED
         outcomes[of[over]] = steps.outcomes[over]
         results[there, : m + 2] = ended[:, [*self.chart.coordinates, at["time"], at["step_length"]]]
-        results[of[steps.locked], m + 4] = rows[steps.locked, at["knee_time"]]
-        lost, supplied = results[:, m + 2], results[:, m + 3]
+        results[of[steps.locked], m + 5] = rows[steps.locked, at["knee_time"]]
+        lost, supplied, braked = results[:, m + 2], results[:, m + 3], results[:, m + 4]
         losses = [at[f"{name}_loss"] for name in ("knee", "heel", "friction")]
         lost_since = rows[:, losses].sum(axis=1)  # friction and knee: since the stride began
         lost_since[:, 0] -= steps.before["friction_loss"][:, 0] + steps.before["knee_loss"][:, 0]
@@ -327,10 +327,13 @@ class ControlledMap(StrideMap):
         works = self.walkers.system().works
         for j, channel in enumerate(self._motors):
             if channel < len(works):
-                work = product(steps.held[:, j], rows[:, at["moved", channel]])
+                held = steps.held[:, j]
+                work = product(held, rows[:, at["moved", channel]])
+                turned = product(np.sign(held[:, :1]) * held, rows[:, at["turned", channel]])
                 np.add.at(supplied, of, works[channel] * work)
+                np.add.at(braked, of, works[channel] * (turned - work))
             else:
-                results[there, m + 5] = steps.held[struck, j]
+                results[there, m + 6] = steps.held[struck, j]
         ground = np.zeros((n, 1 + width, 2))
         ground[:, 0, 0], ground[:, 0, 1] = np.sin(slopes), np.cos(slopes)
         if "slope" in moving:
@@ -346,7 +349,7 @@ class ControlledMap(StrideMap):
             supplied[there] -= product(cosine[there], heights)
         results[outcomes != _STRUCK] = np.nan
         if not self.walker.knees:
-            results[:, m + 4] = np.nan
+            results[:, m + 5] = np.nan
         return results, outcomes
 
     def _differences(
@@ -382,7 +385,7 @@ class ControlledMap(StrideMap):
                     values[:, tangent] += shifts[:, tangent]
                     batch, every = self.with_parameter(name, values.ravel()), np.arange(n * count)
             taken, _ = batch._stride(starts.reshape(-1, m), grounds.ravel(), every, still, place)
-            results.append(taken[:, :, 0].reshape(n, count, m + 6).swapaxes(1, 2))
+            results.append(taken[:, :, 0].reshape(n, count, m + 7).swapaxes(1, 2))
         by = (results[0] - results[1]) / (2.0 * steps[:, None])
         values, ended = self._stride(points, slopes, lanes, Seeds(change[:, :, :0], {}), place)
         return np.concatenate([values, by], axis=2), ended

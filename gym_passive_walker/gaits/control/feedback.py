@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 import scipy
@@ -19,7 +19,8 @@ from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.find.newton import newton
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.flow import flow, states_in
-from gym_passive_walker.gaits.gait import GaitNotFound
+from gym_passive_walker.gaits.gait import Gait, GaitNotFound, gait_at
+from gym_passive_walker.gaits.section import Points
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.walkers import Walker
 
@@ -34,19 +35,7 @@ _ACCURACY, _SETTLED = 1e-12, 1e-10  # of a stride's end, wanted and at least
 _SURVIVES = 1e-9  # singular values below this, relative to the largest, are directions forgotten
 
 
-class PoweredGait(NamedTuple):
-    """A gait under a constant torque.
-
-    Attributes:
-        state: Section state (6,), in the walker's own units.
-        hip_torque: Hip torque, in the walker's own units.
-    """
-
-    state: NDArray[np.float64]
-    hip_torque: float
-
-
-def powered_gait(walker: Walker, slope: float) -> PoweredGait:
+def powered_gait(walker: Walker, slope: float) -> Gait:
     """Find a gait at any slope: passive if there is one, else with a constant torque.
 
     A passive gait of a reference slope is followed to the slope wanted, while a torque takes over
@@ -58,7 +47,7 @@ def powered_gait(walker: Walker, slope: float) -> PoweredGait:
     """
     passive = seek(walker, slope).gait
     if passive is not None:
-        return PoweredGait(passive.state, 0.0)
+        return passive
     gait = find_gait(walker, _REFERENCE_SLOPE)
     if walker.massless_legs:
         raise GaitNotFound("no torque drives the simplest walker: its legs have no mass to work on")
@@ -66,20 +55,20 @@ def powered_gait(walker: Walker, slope: float) -> PoweredGait:
     work = walker.total_mass * walker.gravity * gait.step_length
     work *= math.sin(_REFERENCE_SLOPE) - math.sin(slope)
     torque = work / (4.0 * gait.stance_angle)
-    state, here, share, step = gait.state, _REFERENCE_SLOPE, 0.0, 0.25
+    point, here, share, step = gait.point, _REFERENCE_SLOPE, 0.0, 0.25
     while share < 1.0 and step >= 0.5**_HALVINGS:
         goal = min(1.0, share + step)
         here = (1.0 - goal) * _REFERENCE_SLOPE + goal * slope
         try:
-            state = _converged(walker, here, state, goal * torque)
+            point = _converged(walker, here, point.states[0], goal * torque)
             share = goal
         except GaitNotFound:
             step *= 0.5
     if share == 1.0:
-        return PoweredGait(state, torque)
+        return gait_at(point, slope, 1)
     found = first_driven(walker, slope, "hip_torque", _TORQUES)
     if found is not None:
-        return PoweredGait(found[0], found[1].hip_torque)
+        return found
     raise GaitNotFound(
         f"no gait with a constant torque was found at slope {slope} rad: the gait of slope "
         f"{_REFERENCE_SLOPE} rad was lost at {here:.4g} rad, and a search found none with up to "
@@ -87,30 +76,25 @@ def powered_gait(walker: Walker, slope: float) -> PoweredGait:
     )
 
 
-def first_driven(
-    walker: Walker, slope: float, part: str, amounts: Iterable[float]
-) -> tuple[NDArray[np.float64], Actuation] | None:
-    """Search for a gait under one part of an `Actuation`; the first found is taken.
+def first_driven(walker: Walker, slope: float, part: str, amounts: Iterable[float]) -> Gait | None:
+    """Search for a gait under one part of an `Actuation`; the first found is returned.
 
     Args:
         walker: The walker.
         slope: Slope in rad.
         part: Name of the part.
         amounts: Amounts to try, in turn, dimensionless.
-
-    Returns:
-        State (6,) and actuation of the gait, in the walker's own units; None if there is none.
     """
     for amount in amounts:
         held = to_own(walker.units, Actuation(**{part: amount}))
         gait = seek(StrideMap.of(walker, controller=held), slope).gait
         if gait is not None:
-            return gait.state, held
+            return gait
     return None
 
 
-def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> NDArray:
-    """Return the fixed point near a state, (6,), in the walker's own units.
+def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> Points:
+    """Return the fixed point near a state (6,), which is in the walker's own units.
 
     Raises:
         GaitNotFound: if Newton's method does not settle.
@@ -124,7 +108,7 @@ def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> N
     found = newton(equations, strides.points_at(state), accuracy=_ACCURACY)
     if not found.sizes[0] < _SETTLED:
         raise GaitNotFound("Newton's method did not settle")
-    return strides.states_at(found.points)[0]
+    return Points(strides, found.points)
 
 
 def by_inputs(

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,14 +18,13 @@ from numpy.typing import NDArray
 from gym_passive_walker._tools.arguments import instance, number, shown, unknown
 from gym_passive_walker._tools.files import replacing
 from gym_passive_walker._tools.progress import progress
-from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, to_dimensionless
+from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.control.feedback import first_driven, powered_gait
 from gym_passive_walker.gaits.control.optimum import OptimalGait, Problem, slope_of
 from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.find.search import seek
-from gym_passive_walker.gaits.gait import GaitNotFound
+from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
-from gym_passive_walker.gaits.section import Section
 
 STORE = Path(__file__).parent / "gaits"
 """Folder of the stored optimal gaits of named scenes."""
@@ -72,8 +71,12 @@ def optimal_gait(
         instance(start, OptimalGait, "start", "gpw.optimal_gait returns")
     near = start or _at_hand(scene, speed)
     begun = near or constant_gait(scene)
-    ticks = 1 if scene.control == "stride" else math.ceil(_SPARE * begun.step_period / scene.tick)
-    problem = Problem(scene, speed, ticks, len(begun.point))
+    ticks = (
+        1
+        if scene.control == "stride"
+        else math.ceil(_SPARE * begun.dimensionless.step_period / scene.tick)
+    )
+    problem = Problem(scene, speed, ticks, begun.point.section.dimension)
     try:
         z = problem.solve(problem.begun_at(begun))
         if not problem.allowed(z):
@@ -86,7 +89,7 @@ def optimal_gait(
         # From a start so far away, torques may have come to lie in ticks too late or too early.
         for shifted in _shifted(first):
             with suppress(GaitNotFound):
-                z = problem.solve(problem.begun_at(shifted), known=best.motor_cost)
+                z = problem.solve(problem.begun_at(shifted), known=best.charged_cost)
                 if problem.allowed(z):
                     best = _cheaper(best, _with_corners(problem, z))
     return best
@@ -98,7 +101,7 @@ def _with_corners(problem: Problem, z: NDArray) -> OptimalGait:
     for edge in _edges(best, problem.tick):
         problem.edge = edge
         with suppress(GaitNotFound):
-            held = problem.solve(z, known=best.motor_cost)
+            held = problem.solve(z, known=best.charged_cost)
             if problem.allowed(held):
                 best = _cheaper(best, problem.measured(held))
     problem.edge = None
@@ -107,15 +110,15 @@ def _with_corners(problem: Problem, z: NDArray) -> OptimalGait:
 
 def _cheaper(known: OptimalGait, found: OptimalGait) -> OptimalGait:
     """Return the cheaper of two gaits; `found` if they cost the same."""
-    return found if found.motor_cost <= known.motor_cost * (1.0 + _ALIKE) else known
+    return found if found.charged_cost <= known.charged_cost * (1.0 + _ALIKE) else known
 
 
 def _shifted(gait: OptimalGait) -> list[OptimalGait]:
     """Return gaits with the torques a tick later, and a tick earlier."""
-    hip, ankle = gait.torques, gait.ankle_torques
+    hip, ankle, push_off = gait.controller
     return [
-        replace(gait, torques=hip[:1] + hip, ankle_torques=ankle[:1] + ankle),
-        replace(gait, torques=hip[1:] or hip, ankle_torques=ankle[1:] or ankle),
+        replace(gait, controller=Actuation(hip[order], ankle[order], push_off))
+        for order in (np.maximum(np.arange(len(hip) + 1) - 1, 0), slice(len(hip) > 1, None))
     ]
 
 
@@ -141,15 +144,15 @@ def _at_hand(scene: Scene, speed: float) -> OptimalGait | None:
         gaits = load(stored_name(scene))
     except ValueError:
         return None
-    nearest = min(gaits, key=lambda gait: abs(gait.speed - speed))
-    return nearest if abs(nearest.speed - speed) < _AT_HAND else None
+    nearest = min(gaits, key=lambda gait: abs(gait.froude_speed - speed))
+    return nearest if abs(nearest.froude_speed - speed) < _AT_HAND else None
 
 
 def _known_speeds(scene: Scene, begun: OptimalGait) -> str:
     """Return a clause on the speeds at which a scene is known to have gaits."""
-    speeds = [begun.speed]
+    speeds = [begun.froude_speed]
     with suppress(ValueError):  # none are stored
-        speeds += [gait.speed for gait in load(stored_name(scene))]
+        speeds += [gait.froude_speed for gait in load(stored_name(scene))]
     low, high = min(speeds), max(speeds)
     known = f"speed {low:.4g}" if low == high else f"speeds from {low:.4g} to {high:.4g}"
     return (
@@ -164,9 +167,10 @@ def _edges(gait: OptimalGait, tick: float) -> list[float]:
     A torque that changes just as the knee locks makes a corner in the cost, and most optima lie in
     one; smooth optimization finds them by holding the kneestrike there.
     """
-    if gait.kneestrike_time == 0.0 or math.isinf(tick):
+    time = float(gait.dimensionless.kneestrike_time)
+    if math.isnan(time) or math.isinf(tick):
         return []
-    before = round(gait.kneestrike_time / tick, 2)
+    before = round(time / tick, 2)
     return [edge * tick for edge in range(math.floor(before), math.ceil(before) + 1)]
 
 
@@ -177,9 +181,8 @@ def constant_gait(scene: Scene) -> OptimalGait:
         GaitNotFound: if there is none.
     """
     walker, slope = scene.walker, slope_of(scene)
-    state, held = _driven(scene)
-    point = Section(walker=walker).points_at(state)[0]
-    hip, ankle, push_off = to_dimensionless(walker.units, held)
+    gait = _driven(scene)
+    point, (hip, ankle, push_off) = gait.point.values[0], gait.stride_map.actuation
     torques = np.array([[hip], [ankle]])
     walked = ticked_stride(walker, slope, point, torques, tick=math.inf, push_off=push_off)
     ticks = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)
@@ -187,8 +190,8 @@ def constant_gait(scene: Scene) -> OptimalGait:
     return problem.measured(problem.begun(point, [[hip], [ankle]], push_off))
 
 
-def _driven(scene: Scene) -> tuple[NDArray, Actuation]:
-    """Return the initial state of a gait, passive or with one constant actuator, and the actuation.
+def _driven(scene: Scene) -> Gait:
+    """Return a gait, passive or with one constant actuator.
 
     Raises:
         GaitNotFound: if there is none.
@@ -196,12 +199,11 @@ def _driven(scene: Scene) -> tuple[NDArray, Actuation]:
     walker, slope = scene.walker, slope_of(scene)
     passive = seek(walker, slope).gait
     if passive is not None:
-        return passive.state, PASSIVE
+        return passive
     refused = None
     if "hip" in scene.actions:
         try:
-            powered = powered_gait(walker, slope)
-            return powered.state, Actuation(hip_torque=powered.hip_torque)
+            return powered_gait(walker, slope)
         except GaitNotFound as error:
             refused = error
     for channel, name in (("push_off", "push_off"), ("ankle", "ankle_torque")):
@@ -234,12 +236,12 @@ def optimal_gaits(
         raise ValueError(f"speeds must be speeds over sqrt(g l) in a row, not {shown(speeds)}")
     speeds = [number(speed, f"speeds[{i}]", above=0.0) for i, speed in enumerate(speeds)]
     natural = constant_gait(scene)
-    speeds = sorted(speeds, key=lambda speed: abs(speed - natural.speed))
-    best = {natural.speed: natural} if natural.motor_cost == 0.0 else {}
+    speeds = sorted(speeds, key=lambda speed: abs(speed - natural.froude_speed))
+    best = {natural.froude_speed: natural} if natural.charged_cost == 0.0 else {}
     with progress("searches for an optimal gait") as searched:
         for way in (
-            [speed for speed in speeds if speed >= natural.speed],
-            [speed for speed in speeds if speed < natural.speed],
+            [speed for speed in speeds if speed >= natural.froude_speed],
+            [speed for speed in speeds if speed < natural.froude_speed],
         ):
             last = natural
             for speed in [*way, *way[::-1]]:
@@ -253,7 +255,7 @@ def optimal_gaits(
                         break
                     last = best[speed]
                     continue
-                if speed not in best or found.motor_cost < best[speed].motor_cost:
+                if speed not in best or found.charged_cost < best[speed].charged_cost:
                     best[speed] = found
                 last = best[speed]
     return [best[speed] for speed in sorted(best)]
@@ -261,7 +263,7 @@ def optimal_gaits(
 
 def save_gaits(path: Path, gaits: list[OptimalGait]) -> None:
     """Write gaits as JSON."""
-    lines = ",\n".join(json.dumps(asdict(gait)) for gait in gaits)
+    lines = ",\n".join(json.dumps(gait.to_json()) for gait in gaits)
     path.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
 
 
@@ -278,7 +280,7 @@ def load(scene: str) -> list[OptimalGait]:
             f"no optimal gaits of scene {scene!r} are stored, only those of: {known}; "
             f"`python train.py optimal --scene {scene}` computes them"
         )
-    return [OptimalGait(**entry) for entry in json.loads(path.read_text(encoding="utf-8"))]
+    return [OptimalGait.from_json(gait) for gait in json.loads(path.read_text(encoding="utf-8"))]
 
 
 def stored_name(scene: Scene) -> str:
@@ -296,6 +298,11 @@ def stored_name(scene: Scene) -> str:
         "no optimal gaits of this scene are stored: find one by "
         "gym_passive_walker.optimal_gait(scene, speed)"
     )
+
+
+def charged(gait: OptimalGait) -> float:
+    """Cost of transport of a gait, with the work of actuators that its scene charges."""
+    return math.sin(gait.slope) + gait.charged_cost
 
 
 def least_cost(gaits: str | Sequence[OptimalGait], speed: float) -> float:
@@ -316,7 +323,7 @@ def least_cost(gaits: str | Sequence[OptimalGait], speed: float) -> float:
     speed = round(number(speed, "speed"), 9)
     if isinstance(gaits, str):
         known = stored_costs(gaits)
-    elif not (known := [(gait.speed, gait.cost_of_transport) for gait in gaits]):
+    elif not (known := [(gait.froude_speed, charged(gait)) for gait in gaits]):
         raise ValueError("least_cost needs at least one gait")
     speeds, costs = np.array(sorted(known)).T
     speeds = speeds.round(9)
@@ -346,7 +353,7 @@ def stored_costs(scene: str) -> list[tuple[float, float]]:
 def save_costs(scene: str, gaits: Iterable[OptimalGait]) -> None:
     """Store the costs of optimal gaits of a named scene, for `least_cost`."""
     known = json.loads(COSTS.read_text(encoding="utf-8")) if COSTS.is_file() else {}
-    known[scene] = [(gait.speed, gait.cost_of_transport) for gait in gaits]
+    known[scene] = [(gait.froude_speed, charged(gait)) for gait in gaits]
     lines = ",\n".join(f"{json.dumps(name)}: {json.dumps(known[name])}" for name in sorted(known))
     with replacing(COSTS) as path:
         path.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")

@@ -8,16 +8,18 @@ smooth. SciPy's SLSQP solves it with exact derivatives (see `ticks`).
 
 from __future__ import annotations
 
+import json
 import math
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import asdict, dataclass
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.gaits.actuation import Actuation, to_own
 from gym_passive_walker.gaits.control.ticks import (
     PiecewiseConstantStride,
     before_kneestrike,
@@ -27,9 +29,13 @@ from gym_passive_walker.gaits.design.design_nlp import slsqp
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.map_result import NoStride
+from gym_passive_walker.gaits.measures import SHARES, Measured
 from gym_passive_walker.gaits.scenes.rules import CHANNELS
 from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.gaits.section import Points, Section
+from gym_passive_walker.gaits.stride import Stride, account, one_of
 from gym_passive_walker.models.model import check_supports
+from gym_passive_walker.models.walkers import Walker
 
 _ITERATIONS = 600
 _FIRST = 6  # iterations among all unknowns, before those are set aside that stay at their bounds
@@ -46,65 +52,72 @@ _AHEAD = np.array([[-1.0, 1.0], [1.0, 1.0]])
 """Derivatives, by stance and swing angle, of the swing leg's lead and of its extra inclination."""
 
 _CLEAR = 1e-3  # rad of either as the knee locks, at the least, where the toe has to clear
-_SHARES = {"absolute": (1.0, 0.0), "positive": (0.5, 0.5), "net": (0.0, 1.0)}
-"""Shares of absolute and of net work in the energy that is charged."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class OptimalGait:
-    """A gait of least cost at its speed; dimensionless, energies over weight and distance.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OptimalGait(Measured):
+    """A gait of least cost at its speed, in the walker's own units.
+
+    It has the quantities of its stride, as a `Gait` has those of its own; so `froude_speed` is the
+    speed over sqrt(g l), and `dimensionless` has the same attributes without units.
 
     Attributes:
         slope: Slope in rad.
-        speed: Speed over sqrt(g l).
-        cost_of_transport: Gravity's work and the motors' charge.
-        hip_cost: The charge of the hip's motor.
-        step_period: Time of a stride.
-        step_length: Length of a step.
-        point: Dimensionless point on the section at which it starts, (m,).
-        torques: Torque of each tick, in units of m g l; the last is held until heelstrike.
-        multipliers: Moduli of the eigenvalues of the stride map with these torques, open loop.
-        kneestrike_time: Time of kneestrike over sqrt(l/g); 0 without knees.
-        on_edge: Whether that is where a tick ends and has to be: there the cost has a corner, and
-            its gradient may have any size along that of the kneestrike's time.
-        violation: Largest distance between the end of the stride and its start.
+        state: State on the Poincaré section, (6,).
+        controller: `Actuation` with the hip torque and the ankle torque of each control step, (N,)
+            each, the last held until heelstrike; and the push-off.
+        mean: The stride, with its energy balance.
+        multipliers: Floquet multipliers of the stride map with these torques, open loop, (m,).
+        charged_cost: Work of the actuators that the scene charges, over weight and distance.
+        on_edge: Whether the knee locks where a control step ends and has to: there the cost has a
+            corner, and its gradient may have any size along that of the kneestrike's time.
+        violation: Largest distance between the end of the stride and its start, dimensionless.
         optimality: Largest entry of the Lagrangian's gradient that bounds do not explain, over the
             largest entry of the cost's own.
         stubs: Whether the toe would stub on it.
-        ankle_torques: Torques of the ankle; empty if there is none.
-        ankle_cost: The charge of the ankle's motor.
-        push_off: Impulse just before heelstrike, in units of m sqrt(g l).
-        push_off_cost: Work of the push-off.
     """
 
     slope: float
-    speed: float
-    cost_of_transport: float
-    hip_cost: float
-    step_period: float
-    step_length: float
-    point: list[float]
-    torques: list[float]
-    multipliers: list[float]
-    kneestrike_time: float
+    state: NDArray[np.float64]
+    controller: Actuation
+    mean: Stride
+    multipliers: NDArray[np.complex128]
+    charged_cost: float
     on_edge: bool
     violation: float
     optimality: float
     stubs: bool
-    ankle_torques: list[float] = field(default_factory=list)
-    ankle_cost: float = 0.0
-    push_off: float = 0.0
-    push_off_cost: float = 0.0
 
     @property
-    def motor_cost(self) -> float:
-        """The charge of all motors."""
-        return self.hip_cost + self.ankle_cost + self.push_off_cost
+    def walker(self) -> Walker:
+        """The walker."""
+        return self.mean.walker
 
     @property
-    def stable(self) -> bool:
-        """Whether small disturbances die out with these torques."""
-        return self.multipliers[0] < 1.0
+    def point(self) -> Points:
+        """The gait's point of the Poincaré section."""
+        return Section(walker=self.walker).points(self.state)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the gait as numbers, text and lists by name."""
+        parts = vars(self) | {
+            "controller": self.controller._asdict(),
+            "mean": self.mean._asdict() | {"walker": asdict(self.walker)},
+            "multipliers": [[x.real, x.imag] for x in self.multipliers],
+        }
+        return json.loads(json.dumps(parts, default=lambda x: x.tolist()))
+
+    @classmethod
+    def from_json(cls, parts: Mapping[str, Any]) -> Self:
+        """Return a gait from the result of `to_json`."""
+        mean = Stride(**parts["mean"] | {"walker": Walker(**parts["mean"]["walker"])})
+        own = {
+            "state": np.array(parts["state"]),
+            "controller": Actuation(**{x: np.array(y) for x, y in parts["controller"].items()}),
+            "mean": one_of(mean, lambda x: np.array(x) if isinstance(x, list) else x),
+            "multipliers": np.array([complex(*x) for x in parts["multipliers"]]),
+        }
+        return cls(**{**parts, **own})
 
 
 class _StandsStill(Exception):
@@ -136,7 +149,7 @@ class Problem:
         self.slope = slope_of(scene)
         self.scene, self.speed, self.ticks, self.m = scene, speed, ticks, m
         self.tick = scene.tick if scene.control == "tick" else math.inf
-        self.absolute, self.net = _SHARES[scene.energy]
+        self.absolute, self.net = SHARES[scene.energy]
         self.edge: float | None = None  # when the knee has to lock, if that is fixed
         self.clears = False  # whether the swing leg has to be clear of the ground as the knee locks
         self.motors = 2 if "ankle" in scene.actions else 1
@@ -197,13 +210,6 @@ class Problem:
                 self._last = key, (*nowhere, -np.ones(sides), np.zeros((sides, size)))
         return self._last[1]
 
-    def charges(self, z: NDArray, walked: PiecewiseConstantStride) -> tuple[NDArray, float]:
-        """Return the charges for each torque, and the charge for the push-off."""
-        held, torques = self.largest * sum(self.parts(z)), self.torques(z).ravel()
-        of_torques = self.absolute * held * walked.turn.ravel()
-        of_torques += self.net * torques * walked.swing.ravel()
-        return self.works * of_torques, float(walked.push_work)
-
     def _by_unknowns(self, by: NDArray) -> NDArray:
         """Derivatives by z, of those by point, torques and push-off."""
         m, n = self.m, len(self.largest)
@@ -225,13 +231,13 @@ class Problem:
         length, by_length = walked.length, by[m + 1]
         absolute, net = self.absolute * self.works, self.net * self.works
         held, torques = self.largest * sum(self.parts(z)), self.torques(z).ravel()
-        of_torques, of_push = self.charges(z, walked)
+        of_torques = absolute * held * walked.turn.ravel() + net * torques * walked.swing.ravel()
         by_work = by[-2] + (net * torques) @ by[m + 2 : m + 2 + n]
         by_work += (absolute * held) @ by[m + 2 + n : m + 2 + 2 * n]
         turn = absolute * self.largest * walked.turn.ravel()
         swing = net * self.largest * walked.swing.ravel()
         by_work[m : m + 2 * n] += np.concatenate([turn + swing, turn - swing])
-        cost = (of_torques.sum() + of_push) / length
+        cost = (of_torques.sum() + walked.push_work) / length
         late = length - self.speed * walked.duration
         gap = np.concatenate([walked.end - z[:m], [late, walked.kneestrike]])
         by_gap = np.vstack([by[:m], by_length - self.speed * by[m], by[-1]])
@@ -405,33 +411,36 @@ class Problem:
 
     def begun_at(self, gait: OptimalGait) -> NDArray:
         """Return the z of another gait."""
-        return self.begun(gait.point, (gait.torques, gait.ankle_torques), gait.push_off)
+        hip, ankle, push_off = gait.dimensionless.controller
+        return self.begun(gait.point.values[0], (hip, ankle), float(push_off))
 
     def measured(self, z: NDArray) -> OptimalGait:
         """Return the gait of a solution."""
-        cost, _, gap, _ = self.at(z)
-        walked, scene = self.walk(z), self.scene
+        gap, walked, scene = self.at(z)[2], self.walk(z), self.scene
+        walker, units = scene.walker, scene.walker.units
         taken = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)
-        of_torques, of_push = self.charges(z, walked)
-        of_hip, of_ankle, *_ = *np.split(of_torques, self.motors), np.zeros(1)
-        hip, ankle, *_ = *self.torques(z).reshape(self.motors, -1), np.zeros(0)
+        torques, pushes = np.zeros((2, self.ticks)), np.array([walked.push_work])
+        torques[: self.motors] = self.torques(z)
+        turns, works = np.zeros((2, *torques.shape)), np.zeros((2, 2, 1))
+        turns[0, : self.motors], turns[1, : self.motors] = walked.swing, walked.turn
+        held = torques * np.array(Walkers(walker=walker).system().works)[:, None]
+        works[:, 0, 0] = (held * turns[0]).sum(axis=1)
+        works[:, 1, 0] = (np.abs(held) * turns[1]).sum(axis=1)
+        walkers = Walkers(walker=walker)
+        stride = account(
+            walker, walkers.system(), walkers.constants, walked.steps.after[-1:, 0].copy(),
+            works * units.energy, pushes * units.energy, (),
+        )  # fmt: skip
+        hip, ankle = torques[:, :taken]
         return OptimalGait(
             slope=self.slope,
-            speed=float(walked.length / walked.duration),
-            cost_of_transport=math.sin(self.slope) + cost,
-            hip_cost=float(of_hip.sum() / walked.length),
-            step_period=float(walked.duration),
-            step_length=float(walked.length),
-            point=z[: self.m].tolist(),
-            torques=hip[:taken].tolist(),
-            multipliers=np.abs(multipliers_of(walked.by_point)).tolist(),
-            kneestrike_time=float(walked.kneestrike),
+            state=Section(walker=walker).states_at(z[None, : self.m])[0],
+            controller=to_own(units, Actuation(hip, ankle, self.push_off(z) or 0.0)),
+            mean=stride,
+            multipliers=multipliers_of(walked.by_point),
+            charged_cost=float(self.at(z)[0]),
             on_edge=self.edge is not None,
             violation=float(np.max(np.abs(gap))),
             optimality=self.optimality(z),
             stubs=self._stubs(z),
-            ankle_torques=ankle[:taken].tolist(),
-            ankle_cost=float(of_ankle.sum() / walked.length),
-            push_off=self.push_off(z) or 0.0,
-            push_off_cost=float(of_push / walked.length),
         )

@@ -55,8 +55,8 @@ class Design:
 
     Attributes:
         objective: Name of the objective.
-        before: The gait that the search began with.
-        after: The gait of the walker found.
+        start: The gait that the search began with.
+        gait: The gait of the walker found.
         values: The objective and the constrained quantities, before and after, by name.
         tried: Number of walkers tried.
         converged: Whether the search ended at an optimum. Otherwise it was given up, or ended at
@@ -65,8 +65,8 @@ class Design:
     """
 
     objective: str
-    before: Gait
-    after: Gait
+    start: Gait
+    gait: Gait
     values: dict[str, tuple[float, float]]
     tried: int
     converged: bool
@@ -75,7 +75,7 @@ class Design:
     @property
     def walker(self) -> Walker:
         """The walker found."""
-        return self.after.walker
+        return self.gait.walker
 
 
 def optimize_walker(
@@ -160,8 +160,8 @@ def optimize_walker(
         )
     return Design(
         objective=objective,
-        before=before,
-        after=gait_at(last.gait.place, last.gait.place.section.slope, 1),
+        start=before,
+        gait=gait_at(last.gait.place, last.gait.place.section.slope, 1),
         values={name: (_value(problem.first, name), _value(last, name)) for name in sorted(names)},
         tried=candidates.tried,
         converged=bool(found.success),

@@ -40,9 +40,10 @@ def _in_units(gait: Sensitivity, quantity: Graded, *, length: int = 0, time: int
     return own * value, own * (gradient + value * grown)
 
 
-def _of_stride(gait: Sensitivity, name: str) -> Graded:
-    """Return one of the stride's measures, dimensionless."""
-    return float(getattr(gait.passage, name)[0]), getattr(gait.change, name)[0]
+def _of_stride(gait: Sensitivity, names: str) -> Graded:
+    """Return the sum of some of the stride's measures, dimensionless."""
+    each = [(getattr(gait.passage, x)[0], getattr(gait.change, x)[0]) for x in names.split()]
+    return float(sum(value for value, _ in each)), np.sum([by for _, by in each], axis=0)
 
 
 def _quotient(gait: Sensitivity, above: str, below: str) -> Graded:
@@ -73,8 +74,8 @@ def _total_mass(gait: Sensitivity) -> Graded:
 
 
 def _cost(gait: Sensitivity) -> Graded:
-    """Return the energy lost over weight and distance."""
-    cost, by = _quotient(gait, "lost", "lengths")
+    """Return the energy spent over weight and distance: on a gait, that lost and braked."""
+    cost, by = _quotient(gait, "lost braked", "lengths")
     walker = gait.place.section.walker
     if "units" in walker.supports:  # the weight is the unit of force
         return cost, by

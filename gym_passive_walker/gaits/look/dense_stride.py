@@ -176,22 +176,22 @@ class Impulse(NamedTuple):
     """Impulse of the ground on the stance foot in a collision.
 
     Attributes:
-        normal: Component away from the ground.
-        tangential: Component along the slope, positive downhill.
+        normal_impulse: Component away from the ground.
+        tangential_impulse: Component along the slope, positive downhill.
         time: Time of the collision.
     """
 
-    normal: float
-    tangential: float
+    normal_impulse: float
+    tangential_impulse: float
     time: float
 
     @property
-    def friction(self) -> TimedExtremum:
+    def needed_friction(self) -> TimedExtremum:
         """Coefficient of friction needed; infinite if the ground would have to pull."""
-        if np.isnan(self.normal):
-            return TimedExtremum(np.nan, self.time)
-        ratio = abs(self.tangential) / self.normal if self.normal > 0.0 else np.inf
-        return TimedExtremum(ratio, self.time)
+        normal, tangential, time = self
+        if np.isnan(normal):
+            return TimedExtremum(np.nan, time)
+        return TimedExtremum(abs(tangential) / normal if normal > 0.0 else np.inf, time)
 
 
 class DensePhase(NamedTuple):

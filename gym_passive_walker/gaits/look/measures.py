@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker._tools.arguments import check_state, instance, one_slope, shown
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.look.forces import struck
+from gym_passive_walker.gaits.stride import Stride
 from gym_passive_walker.models.chart import OFF
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import State
@@ -31,46 +32,28 @@ class FootVelocity(NamedTuple):
     normal: NDArray[np.float64] | float
 
 
-class Measures(NamedTuple):
-    """Measures of a gait, in the walker's own units.
-
-    Attributes:
-        step_period: Mean time of a stride.
-        step_length: Mean distance between contacts along the slope.
-        speed: Mean speed along the slope.
-        froude_speed: Speed over sqrt(g l) (Eq. 4.6).
-        cost_of_transport: Energy lost over weight times distance (Eq. 4.3).
-        kneestrike_loss: Energy lost at kneestrike, in the first stride.
-        heelstrike_loss: Energy lost at heelstrike, in the first stride.
-        foot_velocity: Velocity of the landing foot at the end of the first stride.
-    """
-
-    step_period: float
-    step_length: float
-    speed: float
-    froude_speed: float
-    cost_of_transport: float
-    kneestrike_loss: float
-    heelstrike_loss: float
-    foot_velocity: FootVelocity
-
-
-def foot_velocity(walker: WalkerLike, state: ArrayLike) -> FootVelocity:
+def foot_velocity(walker: WalkerLike | Gait, state: ArrayLike | None = None) -> FootVelocity:
     """Return the velocity of the landing foot at contact (Eq. 4.10).
 
     With the angles of Garcia (1999), the signs of that equation make the tangential velocity
     positive uphill. Here it is positive downhill, as its text says.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes.
+        walker: The walker, in a form that `as_walker` takes; or a `Gait`.
         state: States just *before* heelstrike, shape (6,) or (n, 6): the stance angle negative and
-            the swing angle its opposite. `StrideMap.before_strike` finds them.
+            the swing angle its opposite. That at the end of a gait's first stride when None.
 
     Raises:
         ValueError: if a state is not just before heelstrike.
     """
+    if isinstance(walker, Gait):
+        gait, walker = walker, walker.walker
+        if state is None:
+            duration = float(gait.stride.duration) / walker.units.time
+            point = gait.point.values[0]
+            state = walker.units.to_own(gait.stride_map.before_strike(point, gait.slope, duration))
     walker = check_supports(as_walker(walker), "McGeer's parameters")
-    states = check_state(state)
+    states = check_state(state)  # type: ignore[arg-type]
     swing = states[..., 1 : 3 if walker.knees else 2]
     if np.any(states[..., 0] > 0.0) or np.any(np.abs(swing + states[..., :1]) > OFF):
         raise ValueError(
@@ -124,13 +107,7 @@ def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.floa
     return 0.5 * (matrix + matrix.T)
 
 
-def measures(gait: Gait) -> Measures:
-    """Return all measures of a gait."""
+def measures(gait: Gait) -> Stride:
+    """Return all measures of a gait, in the walker's own units, as a stride of their means."""
     instance(gait, Gait, "gait", "gpw.find_gait returns")
-    stride_map = gait.stride_map
-    duration = float(gait.stride.duration) / stride_map.units.time
-    verge = stride_map.before_strike(gait.point.values[0], gait.slope, duration)
-    velocity = foot_velocity(gait.walker, stride_map.units.to_own(verge))
-    landing = FootVelocity(float(velocity.tangential), float(velocity.normal))
-    own = {name: getattr(gait, name) for name in Measures._fields[:-1]}
-    return Measures(**own, foot_velocity=landing)
+    return gait.mean

@@ -39,6 +39,7 @@ from gym_passive_walker.gaits.look.dense_stride import (
     turns,
 )
 from gym_passive_walker.gaits.map_result import NoStride
+from gym_passive_walker.gaits.measures import InUnits, in_words
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.model import check_supports
@@ -73,7 +74,7 @@ class Reading(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class RealityCheck(Table):
+class RealityCheck(InUnits, Table):
     """Forces on ground and knees and clearances of a walk, in the walker's own units.
 
     Print it for a table. Times count from the walk's start. Each value is the worst over all
@@ -153,13 +154,14 @@ class RealityCheck(Table):
         length, time, torque, _ = units = self.walker.units
         weight = units.force if "units" in self.walker.supports else self.walker.weight
         knee, heel = self.kneestrike_impulse, self.heelstrike_impulse
+        push = self.push_off_impulse
         knee_normal, heel_normal = (
-            TimedExtremum(knee.normal, knee.time),
-            TimedExtremum(heel.normal, heel.time),
+            TimedExtremum(knee.normal_impulse, knee.time),
+            TimedExtremum(heel.normal_impulse, heel.time),
         )
 
         def pushed(what: str, extreme: TimedExtremum, unit: float, name: str) -> list[Any]:
-            there = not np.isnan([self.push_off_impulse.normal, extreme.value]).all()
+            there = not np.isnan([push.normal_impulse, extreme.value]).all()
             return [(what, extreme, unit * time, name)] if there else []
 
         table: dict[str, list[tuple[str, TimedExtremum, float, str]]] = {
@@ -179,9 +181,9 @@ class RealityCheck(Table):
             ],
             "friction": [
                 ("needed between collisions", self.stance_friction, 1.0, ""),
-                ("needed at kneestrike", knee.friction, 1.0, ""),
-                ("needed at heelstrike", heel.friction, 1.0, ""),
-                *pushed("needed at push-off", self.push_off_impulse.friction, 1.0 / time, ""),
+                ("needed at kneestrike", knee.needed_friction, 1.0, ""),
+                ("needed at heelstrike", heel.needed_friction, 1.0, ""),
+                *pushed("needed at push-off", push.needed_friction, 1.0 / time, ""),
             ],
             "hyperextension": [("swing knee's least flexion", self.knee_flexion, 1.0, "rad")],
             "release": [
@@ -201,7 +203,7 @@ class RealityCheck(Table):
         plural = "s" if self.strides > 1 else ""
         lines = [
             f"{self.strides} stride{plural} of {describe(self.walker)} "
-            f"at slope {self.slope:.6g} rad, taking {self.duration:.6g}",
+            f"at slope {self.slope:.6g} rad, taking {in_words(self, 'duration')}",
             f"{'':50}{'value':>12}{'at time':>11}{'scaled':>12}",
         ]
         said = ""
@@ -212,7 +214,8 @@ class RealityCheck(Table):
             numbers = f"{'-':>12}" if np.isnan(value) else numbers.rstrip()
             lines.append(f"{head:21}{what:29}{numbers}")
             said = item
-        lines.append(f"m, l: mass and leg length; v = sqrt(g l); friction up to {self.friction:g}")
+        lines.append("value and time in the walker's own units; m, l: mass and leg length;")
+        lines.append(f"v = sqrt(g l); friction up to {self.friction:g}")
         return "\n".join(lines)
 
     def facts(self) -> dict[str, str]:
@@ -353,13 +356,13 @@ def reality_check(
             push_off = float(walks.look(first, np.array([slope]), last).controls[0, 0, 2])
         heel, push = heelstrike_impulses(walker, parts[-1], end.state, push_off)
         heels.append(heel)
-        pushes += [push] * (not np.isnan(push[0].normal))
+        pushes += [push] * (not np.isnan(push[0].normal_impulse))
         phases += parts
         time, here = time + float(end.duration), end.state
 
     def worst(collisions: list[tuple[Impulse, TimedExtremum]]) -> Impulse:
         none = Impulse(np.nan, np.nan, np.nan)
-        return max((x for x, _ in collisions), key=lambda x: x.friction.value, default=none)
+        return max((x for x, _ in collisions), key=lambda x: x.needed_friction.value, default=none)
 
     normal = turns(phase.normal for phase in phases)
     ratios = ratio_turns((phase.tangential, phase.normal) for phase in phases)

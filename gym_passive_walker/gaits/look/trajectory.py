@@ -19,6 +19,7 @@ from gym_passive_walker._tools.shown import Table
 from gym_passive_walker.gaits.actuation import Actuation, one_actuation, to_dimensionless
 from gym_passive_walker.gaits.find.fixed_point import state_on
 from gym_passive_walker.gaits.given import GaitLike, walk_of
+from gym_passive_walker.gaits.measures import InUnits
 from gym_passive_walker.gaits.stride import stride, together
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, contacts, terrain_from
@@ -30,7 +31,7 @@ COARSEST_SAMPLES = 1e-4
 
 
 @dataclass(frozen=True, repr=False)
-class Trajectory(Table):
+class Trajectory(InUnits, Table):
     """A walk at n instants, in the walker's own units.
 
     Two samples lie at nearly the time of a heelstrike: the last sample of one stride, just before
@@ -45,7 +46,7 @@ class Trajectory(Table):
         contact_y: Height of the contact point over the slope, shape (n,).
         tilts: Slope of the foothold beyond `slope`, in rad, shape (n,); angles are from the
             foothold's normal.
-        strides: Number of the stride that each sample belongs to, from 0, shape (n,).
+        stride_index: Number of the stride that each sample belongs to, from 0, shape (n,).
         phases: `Stage` of the swing leg, shape (n,).
         outcomes: `Outcome` of each stride, shape (strides made,); all but the last are HEELSTRIKE.
         torques: Hip and ankle torque that act up to each sample, shape (n, 2); of a `System`, its
@@ -61,7 +62,7 @@ class Trajectory(Table):
     contact_x: NDArray[np.float64]
     contact_y: NDArray[np.float64]
     tilts: NDArray[np.float64]
-    strides: NDArray[np.int64]
+    stride_index: NDArray[np.int64]
     phases: NDArray[np.int64]
     outcomes: NDArray[np.int64]
     torques: NDArray[np.float64]
@@ -74,7 +75,7 @@ class Trajectory(Table):
     @property
     def struck(self) -> NDArray[np.int64]:
         """Indices of the samples that are the first after a kneestrike or a heelstrike."""
-        return np.flatnonzero((np.diff(self.strides) != 0) | (np.diff(self.phases) != 0)) + 1
+        return np.flatnonzero((np.diff(self.stride_index) != 0) | (np.diff(self.phases) != 0)) + 1
 
     def facts(self) -> dict[str, str]:
         """Duration and distance of the walk, and how the walk ended."""
@@ -98,7 +99,7 @@ class Trajectory(Table):
         names = self.walker.state_names
         return {
             "time": self.times,
-            "stride": self.strides,
+            "stride": self.stride_index,
             "phase": self.phases,
             **dict(zip(names, self.states.T, strict=True)),
             "contact_x": self.contact_x,
@@ -220,7 +221,7 @@ def simulate(
         contact_x=places.real.ravel(),
         contact_y=places.imag.ravel(),
         tilts=np.repeat(tilts, samples),
-        strides=np.repeat(np.arange(made), samples),
+        stride_index=np.repeat(np.arange(made), samples),
         phases=seen.stages.ravel(),
         outcomes=taken.outcome,
         torques=(seen.controls[..., : len(walker.controls)] * walker.control_units).reshape(

@@ -32,6 +32,7 @@ from gym_passive_walker.gaits.branches.bifurcation import period_of
 from gym_passive_walker.gaits.find.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.find.search import at_heelstrike, seek
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
+from gym_passive_walker.gaits.measures import InUnits
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.model import check_supports
@@ -52,7 +53,7 @@ _SPAN = 2.2  # upper end of a default slice over the gait's angle and angular ve
 
 
 @dataclass(frozen=True, repr=False)
-class Basin(Table):
+class Basin(InUnits, Table):
     """Basins of attraction on a slice of the Poincaré section.
 
     Attributes:
@@ -83,14 +84,14 @@ class Basin(Table):
 
     def facts(self) -> dict[str, str]:
         """The slice, and the share of each basin."""
-        angles, rates = self.stance_angle, self.stance_rate
+        angles, rates = self.stance_angle, self.dimensionless.stance_rate
         shares = {f"settles on gait {i}": self.settled == i for i in range(len(self.gaits))}
         shares |= {"walks on unsettled": self.settled == UNSETTLED, "falls": ~self.walks}
         return {
             "walker": name_of(self.walker),
             "slope": f"{self.slope:.6g} rad",
             "stance angles": f"{len(angles)} from {angles.min():.4g} to {angles.max():.4g} rad",
-            "stance rates": f"{len(rates)} from {rates.min():.4g} to {rates.max():.4g}",
+            "stance rates": f"{len(rates)} from {rates.min():.4g} to {rates.max():.4g} √(g/l)",
             **{name: f"{where.mean():.2%}" for name, where in shares.items()},
         }
 
@@ -130,7 +131,7 @@ class Attractors:
     def __init__(self, stride_map: StrideMap, gaits: list[Gait], atol: float) -> None:
         self.atol, self._stride_map = atol, stride_map
         every = len(stride_map.ground)  # strides of one application on ground that repeats
-        states = [gait.strides.state[every - 1 :: every] for gait in gaits]
+        states = [gait.cycle.state[every - 1 :: every] for gait in gaits]
         self.points = [point for own in states for point in stride_map.points(own).search]
         self.owner = [i for i, own in enumerate(states) for _ in own]
 
