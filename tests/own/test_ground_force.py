@@ -43,8 +43,8 @@ def test_forces_and_impulses_of_a_period_hold_the_weight(system):
     impulse = gpw.reality_check(gait).heelstrike_impulse
     weight = system.weight * float(walk.duration)
     for force, jump, borne in (
-        (phase.normal, impulse.normal, weight * np.cos(gait.slope)),
-        (phase.tangential, impulse.tangential, -weight * np.sin(gait.slope)),
+        (phase.normal, impulse.normal_impulse, weight * np.cos(gait.slope)),
+        (phase.tangential, impulse.tangential_impulse, -weight * np.sin(gait.slope)),
     ):
         whole = force.integ()
         total = whole(phase.end) - whole(0.0) + jump
@@ -59,7 +59,7 @@ def test_the_impulse_of_a_heelstrike_is_the_contact_s_multiplier(system):
     independent = Independent(system, gait.slope)
     along, up = independent.impulse(phase.state_at(phase.end))
     found = gpw.reality_check(gait).heelstrike_impulse
-    assert (found.tangential, found.normal) == pytest.approx((along, up), rel=1e-9)
+    assert (found.tangential_impulse, found.normal_impulse) == pytest.approx((along, up), rel=1e-9)
 
 
 def test_controls_press_on_the_ground():
