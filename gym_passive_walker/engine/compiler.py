@@ -128,18 +128,22 @@ def _stack(typing_context, count):  # type: ignore[no-untyped-def]
     return types.int64(count), code
 
 
-@intrinsic
-def _uniform(typing_context, generator):  # type: ignore[no-untyped-def]
-    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        members = builder.inttoptr(arguments[0], _WORD.as_pointer())  # state, then functions
+def _drawing(kind: Any, result: Any, place: int) -> Any:
+    """Return the primitive that calls a function of a generator, by its place in `bitgen_t`."""
 
-        def member(i: int) -> Any:
-            return builder.load(builder.gep(members, [ir.Constant(_WORD, i)]))
+    def draw(typing_context, generator):  # type: ignore[no-untyped-def]
+        def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+            members = builder.inttoptr(arguments[0], _WORD.as_pointer())  # state, then functions
 
-        draws = builder.inttoptr(member(3), ir.FunctionType(_NUMBER, [_WORD]).as_pointer())
-        return builder.call(draws, [member(0)])
+            def member(i: int) -> Any:
+                return builder.load(builder.gep(members, [ir.Constant(_WORD, i)]))
 
-    return types.float64(types.int64), code
+            draws = builder.inttoptr(member(place), ir.FunctionType(result, [_WORD]).as_pointer())
+            return builder.call(draws, [member(0)])
+
+        return kind(types.int64), code
+
+    return intrinsic(draw)
 
 
 @intrinsic
@@ -160,7 +164,9 @@ def _number_of(typing_context, bits):  # type: ignore[no-untyped-def]
 
 PRIMITIVES: dict[Any, Any] = {
     jit.call: _call, jit.fma: _fma, jit.address: _address, jit.view: _view, jit.stack: _stack,
-    jit.draw_uniform: _uniform, jit.bits_of: _bits_of, jit.number_of: _number_of,
+    jit.draw_uniform: _drawing(types.float64, _NUMBER, 3),
+    jit.draw_word: _drawing(types.uint64, _WORD, 1), jit.bits_of: _bits_of,
+    jit.number_of: _number_of,
 }  # fmt: skip
 """The primitives of `jit` on a CPU."""
 

@@ -90,6 +90,11 @@ def draw_uniform(generator: int) -> float:
     _compiled_only()
 
 
+def draw_word(generator: int) -> np.uint64:
+    """Draw 64 random bits from the NumPy generator with its `bitgen_t` at an address."""
+    _compiled_only()
+
+
 def entry(array: Any, i: int) -> int:
     """Return the address of an array's entry; a slice would be another array."""
     return address(array) + i * array.itemsize

@@ -17,16 +17,12 @@ from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import shown
 from gym_passive_walker._tools.loading import parse_json, reason
-from gym_passive_walker.engine.lanes import RESTING
-from gym_passive_walker.engine.layout import record_for
-from gym_passive_walker.envs import disturbance_kernels, task
+from gym_passive_walker.envs.memory import ARRAYS, COUNTER, FINITE
 from gym_passive_walker.envs.transitions import STOPPED
 from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.walkers import PARAMETERS, Mechanism, Walker
 
-_MANY = 2**53  # upper limit of counters
-_FINITE = float(np.finfo(float).max)
 _LATE = 1e-6  # largest delay of a push that is due, in sqrt(l/g)
 _ROUNDING = 1e-9
 
@@ -251,89 +247,72 @@ def require(name: str, holds: NDArray[np.bool_], allowed: str) -> None:
 
 
 class Limits:
-    """Limits of the fields of a structured array.
+    """Limits of the numbers of an array in a saved state.
 
     Integers are checked for every walker, because compiled code uses them as indices. Floats are
     checked only while an episode is running. After its end they are not read again, and they are
     infinite if the motion diverged.
 
     Args:
-        name: Name of the array in a state.
-        layout: Data type of a row; the size of each field is a multiple of 8 bytes.
-        skip: Fields without limits.
-        **ranges: Smallest and largest value of a field, each a number or of the field's shape.
-            Other fields must be finite.
+        name: Name of the array in `memory.ARRAYS`, which has its limits.
+        own: The batch's own array; each of its numbers has 8 bytes.
+        bounds: Values of the names that stand for limits.
     """
 
-    def __init__(
-        self, name: str, layout: np.dtype, skip: Sequence[str] = (), **ranges: tuple[Any, Any]
-    ) -> None:
-        self.name, self._parts = name, []
-        low, high = np.zeros(1, layout), np.zeros(1, layout)
-        fields: list[str] = []
-        for field in layout.names or ():
-            fields += [field] * (layout[field].itemsize // 8)
-            if field not in skip and layout[field].base.kind in "fi":
-                low[field], high[field] = ranges.get(field, (-_FINITE, _FINITE))
-        for kind, letter in ((np.float64, "f"), (np.int64, "i")):
-            words = [
-                i for i, f in enumerate(fields) if layout[f].base.kind == letter and f not in skip
-            ]
-            names = [fields[i] for i in words]
-            self._parts.append((kind, words, names, low.view(kind)[words], high.view(kind)[words]))
+    def __init__(self, name: str, own: NDArray, bounds: Mapping[str, Any]) -> None:
+        self._parts = []
+        kind = own.dtype if own.dtype.names else np.dtype([(name, own.dtype, own.shape[1:])])
+        given, low, high = ARRAYS[name].limits or {}, np.zeros(1, kind), np.zeros(1, kind)
+        words = [field for field in kind.names for _ in range(kind[field].itemsize // 8)]
+        for type_ in ("f8", "i8") if words else ():
+            places = []
+            for field in kind.names:
+                limits = given.get(field, FINITE)
+                if limits is not None and kind[field].base == type_:
+                    places += [i for i, word in enumerate(words) if word == field]
+                    for row, limit in zip((low, high), limits, strict=True):
+                        row[field] = bounds[limit] if isinstance(limit, str) else limit
+            names = [name if words[i] == name else f"{name}[{words[i]!r}]" for i in places]
+            ends = [row.view(type_)[places] for row in (low, high)]
+            self._parts.append((type_, places, names, *ends))
 
     def check(self, rows: NDArray, going: NDArray[np.bool_]) -> None:
         """Raise an error for rows outside the limits.
 
         Args:
-            rows: Contiguous rows, (count,).
+            rows: Contiguous rows, (count, ...).
             going: Whether each episode is running, (count,).
 
         Raises:
             StateError: if a number is outside its limits; the message names both.
         """
-        for kind, words, names, low, high in self._parts:
-            found = rows.view(kind).reshape(len(rows), -1)[:, words]
+        for type_, places, names, low, high in self._parts:
+            found = rows.reshape(len(rows), -1).view(type_)[:, places]
             holds = (low <= found) & (found <= high)  # false for NaN
             if holds.all():
                 continue
-            if kind is np.float64:
+            if type_ == "f8":
                 holds |= ~going[:, None]
             for k in np.flatnonzero(~holds.all(axis=0)):
                 allowed = "a finite number"
-                if (low[k], high[k]) != (-_FINITE, _FINITE):
+                if (low[k], high[k]) != FINITE:
                     allowed = f"from {low[k]:g} to {high[k]:g}"
-                require(f"{self.name}[{names[k]!r}]", holds[:, k], allowed)
+                require(names[k], holds[:, k], allowed)
 
 
 def limits_of(batch: Any) -> dict[str, Limits]:
-    """Return the limits of the structured arrays in a state of a batch, by name."""
-    rules, layout = batch.rules[0], batch.layout
-    time, torque = (0.0, float(rules["max_stride_time"])), rules["largest"][:-1]
-    steps = 0, min(float(rules["step_limit"]), _MANY)
-    reason = 0, STOPPED - (batch.scene.terminated is None)
-    found = [
-        Limits(
-            "records", record_for(layout),
-            phase=(0, len(batch.machinery[0]) - 1), outcome=(RESTING, len(Outcome) - 1),
-            steps=(0, _MANY), time=time, knee_time=time, end=time, step=(0.0, _FINITE),
-            control=(-torque, torque), push_off=(0.0, rules["largest"][-1]),
-        ),
-        Limits(
-            "ledger", task.ledger_for(layout), skip=task.EVERY_STRIDE,
-            outcome=reason, ending=reason, violated=reason, truncated=(0, 1),
-            steps=steps, strides=steps,
-        ),
-    ]  # fmt: skip
+    """Return the limits of the arrays in a state of a batch, by name."""
+    rules, arrays = batch.rules[0], batch.arrays
+    *largest, push_off = rules["largest"]
+    bounds = {
+        "phase": len(arrays["phases"]) - 1, "max_stride_time": rules["max_stride_time"],
+        "lowest": np.negative(largest), "largest": largest, "push_off": push_off,
+        "steps": min(rules["step_limit"], COUNTER[1]),
+        "reason": STOPPED - (batch.scene.terminated is None),
+    }  # fmt: skip
     if batch.disturbances:
-        low, high = batch.disturbances.settings["command"][0]
-        found += [
-            Limits(
-                "disturbances", disturbance_kernels.DISTURBANCE, pushes=(0, _MANY), idle=(0, 1),
-                command=(low, high), due=(-np.inf, np.inf),
-            ),
-        ]  # fmt: skip
-    return {limits.name: limits for limits in found}
+        bounds["slowest"], bounds["fastest"] = arrays["settings"]["command"][0]
+    return {name: Limits(name, arrays[name], bounds) for name in batch.saved_arrays}
 
 
 def check_arrays(
@@ -352,7 +331,7 @@ def check_arrays(
     here, ledger = found["records"][:, 0], found["ledger"]
     going = ~over_in(ledger) & begun
     for name, limit in limits.items():
-        limit.check(here if name == "records" else found[name], going)
+        limit.check(found[name], going)
     moves = (here["outcome"] == 0) | (here["outcome"] == int(Outcome.HEELSTRIKE))
     require("records['outcome']", moves | ~going, "0 or 1 while the episode goes on")
     slope = ledger["slope"][:, None]
@@ -363,4 +342,3 @@ def check_arrays(
         # Due pushes are applied one by one, so a time far in the past would take very long.
         fits = (found["disturbances"]["due"] >= here["time"] - _LATE) | ~going
         require("disturbances['due']", fits, "no earlier than the walker's time")
-        require("pending", np.abs(found["pending"]) <= 1.0, "shares from -1 to 1")

@@ -763,7 +763,7 @@ export class PassiveWalker {
     const drawn = noise && state === null;
     block.set("drawn", drawn ? 1 : 0);
     if (!drawn) for (let i = 0; i < 4; i++) block.set("draws", 0.5, i);
-    block.set("reset_noise_scale", this.scene.reset_noise_scale);
+    block.set("rules.reset_noise_scale", this.scene.reset_noise_scale);
     block.run(BEGIN);
     block.record("before").set(block.record("record"));
     this.#origin = 0;

@@ -1,0 +1,181 @@
+"""Memory of a batch of walkers: its arrays, each declared once.
+
+Compiled code takes `(here, first, last)`: the arrays as a named tuple, and the walkers to work on,
+from `first` to before `last`. Arrays in memory, their addresses for compiled code, saved states
+with their limits, and the arrays on a GPU and in a page come from this declaration.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import namedtuple
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
+from math import inf, prod
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.engine.compiled import PHASE
+from gym_passive_walker.engine.jit import merged, view
+from gym_passive_walker.engine.lanes import RESTING
+from gym_passive_walker.engine.layout import NARROW, Layout, record_for
+from gym_passive_walker.engine.run import OPTIONS
+from gym_passive_walker.envs.constraints import HOOK
+from gym_passive_walker.envs.disturbance_kernels import DISTURBANCE, SETTINGS
+from gym_passive_walker.envs.task import EVERY_STRIDE, ledger_for, rules_for
+from gym_passive_walker.envs.transitions import OWN, note_for
+from gym_passive_walker.models.equations.hybrid import Outcome
+
+FINITE = -float(np.finfo(float).max), float(np.finfo(float).max)
+"""Limits of a finite number."""
+
+COUNTER = 0, 2**53
+"""Limits of a number of events."""
+
+_TIME, _STEPS, _REASON = (0.0, "max_stride_time"), (0, "steps"), (0, "reason")
+
+
+class Array(NamedTuple):
+    """Declaration of an array.
+
+    Attributes:
+        kind: Data type, or the function that returns it for a layout.
+        axes: Length of each axis: a number, a name in AXES, or a product of them.
+        needs: Feature of the scenes that have it: "disturbed", "custom", or "" for all.
+        limits: Smallest and largest value in a saved state: numbers, or names in
+            `saved.limits_of`, by field, or by the name of an array without fields. Other fields
+            must be finite; None is no limit. None for an array that is not saved.
+    """
+
+    kind: Any
+    axes: str
+    needs: str = ""
+    limits: Mapping[str, tuple[Any, Any] | None] | None = None
+
+
+ARRAYS = {
+    "records": Array(record_for, "walkers 1", limits={
+        "phase": (0, "phase"), "outcome": (RESTING, len(Outcome) - 1), "steps": COUNTER,
+        "time": _TIME, "knee_time": _TIME, "end": _TIME, "step": (0.0, FINITE[1]),
+        "control": ("lowest", "largest"), "push_off": (0.0, "push_off"),
+    }),
+    "bodies": Array("f8", "rows 1 constants"),
+    "radii": Array("f8", "rows"),  # of the feet, in leg lengths
+    "ledger": Array(ledger_for, "walkers", limits=dict.fromkeys(EVERY_STRIDE) | {
+        "outcome": _REASON, "ending": _REASON, "violated": _REASON, "truncated": (0, 1),
+        "steps": _STEPS, "strides": _STEPS,
+    }),
+    "blank": Array(record_for, "1"),  # record and row of the ledger as an episode begins
+    "blank_row": Array(ledger_for, "1"),
+    "rules": Array(rules_for, "1"),
+    "phases": Array(PHASE, "parts"),
+    "options": Array(OPTIONS, "1"),
+    "slopes": Array("f8", "2"),  # smallest and largest slope at a start, in rad
+    "nodes": Array("f8", "known"),  # slopes in rad with known initial states
+    "states": Array("f8", "known numbers"),  # these states
+    "actions": Array("f8", "walkers*channels"),
+    "observations": Array("f4", "walkers*seen"),
+    "rewards": Array("f8", "walkers"),
+    "terminated": Array("?", "walkers"),
+    "truncated": Array("?", "walkers"),
+    "notes": Array(note_for, "walkers", "custom", dict.fromkeys(note_for(NARROW).names)),
+    "own": Array(OWN, "1", "custom"),
+    "disturbances": Array(DISTURBANCE, "walkers", "disturbed", {
+        "pushes": COUNTER, "idle": (0, 1), "command": ("slowest", "fastest"), "due": (-inf, inf),
+    }),
+    "pending": Array("f8", "walkers delay channels", "disturbed", {"pending": (-1.0, 1.0)}),
+    "acted": Array("f8", "walkers*channels", "disturbed"),  # delayed actions with noise
+    "settings": Array(SETTINGS, "1", "disturbed"),
+    "hooks": Array(HOOK, "parts", "disturbed"),
+    "table": Array("f8", "footholds 2", "disturbed"),
+    "spread": Array("f8", "3", "disturbed"),
+}  # fmt: skip
+"""Arrays of a batch, by name."""
+
+COMPILED = "phases", "hooks", "own"
+"""Arrays with addresses of code, which no other process has."""
+
+AXES = sorted({
+    name for array in ARRAYS.values() for name in array.axes.replace("*", " ").split()
+    if not name.isdigit()
+})  # fmt: skip
+"""Names of lengths: `walkers`; `rows` of constants, 1 for equal walkers; `constants` of a walker;
+`parts`, phases of the system; `known` slopes with initial states of `numbers`; `channels`, actions
+of the scene, which are late by a `delay` in steps; numbers `seen` in an observation; `footholds`
+of a terrain."""
+
+
+def present(*features: str) -> dict[str, Array]:
+    """Return the arrays of scenes with some features, by name."""
+    return {name: array for name, array in ARRAYS.items() if array.needs in ("", *features)}
+
+
+@cache
+def named_arrays(names: tuple[str, ...]) -> Any:
+    """Return the type of `here`: a named tuple of arrays."""
+    return namedtuple("Here", names)
+
+
+def made(
+    arrays: Mapping[str, Array],
+    layout: Layout,
+    lengths: Mapping[str, int],
+    given: Mapping[str, Any],
+) -> dict[str, NDArray]:
+    """Return arrays by name: given ones, and zeros of the declared shapes.
+
+    Args:
+        arrays: Their declarations; those of unknown length are left out.
+        layout: Layout of the records.
+        lengths: Lengths of axes, by name.
+        given: Arrays with content, by name.
+    """
+    found = dict(given)
+    for name, array in arrays.items():
+        axes = [axis.split("*") for axis in array.axes.split()]
+        if name not in found and all(x.isdigit() or x in lengths for axis in axes for x in axis):
+            shape = [prod(int(lengths.get(x, x)) for x in axis) for axis in axes]
+            found[name] = np.zeros(shape, kind_of(array, layout))
+    return {name: found[name] for name in arrays if name in found}
+
+
+def kind_of(array: Array, layout: Layout) -> np.dtype:
+    """Return the data type of an array for records of a layout."""
+    return np.dtype(array.kind(layout) if callable(array.kind) else array.kind)
+
+
+def reader(
+    arrays: Mapping[str, Array],
+    layout: Layout,
+    head: str,
+    names: Mapping[str, Any],
+    address: Callable[[str], str],
+    length: Callable[[str], str],
+    given: Iterable[str] = (),
+) -> Any:
+    """Return a function for compiled code that returns arrays at addresses, as `here`.
+
+    Its parameters are `where`, an address, and the given arrays.
+
+    Args:
+        arrays: Declarations of the arrays.
+        layout: Layout of the records.
+        head: First statement of the function.
+        names: What the statement and the expressions refer to.
+        address: Returns the expression for an array's address.
+        length: Returns the expression for the length of an axis.
+        given: Names of arrays that the caller gives.
+    """
+    parts = []
+    for name, array in arrays.items():
+        axes = [re.sub("[a-z]+", lambda axis: length(axis[0]), axis) for axis in array.axes.split()]
+        read = f"view({address(name)}, ({', '.join(axes)},), kind_{name})"
+        parts.append(name if name in given else read)
+    kinds = {f"kind_{name}": kind_of(array, layout) for name, array in arrays.items()}
+    known = {"__name__": __name__, "view": view, "Here": named_arrays(tuple(arrays)), **kinds}
+    scope = known | dict(names)
+    text = f"def found({', '.join(('where', *given))}):\n {head}\n return Here({', '.join(parts)})"
+    exec(text, scope)
+    return merged(scope["found"])
