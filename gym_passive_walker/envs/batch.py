@@ -607,7 +607,7 @@ class Batch:
         }
 
     @cached_property
-    def _limits(self) -> dict[str, saved.Limits]:
+    def _limits(self) -> list[saved.Limits]:
         return saved.limits_of(self)
 
     @cached_property

@@ -72,7 +72,7 @@ ARRAYS = {
     "rules": Array(rules_for, "1"),
     "phases": Array(PHASE, "parts"),
     "options": Array(OPTIONS, "1"),
-    "slopes": Array("f8", "2"),  # smallest and largest slope at a start, in rad
+    "slope_range": Array("f8", "2"),  # smallest and largest slope at a start, in rad
     "nodes": Array("f8", "known"),  # slopes in rad with known initial states
     "states": Array("f8", "known numbers"),  # these states
     "actions": Array("f8", "walkers*channels"),
@@ -118,6 +118,14 @@ def named_arrays(names: tuple[str, ...]) -> Any:
     return namedtuple("Here", names)
 
 
+def shape_of(array: Array, lengths: Mapping[str, int]) -> tuple[int, ...] | None:
+    """Return the shape of an array from the lengths of axes; None if one is unknown."""
+    axes = [axis.split("*") for axis in array.axes.split()]
+    if not all(factor.isdigit() or factor in lengths for axis in axes for factor in axis):
+        return None
+    return tuple(prod(int(lengths.get(factor, factor)) for factor in axis) for axis in axes)
+
+
 def made(
     arrays: Mapping[str, Array],
     layout: Layout,
@@ -132,13 +140,14 @@ def made(
         lengths: Lengths of axes, by name.
         given: Arrays with content, by name.
     """
-    found = dict(given)
+    found = {}
     for name, array in arrays.items():
-        axes = [axis.split("*") for axis in array.axes.split()]
-        if name not in found and all(x.isdigit() or x in lengths for axis in axes for x in axis):
-            shape = [prod(int(lengths.get(x, x)) for x in axis) for axis in axes]
+        shape = shape_of(array, lengths)
+        if name in given:
+            found[name] = given[name]
+        elif shape is not None:
             found[name] = np.zeros(shape, kind_of(array, layout))
-    return {name: found[name] for name in arrays if name in found}
+    return found
 
 
 def kind_of(array: Array, layout: Layout) -> np.dtype:

@@ -10,7 +10,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -246,63 +246,29 @@ def require(name: str, holds: NDArray[np.bool_], allowed: str) -> None:
         raise StateError(f"the state's {name} of environment {place} must be {allowed}")
 
 
-class Limits:
-    """Limits of the numbers of an array in a saved state.
+class Limits(NamedTuple):
+    """Limits of those numbers in the rows of an array that have one type, each of 8 bytes.
 
-    Integers are checked for every walker, because compiled code uses them as indices. Floats are
-    checked only while an episode is running. After its end they are not read again, and they are
-    infinite if the motion diverged.
-
-    Args:
-        name: Name of the array in `memory.ARRAYS`, which has its limits.
-        own: The batch's own array; each of its numbers has 8 bytes.
-        bounds: Values of the names that stand for limits.
+    Attributes:
+        array: Name of the array.
+        kind: The type, "f8" or "i8".
+        places: Places of the numbers in a row, (k,).
+        names: The numbers' names in messages, (k,).
+        low: Their smallest values, (k,).
+        high: Their largest values, (k,).
     """
 
-    def __init__(self, name: str, own: NDArray, bounds: Mapping[str, Any]) -> None:
-        self._parts = []
-        kind = own.dtype if own.dtype.names else np.dtype([(name, own.dtype, own.shape[1:])])
-        given, low, high = ARRAYS[name].limits or {}, np.zeros(1, kind), np.zeros(1, kind)
-        words = [field for field in kind.names for _ in range(kind[field].itemsize // 8)]
-        for type_ in ("f8", "i8") if words else ():
-            places = []
-            for field in kind.names:
-                limits = given.get(field, FINITE)
-                if limits is not None and kind[field].base == type_:
-                    places += [i for i, word in enumerate(words) if word == field]
-                    for row, limit in zip((low, high), limits, strict=True):
-                        row[field] = bounds[limit] if isinstance(limit, str) else limit
-            names = [name if words[i] == name else f"{name}[{words[i]!r}]" for i in places]
-            ends = [row.view(type_)[places] for row in (low, high)]
-            self._parts.append((type_, places, names, *ends))
-
-    def check(self, rows: NDArray, going: NDArray[np.bool_]) -> None:
-        """Raise an error for rows outside the limits.
-
-        Args:
-            rows: Contiguous rows, (count, ...).
-            going: Whether each episode is running, (count,).
-
-        Raises:
-            StateError: if a number is outside its limits; the message names both.
-        """
-        for type_, places, names, low, high in self._parts:
-            found = rows.reshape(len(rows), -1).view(type_)[:, places]
-            holds = (low <= found) & (found <= high)  # false for NaN
-            if holds.all():
-                continue
-            if type_ == "f8":
-                holds |= ~going[:, None]
-            for k in np.flatnonzero(~holds.all(axis=0)):
-                allowed = "a finite number"
-                if (low[k], high[k]) != FINITE:
-                    allowed = f"from {low[k]:g} to {high[k]:g}"
-                require(names[k], holds[:, k], allowed)
+    array: str
+    kind: str
+    places: list[int]
+    names: list[str]
+    low: NDArray
+    high: NDArray
 
 
-def limits_of(batch: Any) -> dict[str, Limits]:
-    """Return the limits of the arrays in a state of a batch, by name."""
-    rules, arrays = batch.rules[0], batch.arrays
+def limits_of(batch: Any) -> list[Limits]:
+    """Return the limits of the arrays in a state of a batch; see `memory.ARRAYS`."""
+    rules, arrays, found = batch.rules[0], batch.arrays, []
     *largest, push_off = rules["largest"]
     bounds = {
         "phase": len(arrays["phases"]) - 1, "max_stride_time": rules["max_stride_time"],
@@ -312,13 +278,28 @@ def limits_of(batch: Any) -> dict[str, Limits]:
     }  # fmt: skip
     if batch.disturbances:
         bounds["slowest"], bounds["fastest"] = arrays["settings"]["command"][0]
-    return {name: Limits(name, arrays[name], bounds) for name in batch.saved_arrays}
+    for array, own in batch.saved_arrays.items():
+        row = own.dtype if own.dtype.names else np.dtype([(array, own.dtype, own.shape[1:])])
+        low, high, given = np.zeros(1, row), np.zeros(1, row), ARRAYS[array].limits or {}
+        words = [name for name in row.names or () for _ in range(row[name].itemsize // 8)]
+        for kind in ("f8", "i8") if words else ():
+            of = {name: given.get(name, FINITE) for name in words if row[name].base == kind}
+            places = [i for i, name in enumerate(words) if of.get(name) is not None]
+            for i in places:
+                for end, limit in zip((low, high), of[words[i]], strict=True):
+                    end[words[i]] = bounds[limit] if isinstance(limit, str) else limit
+            names = [array if words[i] == array else f"{array}[{words[i]!r}]" for i in places]
+            ends = [end.view(kind)[places] for end in (low, high)]
+            found.append(Limits(array, kind, places, names, *ends))
+    return found
 
 
-def check_arrays(
-    found: Mapping[str, NDArray], limits: Mapping[str, Limits], *, begun: bool
-) -> None:
+def check_arrays(found: Mapping[str, NDArray], limits: Sequence[Limits], *, begun: bool) -> None:
     """Raise an error for arrays of a state that are outside their limits or inconsistent.
+
+    Integers are checked for every walker, because compiled code uses them as indices. Floats are
+    checked only while an episode is running. After its end they are not read again, and they are
+    infinite if the motion diverged.
 
     Args:
         found: Arrays of the state by name, with the types and shapes of the batch's own.
@@ -330,8 +311,15 @@ def check_arrays(
     """
     here, ledger = found["records"][:, 0], found["ledger"]
     going = ~over_in(ledger) & begun
-    for name, limit in limits.items():
-        limit.check(found[name], going)
+    for array, kind, places, names, low, high in limits:
+        numbers = found[array].reshape(len(going), -1).view(kind)[:, places]
+        holds = (low <= numbers) & (numbers <= high)  # false for NaN
+        if kind == "f8" and not holds.all():
+            holds |= ~going[:, None]
+        for k in np.flatnonzero(~holds.all(axis=0)):
+            ends = f"from {low[k]:g} to {high[k]:g}"
+            finite = (low[k], high[k]) == FINITE
+            require(names[k], holds[:, k], "a finite number" if finite else ends)
     moves = (here["outcome"] == 0) | (here["outcome"] == int(Outcome.HEELSTRIKE))
     require("records['outcome']", moves | ~going, "0 or 1 while the episode goes on")
     slope = ledger["slope"][:, None]

@@ -131,7 +131,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     @within(merged)
     def begin_few(where, here, lanes):
         """Begin episodes of at most FEW walkers, at slopes and gaits of the `EntryPoint`."""
-        low, high, count = here.slopes[0], here.slopes[1], len(lanes)
+        low, high, count = here.slope_range[0], here.slope_range[1], len(lanes)
         slopes = view(stack(FEW), (count,), _NUMBER)
         draws = view(stack(drawn), (count, DRAWS), _NUMBER)
         keys = view(stack(FEW), (count * disturbed,), _KEY)
@@ -322,4 +322,5 @@ class EntryPoint:
         """Set the slopes and gaits from which episodes start."""
         if "nodes" not in self._kept:
             nodes, states = starts.nodes
-            self._put(nodes=nodes, states=states, slopes=np.array([starts.low, starts.high]))
+            slopes = np.array([starts.low, starts.high])
+            self._put(nodes=nodes, states=states, slope_range=slopes)

@@ -136,7 +136,7 @@ class DeviceBatch:
             "phases": code.phases, "hooks": code.hooks, "keys": self._keys(seed), "nodes": nodes,
             "options": options(scene.tolerance, scuff=bool(scene.end_on_toe_stub)),
             "rules": rules_of(scene, self._system, self.step_limit), "pool": pool,
-            "slopes": np.array([starts.low, starts.high]), "states": states,
+            "slope_range": np.array([starts.low, starts.high]), "states": states,
             "proportions": observed_bodies(scene, drawn),
         }  # fmt: skip
         features, width = [], pool.shape[1]

@@ -55,7 +55,7 @@ def begin_episode(here, i, scratch):
         for k in range(here.pool.shape[1]):
             here.bodies[i, 0, k] = here.pool[here.drawn[i], k]
         here.radii[i] = here.bodies[i, 0, disturbance_kernels.RADIUS]
-    low, high = here.slopes[0], here.slopes[1]
+    low, high = here.slope_range[0], here.slope_range[1]
     scratch.slopes[0] = low if low == high else low + (high - low) * scratch.draws[0, 0]
     between(here.nodes, here.states, scratch.slopes, scratch.gaits)
     task.begin(here, scratch.lanes, scratch.slopes, scratch.gaits, scratch.draws)

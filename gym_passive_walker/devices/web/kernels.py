@@ -6,6 +6,8 @@ environments, for a batch of one.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,6 @@ import numpy as np
 from gym_passive_walker.engine.counter_rng import uniform
 from gym_passive_walker.engine.jit import view
 from gym_passive_walker.engine.layout import HISTORY, NARROW, PAIR, RECORD, tile_for
-from gym_passive_walker.engine.run import OPTIONS
 from gym_passive_walker.envs import disturbance_kernels, memory, task
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.gaits.scenes import rules
@@ -31,7 +32,6 @@ LATEST = 64
 FARTHEST = 32
 """Largest number of footholds ahead that are observed."""
 
-_MOST_SEEN = rules.SIZE + 2 + 2 * FARTHEST
 _ONE_TILE = tile_for(PAIR, width=1)
 
 SHAPE = np.dtype([
@@ -52,6 +52,28 @@ POINTS = (
 )
 """Points of a walker, each (x, y) from the contact point, in its own units."""
 
+_MOST = {
+    "walkers": 1, "rows": 1, "constants": len(KneedBody._fields) + ROOM, "channels": MOST_ACTIONS,
+    "delay": LATEST, "seen": rules.SIZE + 2 + 2 * FARTHEST,
+}  # fmt: skip
+"""Largest lengths of the axes of arrays in the block; those with other axes are elsewhere."""
+
+_ARRAYS = {
+    {"records": "record", "disturbances": "disturbance"}.get(name, name): (name, array)
+    for name, array in memory.present("disturbed").items()
+}
+"""Declared arrays, by their names in the block."""
+
+
+def _in_block() -> Iterator[tuple]:
+    """Yield the fields of the declared arrays that the block has."""
+    for name, (_, array) in _ARRAYS.items():
+        kind, shape = memory.kind_of(array, NARROW), memory.shape_of(array, _MOST)
+        if shape is not None:
+            # A boolean has a word.
+            yield (name, kind) if kind.names else (name, "i8" if kind == "?" else kind, prod(shape))
+
+
 WALK = np.dtype([
     # Addresses of the phases and of their native functions, and how many phases there are.
     ("phases", "i8"), ("hooks", "i8"), ("count", "i8"),
@@ -65,22 +87,8 @@ WALK = np.dtype([
     ("slopes", "f8", (1,)),
     ("gaits", "f8", (1, 6)),
     ("draws", "f8", (1, DRAWS)),
-    ("actions", "f8", (MOST_ACTIONS,)),
-    ("rewards", "f8", (1,)),
-    ("terminated", "i8", (1,)),
-    ("truncated", "i8", (1,)),
-    ("acted", "f8", (MOST_ACTIONS,)),
-    ("observations", "f4", (_MOST_SEEN,)),
-    ("record", RECORD), ("before", RECORD), ("blank", RECORD),
-    ("bodies", "f8", (len(KneedBody._fields) + ROOM,)),
-    ("radii", "f8", (1,)),
-    ("ledger", task.LEDGER), ("blank_row", task.LEDGER),
-    ("rules", task.RULES),
-    ("options", OPTIONS),
-    ("disturbance", disturbance_kernels.DISTURBANCE),
-    ("settings", disturbance_kernels.SETTINGS),
-    ("pending", "f8", (LATEST * MOST_ACTIONS,)),
-    ("spread", "f8", (3,)),
+    *_in_block(),
+    ("before", RECORD),
     ("shape", SHAPE), ("points", "f8", (2 * len(POINTS),)),
     ("tile", _ONE_TILE),
     ("history", HISTORY),
@@ -94,26 +102,18 @@ _KEYS, _LANES, _SLOPES, _GAITS, _DRAWS, _TILE, _HISTORY = (
     _AT[name] for name in ("key", "lanes", "slopes", "gaits", "draws", "tile", "history")
 )
 _HEAD = np.dtype([(name, WALK[name]) for name in WALK.names[: WALK.names.index("key")]])  # type: ignore[index]
-_CALLED = {"records": "record", "blank_row": "blank_row", "disturbances": "disturbance"}
 _LENGTHS = {
     "walkers": "1", "rows": "1", "constants": "head.constants + ROOM", "parts": "head.count",
     "channels": f"view(where + {_AT['rules']}, (1,), kind_rules)[0].actions", "delay": "head.late",
     "seen": "head.seen", "footholds": "head.footholds",
 }  # fmt: skip
-
-
-def _address(name: str) -> str:
-    """Return the expression for the address of an array of a walker."""
-    name = _CALLED.get(name, name)
-    return f"head.{name}" if name in _HEAD.fields else f"where + {_AT[name]}"  # type: ignore[operator]
-
-
 _here = memory.reader(
+    {name: array for at, (name, array) in _ARRAYS.items() if at in _AT}, NARROW,
+    "head = view(where, (1,), HEAD)[0]", {"HEAD": _HEAD, "ROOM": ROOM},
     {
-        name: array for name, array in memory.present("disturbed").items()
-        if _CALLED.get(name, name) in _AT and name != "slopes"
-    },
-    NARROW, "head = view(where, (1,), HEAD)[0]", {"HEAD": _HEAD, "ROOM": ROOM}, _address,
+        name: f"head.{at}" if at in _HEAD.names else f"where + {_AT[at]}"
+        for at, (name, _) in _ARRAYS.items() if at in _AT
+    }.__getitem__,
     _LENGTHS.__getitem__,
 )  # fmt: skip
 
