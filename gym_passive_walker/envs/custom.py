@@ -76,7 +76,7 @@ class Custom:
         if functions is None:
             functions = {name: rule.native for name, rule in self.rules.items()}
         addresses = [functions.get(name, 0) for name in ("reward", "terminated", "observation")]
-        own = np.array([(self.noted, *addresses, self.native)], transitions.OWN)
+        own = np.array([(self.noted, *addresses, self.native)], transitions.USER_RULES)
         return {"notes": self.notes, "own": own}
 
     def look_again(self) -> None:

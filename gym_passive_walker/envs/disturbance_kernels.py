@@ -297,7 +297,7 @@ def check_step(here, i):
     if struck:
         here.disturbances[i].due -= record.time
         if row.violated != 0:  # the record already has the legs exchanged
-            task.place(here, i)
+            task.place_hip(here, i)
             row.origin -= record.place - record.passed
 
 

@@ -25,7 +25,7 @@ from gym_passive_walker.engine.run import OPTIONS
 from gym_passive_walker.envs.constraints import HOOK
 from gym_passive_walker.envs.disturbance_kernels import DISTURBANCE, SETTINGS
 from gym_passive_walker.envs.task import EVERY_STRIDE, ledger_for, rules_for
-from gym_passive_walker.envs.transitions import OWN, note_for
+from gym_passive_walker.envs.transitions import USER_RULES, note_for
 from gym_passive_walker.models.equations.hybrid import Outcome
 
 FINITE = -float(np.finfo(float).max), float(np.finfo(float).max)
@@ -37,7 +37,7 @@ COUNTER = 0, 2**53
 _TIME, _STEPS, _REASON = (0.0, "max_stride_time"), (0, "steps"), (0, "reason")
 
 
-class Array(NamedTuple):
+class BatchArray(NamedTuple):
     """Declaration of an array.
 
     Attributes:
@@ -56,41 +56,41 @@ class Array(NamedTuple):
 
 
 ARRAYS = {
-    "records": Array(record_for, "walkers 1", limits={
+    "records": BatchArray(record_for, "walkers 1", limits={
         "phase": (0, "phase"), "outcome": (RESTING, len(Outcome) - 1), "steps": COUNTER,
         "time": _TIME, "knee_time": _TIME, "end": _TIME, "step": (0.0, FINITE[1]),
         "control": ("lowest", "largest"), "push_off": (0.0, "push_off"),
     }),
-    "bodies": Array("f8", "rows 1 constants"),
-    "radii": Array("f8", "rows"),  # of the feet, in leg lengths
-    "ledger": Array(ledger_for, "walkers", limits=dict.fromkeys(EVERY_STRIDE) | {
+    "bodies": BatchArray("f8", "rows 1 constants"),
+    "radii": BatchArray("f8", "rows"),  # of the feet, in leg lengths
+    "ledger": BatchArray(ledger_for, "walkers", limits=dict.fromkeys(EVERY_STRIDE) | {
         "outcome": _REASON, "ending": _REASON, "violated": _REASON, "truncated": (0, 1),
         "steps": _STEPS, "strides": _STEPS,
     }),
-    "blank": Array(record_for, "1"),  # record and row of the ledger as an episode begins
-    "blank_row": Array(ledger_for, "1"),
-    "rules": Array(rules_for, "1"),
-    "phases": Array(PHASE, "parts"),
-    "options": Array(OPTIONS, "1"),
-    "slope_range": Array("f8", "2"),  # smallest and largest slope at a start, in rad
-    "nodes": Array("f8", "known"),  # slopes in rad with known initial states
-    "states": Array("f8", "known numbers"),  # these states
-    "actions": Array("f8", "walkers*channels"),
-    "observations": Array("f4", "walkers*seen"),
-    "rewards": Array("f8", "walkers"),
-    "terminated": Array("?", "walkers"),
-    "truncated": Array("?", "walkers"),
-    "notes": Array(note_for, "walkers", "custom", dict.fromkeys(note_for(NARROW).names)),
-    "own": Array(OWN, "1", "custom"),
-    "disturbances": Array(DISTURBANCE, "walkers", "disturbed", {
+    "blank": BatchArray(record_for, "1"),  # record and row of the ledger as an episode begins
+    "blank_row": BatchArray(ledger_for, "1"),
+    "rules": BatchArray(rules_for, "1"),
+    "phases": BatchArray(PHASE, "parts"),
+    "options": BatchArray(OPTIONS, "1"),
+    "slope_range": BatchArray("f8", "2"),  # smallest and largest slope at a start, in rad
+    "nodes": BatchArray("f8", "known"),  # slopes in rad with known initial states
+    "states": BatchArray("f8", "known numbers"),  # these states
+    "actions": BatchArray("f8", "walkers*channels"),
+    "observations": BatchArray("f4", "walkers*seen"),
+    "rewards": BatchArray("f8", "walkers"),
+    "terminated": BatchArray("?", "walkers"),
+    "truncated": BatchArray("?", "walkers"),
+    "notes": BatchArray(note_for, "walkers", "custom", dict.fromkeys(note_for(NARROW).names or ())),
+    "own": BatchArray(USER_RULES, "1", "custom"),
+    "disturbances": BatchArray(DISTURBANCE, "walkers", "disturbed", {
         "pushes": COUNTER, "idle": (0, 1), "command": ("slowest", "fastest"), "due": (-inf, inf),
     }),
-    "pending": Array("f8", "walkers delay channels", "disturbed", {"pending": (-1.0, 1.0)}),
-    "acted": Array("f8", "walkers*channels", "disturbed"),  # delayed actions with noise
-    "settings": Array(SETTINGS, "1", "disturbed"),
-    "hooks": Array(HOOK, "parts", "disturbed"),
-    "table": Array("f8", "footholds 2", "disturbed"),
-    "spread": Array("f8", "3", "disturbed"),
+    "pending": BatchArray("f8", "walkers delay channels", "disturbed", {"pending": (-1.0, 1.0)}),
+    "acted": BatchArray("f8", "walkers*channels", "disturbed"),  # delayed actions with noise
+    "settings": BatchArray(SETTINGS, "1", "disturbed"),
+    "hooks": BatchArray(HOOK, "parts", "disturbed"),
+    "table": BatchArray("f8", "footholds 2", "disturbed"),
+    "spread": BatchArray("f8", "3", "disturbed"),
 }  # fmt: skip
 """Arrays of a batch, by name."""
 
@@ -107,7 +107,7 @@ of the scene, which are late by a `delay` in steps; numbers `seen` in an observa
 of a terrain."""
 
 
-def present(*features: str) -> dict[str, Array]:
+def present(*features: str) -> dict[str, BatchArray]:
     """Return the arrays of scenes with some features, by name."""
     return {name: array for name, array in ARRAYS.items() if array.needs in ("", *features)}
 
@@ -118,7 +118,7 @@ def named_arrays(names: tuple[str, ...]) -> Any:
     return namedtuple("Here", names)
 
 
-def shape_of(array: Array, lengths: Mapping[str, int]) -> tuple[int, ...] | None:
+def array_shape(array: BatchArray, lengths: Mapping[str, int]) -> tuple[int, ...] | None:
     """Return the shape of an array from the lengths of axes; None if one is unknown."""
     axes = [axis.split("*") for axis in array.axes.split()]
     if not all(factor.isdigit() or factor in lengths for axis in axes for factor in axis):
@@ -127,7 +127,7 @@ def shape_of(array: Array, lengths: Mapping[str, int]) -> tuple[int, ...] | None
 
 
 def made(
-    arrays: Mapping[str, Array],
+    arrays: Mapping[str, BatchArray],
     layout: Layout,
     lengths: Mapping[str, int],
     given: Mapping[str, Any],
@@ -142,7 +142,7 @@ def made(
     """
     found = {}
     for name, array in arrays.items():
-        shape = shape_of(array, lengths)
+        shape = array_shape(array, lengths)
         if name in given:
             found[name] = given[name]
         elif shape is not None:
@@ -150,13 +150,14 @@ def made(
     return found
 
 
-def kind_of(array: Array, layout: Layout) -> np.dtype:
+def kind_of(array: BatchArray, layout: Layout) -> np.dtype:
     """Return the data type of an array for records of a layout."""
-    return np.dtype(array.kind(layout) if callable(array.kind) else array.kind)
+    kind: Any = array.kind(layout) if callable(array.kind) else array.kind
+    return np.dtype(kind)
 
 
 def reader(
-    arrays: Mapping[str, Array],
+    arrays: Mapping[str, BatchArray],
     layout: Layout,
     head: str,
     names: Mapping[str, Any],

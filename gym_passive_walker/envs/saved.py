@@ -286,7 +286,7 @@ def limits_of(batch: Any) -> list[Limits]:
             of = {name: given.get(name, FINITE) for name in words if row[name].base == kind}
             places = [i for i, name in enumerate(words) if of.get(name) is not None]
             for i in places:
-                for end, limit in zip((low, high), of[words[i]], strict=True):
+                for end, limit in zip((low, high), of[words[i]] or FINITE, strict=True):
                     end[words[i]] = bounds[limit] if isinstance(limit, str) else limit
             names = [array if words[i] == array else f"{array}[{words[i]!r}]" for i in places]
             ends = [end.view(kind)[places] for end in (low, high)]

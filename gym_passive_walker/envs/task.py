@@ -126,7 +126,7 @@ def write_observation(here, i):
         here.observations[first + k] = value  # a user's system observes `custom.everything`
 
 
-def place(here, i):
+def place_hip(here, i):
     """Set the place of a walker's hip."""
     body = here.bodies[i if len(here.bodies) > 1 else 0]  # equal walkers share one row
     call(here.phases[0].place, address(here.records[i]), address(body), 0, 0, 0.0, 0.0)
@@ -157,7 +157,7 @@ def begin(here, lanes, slopes, gaits, draws):
         for k in range(links):
             record.start[k] = record.state[k]
         row.origin = here.radii[i if len(here.radii) > 1 else 0] * record.state[0]
-        place(here, i)
+        place_hip(here, i)
         row.place = record.place
         write_observation(here, i)
 
@@ -276,7 +276,7 @@ def finish_step(here, first, last):
             rewards[i], terminated[i], truncated[i] = 0.0, False, False
             write_observation(here, i)
             continue
-        place(here, i)
+        place_hip(here, i)
         if row.outcome != 0:
             forget_stride(row)
         row.outcome = outcome_of(record.outcome, record.time, rules.max_stride_time)

@@ -112,7 +112,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     stepping = with_given("observations", "rewards", "terminated", "truncated")
 
     def begin_near(here, lanes, slopes, gaits, draws, keys):
-        """Begin episodes of some walkers, whose disturbances have these keys; see `task.begin`."""
+        """Begin episodes of some walkers, with disturbances of these keys; see `task.begin`."""
         task.begin(here, lanes, slopes, gaits, draws)
         if disturbed:
             for j in range(len(lanes)):

@@ -138,7 +138,7 @@ def note_for(layout: Layout) -> np.dtype:
 
 NOTE = note_for(NARROW)
 
-OWN = np.dtype([
+USER_RULES = np.dtype([
     ("noted", "i8"),  # groups of PARTS to record, as bits
     ("paid", "i8"), ("ends", "i8"), ("look", "i8"),  # addresses of compiled functions; or 0
     ("native", "i8"),  # whether reward and termination are compiled, so that `after` applies them

@@ -56,7 +56,7 @@ def _kernels(here: DeviceCode, has_disturbances: bool) -> tuple[Any, Any]:
             episodes.after_step: episodes.own_after,
         })  # fmt: skip
     if "observation" in here.rules:
-        bound = bound.instead({episodes.show: episodes.own_show})
+        bound = bound.instead({episodes.show_observation: episodes.own_show})
     kernels = episodes.reset_kernel, episodes.step_kernel
     return tuple(device.cuda.jit(bound.rebound(kernel)) for kernel in kernels)  # type: ignore[return-value]
 
@@ -75,8 +75,8 @@ class DeviceBatch:
         **changes: Arguments of the scene to change; see `PassiveWalkerEnv`.
 
     Attributes:
-        arrays: Arrays on the GPU, of `envs.memory` and of `episodes.ARRAYS`. Fill `actions` before
-            a step, which fills `shown`, the observations, `rewards`, `terminated` and `truncated`.
+        arrays: Arrays on the GPU; see `envs.memory` and `episodes.DEVICE_ARRAYS`. Fill `actions`
+            before a step, which fills `shown` (observations), `rewards`, `terminated`, `truncated`.
         step_limit: Steps after which an episode is truncated.
 
     Raises:
@@ -153,7 +153,7 @@ class DeviceBatch:
             "channels": len(scene.actions), "delay": scene.action_delay,
             "shown": self.observation_size,
         }  # fmt: skip
-        declared = memory.present(*features) | episodes.ARRAYS
+        declared = memory.present(*features) | episodes.DEVICE_ARRAYS
         found = memory.made(declared, layout_of(self._system), lengths, given)
         there = {name: device.upload(array) for name, array in found.items()}
         if not self.custom.observation_size:

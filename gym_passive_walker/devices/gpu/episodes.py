@@ -15,22 +15,24 @@ from gym_passive_walker.devices.gpu.device import cuda, kind
 from gym_passive_walker.devices.gpu.lane import RUN, TILE
 from gym_passive_walker.engine.counter_rng import uniform, word
 from gym_passive_walker.envs import disturbance_kernels, task, transitions
-from gym_passive_walker.envs.memory import Array
+from gym_passive_walker.envs.memory import BatchArray
 from gym_passive_walker.envs.task import ledger_for
 from gym_passive_walker.gaits.scenes.starts import DRAWS, between
 
 _START, _WHICH = 200, 201  # streams of random numbers of a walker's key
 
-ARRAYS = {
-    "reported": Array(ledger_for, "walkers"),  # after the last step, before another episode began
-    "keys": Array("u8", "walkers"),  # of the random numbers
-    "episodes": Array("i8", "walkers"),  # number of episodes that have begun
-    "pool": Array("f8", "drawable constants"),  # of walkers that episodes draw from
-    "proportions": Array("f4", "drawable proportions"),  # of these walkers, as observed
-    "drawn": Array("i8", "walkers"),  # index in the pool
-    "last": Array("f4", "walkers*shown"),  # observations before another episode began
-    "shown": Array("f4", "walkers*shown"),  # results of a user's observation
-    "numbers": Array("f8", "walkers shown"),  # the same, in double precision
+DEVICE_ARRAYS = {
+    "reported": BatchArray(
+        ledger_for, "walkers"
+    ),  # after the last step, before another episode began
+    "keys": BatchArray("u8", "walkers"),  # of the random numbers
+    "episodes": BatchArray("i8", "walkers"),  # number of episodes that have begun
+    "pool": BatchArray("f8", "drawable constants"),  # of walkers that episodes draw from
+    "proportions": BatchArray("f4", "drawable proportions"),  # of these walkers, as observed
+    "drawn": BatchArray("i8", "walkers"),  # index in the pool
+    "last": BatchArray("f4", "walkers*shown"),  # observations before another episode began
+    "shown": BatchArray("f4", "walkers*shown"),  # results of a user's observation
+    "numbers": BatchArray("f8", "walkers shown"),  # the same, in double precision
 }
 """Arrays of a batch on a GPU, besides those of `memory`."""
 
@@ -62,7 +64,7 @@ def begin_episode(here, i, scratch):
     begin_disturbances(here, i, key)
     observe_body(here, i)
     begin_notes(here, i, scratch.lanes)
-    show(here, i)
+    show_observation(here, i)
 
 
 def observe_body(here, i):
@@ -96,7 +98,7 @@ def note_disturbances(here, i):
     """Record no disturbances."""
 
 
-def show(here, i):
+def show_observation(here, i):
     """Leave the default observation."""
 
 
@@ -138,7 +140,7 @@ def step_and_restart(here, i, tiles, histories, scratch):
     task.step(here, i, i + 1, tiles, histories)
     observe_body(here, i)
     after_step(here, i, i + 1)
-    show(here, i)
+    show_observation(here, i)
     here.reported[i] = here.ledger[i]
     size = len(here.last) // len(here.records)
     for k in range(i * size, (i + 1) * size):

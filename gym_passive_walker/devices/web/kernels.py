@@ -68,7 +68,7 @@ _ARRAYS = {
 def _in_block() -> Iterator[tuple]:
     """Yield the fields of the declared arrays that the block has."""
     for name, (_, array) in _ARRAYS.items():
-        kind, shape = memory.kind_of(array, NARROW), memory.shape_of(array, _MOST)
+        kind, shape = memory.kind_of(array, NARROW), memory.array_shape(array, _MOST)
         if shape is not None:
             # A boolean has a word.
             yield (name, kind) if kind.names else (name, "i8" if kind == "?" else kind, prod(shape))
@@ -111,7 +111,7 @@ _here = memory.reader(
     {name: array for at, (name, array) in _ARRAYS.items() if at in _AT}, NARROW,
     "head = view(where, (1,), HEAD)[0]", {"HEAD": _HEAD, "ROOM": ROOM},
     {
-        name: f"head.{at}" if at in _HEAD.names else f"where + {_AT[at]}"
+        name: f"head.{at}" if at in (_HEAD.names or ()) else f"where + {_AT[at]}"
         for at, (name, _) in _ARRAYS.items() if at in _AT
     }.__getitem__,
     _LENGTHS.__getitem__,
