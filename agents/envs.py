@@ -7,7 +7,7 @@ from typing import Any
 import gymnasium
 
 from agents.config import Config, ConfigError
-from gym_passive_walker.apps.build import prepare
+from gym_passive_walker.apps.build import compile_for
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
@@ -56,14 +56,11 @@ def check(config: Config) -> None:
     Raises:
         ConfigError: if it cannot.
     """
-    prepare(scene_of(config, **config.training))
+    compile_for(scene_of(config, **config.training))
     try:
         training_envs(config, 1).reset()
     except ValueError as error:
         raise ConfigError(str(error)) from None
-
-
-_UNITS = {"hip": "m g l", "ankle": "m g l", "push_off": "m √(g l)"}
 
 
 def describe(config: Config) -> str:
@@ -77,7 +74,8 @@ def describe(config: Config) -> str:
     )
     held = f"ticks of {scene.tick:g} √(l/g)" if scene.control == "tick" else "one action a stride"
     motors = ", ".join(
-        f"{name.replace('_', '-')} up to {scene.largest(name):g} {_UNITS[name]}"
+        f"{name.replace('_', '-')} up to {scene.largest(name):g} "
+        + scene.actuator(name).unit.replace("sqrt", "√")
         for name in scene.actions
     )
     return f"{config.scene}: walker {walker}, {slope}, {held}, {motors}"

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import gym_passive_walker as gpw
 from gym_passive_walker import console
+from gym_passive_walker.control.baselines import LinearFeedback
 from gym_passive_walker.math import cos, sin
 
 LEG, MASS = 0.8, 32.0  # m, kg
@@ -161,10 +162,14 @@ FIVE_LINKS = gpw.System(
 
 
 def main() -> None:
-    """Print a gait and its multipliers."""
-    gait = gpw.find_gait(FIVE_LINKS, 0.05)
-    print(gait)
-    print("multipliers", *(f"{abs(multiplier):.4f}" for multiplier in gait.multipliers))
+    """Print a gait and its multipliers, without and with feedback by the controls."""
+    for controller in (
+        None,
+        LinearFeedback({"system": FIVE_LINKS, "slope": 0.05, "control": "stride"}),
+    ):
+        gait = gpw.find_gait(gpw.stride_map(FIVE_LINKS, 0.05, controller=controller))
+        print(gait)
+        print("multipliers", *(f"{abs(multiplier):.4f}" for multiplier in gait.multipliers))
 
 
 if __name__ == "__main__":

@@ -189,20 +189,10 @@ class HeldTorques:
         self.largest = np.array([self.scene["max_hip_torque"] * units.torque,
                                  self.scene["max_ankle_torque"] * units.energy])  # fmt: skip
 
-    def act(self, observation: NDArray) -> NDArray[np.float64]:
+    def __call__(self, observation: NDArray) -> NDArray[np.float64]:
         """Actions (..., 2) of observations (..., 8)."""
         torques = self.law.torques(observation[..., :6], observation[..., 7])
         return np.clip(np.stack(torques, axis=-1) / self.largest, -1.0, 1.0)
-
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: ArrayLike | None = None,
-        deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], Any]:
-        """Actions for environments and `evaluate`, with the state returned unchanged."""
-        return self.act(np.asarray(observation, dtype=float)).astype(np.float32), state
 
 
 def main() -> None:
@@ -218,7 +208,7 @@ def main() -> None:
     print("tick (sqrt(l/g))   speed (sqrt(g l))   largest Floquet multiplier")
     for tick in (0.05, 0.02, 0.01):
         held = HeldTorques(law, slope=0.0, tick=tick)
-        strides = gpw.stride_map(controller=held.act, scene=held.scene)
+        strides = gpw.stride_map(controller=held)
         walks = gpw.find_gait(strides, guess=gait.state)
         print(f"{tick:16.2f} {walks.froude_speed:19.5f} {abs(walks.multipliers[0]):28.4f}")
     print(f"{'the law':>16} {gait.froude_speed:19.5f} {abs(gait.multipliers[0]):28.4f}")

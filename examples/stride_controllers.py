@@ -47,8 +47,7 @@ _TRIED, _REFINED = 41, 8  # torques tried, and Newton iterations from the best o
 class OnceAStride:
     """A controller that chooses the actuation of a stride at its start.
 
-    A subclass defines `actuation`. Stride maps call `plan`; environments and `evaluate` call
-    `predict`.
+    A subclass defines `actuation`. All that takes a controller calls `plan`.
 
     Args:
         scene: A `Scene`, its name, or a mapping of its arguments: the walker, its actuators and
@@ -83,19 +82,6 @@ class OnceAStride:
     def plan(self, points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
         """Actions (n, 1, parts) from points (n, m) on the section; each stride is one step."""
         return (self.actuation(points, slopes) / self.largest)[:, None]
-
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: ArrayLike | None = None,
-        deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], Any]:
-        """The action of a stride, from one observation or a batch."""
-        seen = np.atleast_2d(np.asarray(observation, dtype=float))
-        plan = self.plan(seen[:, self.strides.chart.coordinates], seen[:, 7])
-        action = np.clip(plan, -1.0, 1.0).astype(np.float32)
-        return action.reshape(*np.shape(observation)[:-1], len(self.parts)), state
 
 
 class ActuationFeedback(OnceAStride):

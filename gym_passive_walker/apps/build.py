@@ -102,7 +102,7 @@ def _of_scene(system: str, wide: bool, pushed: bool, custom: bool) -> list[Calla
     return [partial(compiled, system)] * (not pushed and system in SYSTEMS) + kernels
 
 
-def prepare(scene: Scene) -> None:
+def compile_for(scene: Scene) -> None:
     """Compile what environments of a scene need, in two processes at once.
 
     Nothing happens if most of it is there, as in a package from a wheel.
@@ -110,7 +110,7 @@ def prepare(scene: Scene) -> None:
     system = system_in(scene, scene.walker)
     key = system.name, layout_of(system) is WIDE, disturbed(scene), is_custom(scene)
     *_, step, step_here = _of_scene(*key)
-    if all(map(machine.kept, machine.asked_by([step, step_here]))):
+    if all(map(machine.at_hand, machine.asked_by([step, step_here]))):
         return
     code = f"from gym_passive_walker.apps import build; build.compile_others({key})"
     with subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL):
@@ -119,7 +119,7 @@ def prepare(scene: Scene) -> None:
 
 
 def compile_others(key: tuple[str, bool, bool, bool]) -> None:
-    """Compile what `prepare` does not: it is the other process."""
+    """Compile what `compile_for` does not: it is the other process."""
     for piece in _of_scene(*key)[:-2]:
         piece()
 

@@ -19,9 +19,9 @@ from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.gaits.scenes.scene import SceneError
-from gym_passive_walker.gaits.scenes.starts import REFERENCE_SLOPES, Start, checked_state
+from gym_passive_walker.gaits.scenes.starts import REFERENCE_SLOPES, Start
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.models.walkers import PARAMETERS, WALKERS, Mechanism, Walker, as_any
+from gym_passive_walker.models.walkers import PARAMETERS, WALKERS, Walker
 
 LIBRARY, PLAYER, STYLE = "passive-walker.js", "player.js", "player.css"
 """Files of the JavaScript package that draw and control a walker."""
@@ -73,7 +73,6 @@ class Setup(NamedTuple):
         if walker is None:
             walker = "lab" if policy is None else policy.scene.walker
         walker, slope, start, motors, _, strides = walk_of(walker, slope, start)
-        walker = as_any(walker)
         controller: Any = policy
         if policy is None:
             held = motors.hip_torque / walker.units.torque
@@ -100,7 +99,7 @@ class Setup(NamedTuple):
         if self.start is None:
             return None
         state = check_state(self.start, "start", self.walker.size)
-        return checked_state(state.tolist(), self.walker, "start")
+        return self.walker.checked_state(state.tolist(), "start")
 
     def stride_map(self) -> StrideMap:
         """Return the stride map of the walker under the controller, on smooth ground."""
@@ -123,7 +122,7 @@ def content_of(setup: Setup) -> tuple[dict[str, bytes], dict[str, Any]]:
     """
     walker, controller, start = setup.walker, setup.controller, setup.first_state()
     given: dict[str, Any] = {} if start is None else {"start": list(start)}
-    if isinstance(walker, Mechanism):
+    if not isinstance(walker, Walker):
         content = {f"systems/{_SYSTEM}.wasm": system_module(walker)}
         return content, {"system": _SYSTEM} | given
     content = {name: file for name, file in files().items() if name.endswith(_READ)}

@@ -13,7 +13,7 @@ from gym_passive_walker.apps.shown import LIBRARY, PLAYER, STYLE, Setup, content
 from gym_passive_walker.devices.web.build import PACKAGE
 from gym_passive_walker.envs.policies import TrainedPolicy
 from gym_passive_walker.gaits.scenes.checks import bounded
-from gym_passive_walker.models.walkers import PARAMETERS, Mechanism, Walker
+from gym_passive_walker.models.walkers import Walker
 
 with extra("notebook"):
     import anywidget
@@ -84,21 +84,16 @@ class PlayerWidget(anywidget.AnyWidget):
     ) -> None:
         self._walker = walker
         content, given = content_of(Setup(walker, slope, controller, start))
-        if isinstance(walker, Mechanism):
-            parameters: dict[str, Any] = walker.body._asdict()
-        else:
-            parameters = {name: getattr(walker, name) for name in (*PARAMETERS, "knees")}
         super().__init__(
-            files=content, given=given, parameters=parameters, policy=given.get("policy", ""),
-            slope=slope, hip_torque=controller if isinstance(controller, float) else 0.0,
+            files=content, given=given, parameters=walker.parameters,
+            policy=given.get("policy", ""), slope=slope,
+            hip_torque=controller if isinstance(controller, float) else 0.0,
         )  # fmt: skip
 
     @property
-    def walker(self) -> Walker | Mechanism:
+    def walker(self) -> Any:
         """The walker with its parameters now."""
-        if isinstance(self._walker, Mechanism):
-            return self._walker.vary(**self.parameters)
-        return Walker(**self.parameters)
+        return self._walker.with_parameters(**self.parameters)
 
     def push(self, impulse: float) -> None:
         """Push the hip, or a system's centre of mass, by an impulse in m sqrt(g l), downhill.

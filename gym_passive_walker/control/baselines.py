@@ -3,6 +3,7 @@
 from gym_passive_walker.gaits.control.baselines import (
     CONSTANT_TORQUE,
     ConstantTorque,
+    Held,
     LinearFeedback,
     Optimal,
     Passive,
@@ -13,6 +14,7 @@ from gym_passive_walker.gaits.control.baselines import (
 __all__ = [
     "CONSTANT_TORQUE",
     "ConstantTorque",
+    "Held",
     "LinearFeedback",
     "Optimal",
     "Passive",

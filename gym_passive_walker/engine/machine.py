@@ -149,7 +149,7 @@ def kept_code(name: str, write: Callable[[], Any], what: str) -> Any:
     if _asked:
         _asked[-1][name] = write
         raise _Asked
-    data = kept(name)
+    data = at_hand(name)
     if data is None:
         with compiling(what):
             data = object_code(packed(name) or write())
@@ -157,7 +157,7 @@ def kept_code(name: str, write: Callable[[], Any], what: str) -> Any:
     return loaded(data)
 
 
-def kept(name: str) -> bytes | None:
+def at_hand(name: str) -> bytes | None:
     """Return machine code from the package or the cache, by its name; None if there is none."""
     built = BUILT / f"{_level()}" / f"{name}.o"
     return built.read_bytes() if built.exists() else cache.found(_file(name))

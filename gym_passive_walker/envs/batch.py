@@ -24,7 +24,7 @@ from gym_passive_walker.envs.interface import observation_space, refuse
 from gym_passive_walker.envs.one_thread import Token
 from gym_passive_walker.gaits.scenes.rules import ENERGIES, proportion
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError
-from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts, as_recorded, checked_state
+from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts, as_recorded
 from gym_passive_walker.models.equations.hybrid import System
 from gym_passive_walker.models.equations.systems import FITTINGS, UNEVEN
 from gym_passive_walker.models.model import bodies
@@ -265,7 +265,7 @@ class Batch:
             gaits = self._gaits(where, slopes, asked=asked is not None)
         else:
             given = [(states[i].tolist(), varied.get(i, self.walkers[i])) for i in where.tolist()]
-            found = [checked_state(state, walker) for state, walker in given]
+            found = [walker.checked_state(state) for state, walker in given]
             gaits = as_recorded(self.walkers[0], found)
             draws[:] = 0.5  # no change
         keys = np.zeros(len(where) if self.disturbances else 0, np.uint64)
@@ -438,7 +438,7 @@ class Batch:
         if self.custom is None or not self.custom.observation_size:
             return
         self.custom.observe(observations, slice(None) if lanes is None else lanes)
-        if self.disturbances and self.scene.own_system and self.scene.observation is None:
+        if self.disturbances and self.scene.observation is None:
             lanes = np.arange(self.count) if lanes is None else lanes
             self.disturbances.add_noise(self.ledger, lanes, observations)
 

@@ -13,6 +13,7 @@ from gym_passive_walker.envs.rule import Rule
 from gym_passive_walker.envs.transitions import Transition, note_for
 from gym_passive_walker.envs.views import of_notes, shape_of
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, Weighted, rule_of
+from gym_passive_walker.gaits.scenes.rules import KNEE_LOCK
 
 
 def everything(step: Transition) -> tuple[Any, ...]:
@@ -26,8 +27,8 @@ def everything_and_command(step: Transition) -> tuple[Any, ...]:
 
 
 def is_custom(scene: Any) -> bool:
-    """Return whether a scene calls users' functions: its own, or those for a `System`."""
-    return scene.own_system is not None or any(getattr(scene, name) for name in FUNCTIONS)
+    """Return whether a scene calls functions of a `Transition`: a user's, or a default one."""
+    return KNEE_LOCK not in scene.walker.supports or any(getattr(scene, n) for n in FUNCTIONS)
 
 
 class Custom:
@@ -50,7 +51,7 @@ class Custom:
         self.notes = np.zeros(count, note_for(self._shape.layout))
         self.rules: dict[str, Rule] = {}
         given = {name: getattr(scene, name) for name in FUNCTIONS}
-        if scene.own_system is not None and given["observation"] is None:
+        if KNEE_LOCK not in scene.walker.supports and given["observation"] is None:
             commanded = scene.command is not None
             given["observation"] = everything_and_command if commanded else everything
         for name, function in given.items():

@@ -109,7 +109,7 @@ class Disturbances:
 def _noise(scene: Scene) -> NDArray[np.float64]:
     """Return the standard deviation of the noise on each observed number except the command."""
     noise, size = scene.observation_noise, scene.walker.size
-    rest = (rules.SIZE if scene.own_system is None else size + 1) - size
+    rest = len(scene.walker.observed) - size
     given = noise if isinstance(noise, tuple) else [noise] * size + [0.0] * rest
     return np.array(given, dtype=float)
 
@@ -119,7 +119,7 @@ def _settings(scene: Scene) -> NDArray:
     settings = np.zeros(1, disturbance_kernels.SETTINGS)
     if scene.pushes:
         settings["rate"], settings["push"] = scene.pushes["rate"], scene.pushes["impulse"]
-    if scene.own_system is None:
+    if rules.KNEE_LOCK in scene.walker.supports:
         settings["noise"] = _noise(scene)
         settings["noisy"] = np.any(settings["noise"])
     if scene.command is not None:

@@ -12,25 +12,14 @@ from gym_passive_walker._tools.arguments import shown
 from gym_passive_walker._tools.console import cut
 from gym_passive_walker.envs import interface
 from gym_passive_walker.envs.batch import Batch
-from gym_passive_walker.envs.custom import Custom
+from gym_passive_walker.envs.custom import Custom, is_custom
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.gaits.scenes.rewards import ABOUT_TERMS
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.gaits.terrain import Terrain
-from gym_passive_walker.models.walkers import Mechanism, Walker, describe
+from gym_passive_walker.models.model import Model
+from gym_passive_walker.models.walkers import describe
 
-_ANGLES = "stance leg angle", "swing thigh angle", "swing shank angle"
-_SEEN = (
-    *((angle, "rad") for angle in _ANGLES),
-    *((f"{angle[:-6]} angular velocity", "sqrt(g/l)") for angle in _ANGLES),
-    ("knee locked", "1 or 0"),
-    ("slope, positive downhill", "rad"),
-)
-_CHANNELS = {
-    "hip": ("hip torque, positive swings the free leg forward", "m g l"),
-    "ankle": ("ankle torque, positive tips the walker forward", "m g l"),
-    "push_off": ("push-off impulse at the next heelstrike", "m sqrt(g l)"),
-}
 _CHECKS = {
     "contact": "the ground would have to pull at the foot",
     "friction": "the foot needs more friction than {friction:g}",
@@ -67,13 +56,12 @@ def as_text(env: Any = "level") -> str:
     """Return the tables of `explain` as text."""
     scene, *_ = _parts(env)
     every = f"every {scene.tick:g} sqrt(l/g) and" if scene.control == "tick" else "only"
-    own = scene.own_system
-    subject = describe(scene.walker) if own is None else f"system {own.title!r}"
+    subject = describe(scene.walker)
     slope = " to ".join(f"{bound:g}" for bound in np.atleast_1d(scene.slope))
     lines = [
         f"{subject}, slope {slope} rad; an action is chosen {every} after a heelstrike.",
         "Units: leg length l, mass m, time sqrt(l/g)."
-        if scene.own_system is None
+        if "units" in scene.walker.supports
         else "Units: those of the system, in which gravity is 1; energies over its weight.",
     ]
     for title, rows in as_rows(env).items():
@@ -104,14 +92,13 @@ def as_rows(env: Any = "level") -> dict[str, Rows]:
         last = {name: float(term[0]) for name, term in batch.reward_terms().items()}
         for row in paid:
             row["last"] = last[row["term"]]
-    own = scene.own_system is not None
     acts: Rows = [
         {
             "number": i,
-            "action": f"control {name!r}" if own else _CHANNELS[name][0],
+            "action": scene.actuator(name).about,
             "min": scene.least(name),
             "max": 1.0,
-            "action 1 is": f"{scene.largest(name):g} {'' if own else _CHANNELS[name][1]}".rstrip(),
+            "action 1 is": f"{scene.largest(name):g} {scene.actuator(name).unit}".rstrip(),
         }
         for i, name in enumerate(scene.actions)
     ]
@@ -141,12 +128,9 @@ def _parts(env: Any) -> tuple[Scene, Batch | None, float | None]:
 
 def _observed(scene: Scene) -> Rows:
     """Return name, unit and bounds of each number in the observation."""
-    own = Custom(scene, 0) if scene.observation or scene.own_system else None
+    own = Custom(scene, 0) if is_custom(scene) else None
     space = interface.observation_space(scene, own)
-    names = list(_SEEN)
-    if scene.own_system is not None:
-        fields = scene.own_system.State._fields  # type: ignore[attr-defined]
-        names = [*((name, "") for name in fields), ("slope, positive downhill", "rad")]
+    names = list(scene.walker.observed)
     if scene.command is not None:
         names.append(("commanded speed", "sqrt(g l)"))
     for k in range(1, scene.terrain_lookahead + 1):
@@ -182,14 +166,7 @@ def _rewarded(scene: Scene) -> Rows:
 
 def _ends(scene: Scene, limit: float | None) -> Rows:
     """Return the outcomes that end an episode, and their conditions."""
-    found = {
-        "fell_forward": "the stance leg lies on the ground, ahead",
-        "fell_backward": "the stance leg lies on the ground, behind",
-        "swing_overrotation": "the swing leg has turned beyond upright",
-    }
-    if scene.own_system is not None:
-        found = dict.fromkeys(scene.own_system.falls, "a rule of the system's falls")
-    found |= {
+    found = scene.walker.endings | {
         "stalled": f"no heelstrike within {scene.max_stride_time:g} sqrt(l/g)",
         "diverged": "the motion is no longer finite",
     }
@@ -222,10 +199,8 @@ def _differences(scene: Scene) -> Rows:
 
 def _stated(value: Any) -> str:
     """Return the text of a scene's argument."""
-    if isinstance(value, Walker):
+    if isinstance(value, Model):
         return describe(value)
-    if isinstance(value, Mechanism):
-        return f"system {value.title!r}"
     if isinstance(value, Terrain):
         own = {each.name: getattr(value, each.name) for each in fields(value)}
         parts = [f"{name}={x!r}" for name, x in own.items() if x != getattr(Terrain(), name)]

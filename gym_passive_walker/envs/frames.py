@@ -18,7 +18,7 @@ from gym_passive_walker.models.walkers import name_of
 def frame(batch: Batch, lane: int, screen: Any) -> Any:
     """Draw a walker of a batch on a `render.Screen`; returns the result of its `draw`."""
     row, record = batch.ledger[lane], batch.records[lane, 0]
-    largest = batch.scene.max_hip_torque if batch.scene.own_system is None else 0.0
+    largest = batch.scene.max_hip_torque if "legs" in batch.walkers[lane].supports else 0.0
     ended, contact = OUTCOMES[row["ending"]], batch.contact(lane)
     return screen.draw(
         batch.states[lane],
@@ -60,21 +60,18 @@ def _notes(batch: Batch, lane: int) -> tuple[Sequence[str], Sequence[str]]:
     paid = float(row["descent"]) + math.sin(row["slope"]) * float(row["progress"])
     speed = f"{distance / time:.3f}" if time > 0.0 else "–"
     cost = f"{(paid + row['episode_energy']) / distance:.4f}" if distance > 0.0 else "–"
-    unit = "g l a foot mass" if walker.massless_legs else "m g l"
-    own = batch.scene.own_system
     number = f"{lane + 1}: " if batch.count > 1 else ""
     left = (
-        f"{number}walker {name_of(walker)}" if own is None else f"{number}{own.title}",
+        f"{number}walker {name_of(walker)}",
         f"slope {row['slope']:.3f} rad",
         f"stride {row['strides'] + 1}",
         f"time {time:.1f} √(l/g)",
     )
+    held = zip(walker.actuators, walker.controls, record["control"].tolist(), strict=False)
     right = f"speed {speed} √(g l)", f"cost of transport {cost}"
-    if own is not None:
-        held = zip(own.controls, record["control"].tolist(), strict=False)
-        return left, (*right, *(f"{name} {value:+.3f}" for name, value in held))
-    right += (
-        f"hip torque {record['control'][0]:+.3f} {unit}",
-        f"leg length l = {walker.leg_length:.3g}",
+    right += tuple(
+        f"{name.replace('_', ' ')} {value:+.3f} {each.unit}".rstrip()
+        for each, name, value in held
+        if each.name in batch.scene.actions
     )
-    return left, right
+    return left, (*right, f"leg length l = {walker.leg_length:.3g}")

@@ -21,7 +21,8 @@ from gym_passive_walker.envs.memory import ARRAYS, COUNTER, FINITE
 from gym_passive_walker.envs.transitions import STOPPED
 from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.walkers import PARAMETERS, Mechanism, Walker
+from gym_passive_walker.models.model import Model
+from gym_passive_walker.models.walkers import Walker, name_of
 
 _LATE = 1e-6  # largest delay of a push that is due, in sqrt(l/g)
 _ROUNDING = 1e-9
@@ -101,15 +102,13 @@ def described(scene: Scene) -> str:
 
 def kept(walker: Any) -> Any:
     """Return a walker as saved: of a `System`, the name of its equations and its constants."""
-    if isinstance(walker, Mechanism):
-        return walker.hybrid.name, *map(float, walker.body)
-    return walker
+    return walker if isinstance(walker, Walker) else (walker.kind, *map(float, walker.body))
 
 
 def _described(value: Any) -> Any:
     """Return a NumPy number, the name of a function, or a walker in a form for JSON."""
-    if isinstance(value, Mechanism):
-        return [value.title, *kept(value)]
+    if isinstance(value, Model) and not isinstance(value, Walker):
+        return [name_of(value), *kept(value)]
     if is_dataclass(value) and not isinstance(value, type):
         return asdict(value)
     if callable(value):
@@ -183,13 +182,13 @@ def check_walkers(
 
 def _restored(entry: Any, base: Any) -> Walker | None:
     """Return the walker that `kept` wrote, of the kind of a base; None if it is none."""
-    if not isinstance(base, Mechanism):
+    if isinstance(base, Walker):
         return entry if isinstance(entry, Walker) else None
     names = base.body._fields
     name, *values = entry if isinstance(entry, tuple | list) and entry else [None]
     if (
         not isinstance(name, str)
-        or name != base.hybrid.name
+        or name != base.kind
         or [*map(type, values)] != [float] * len(names)
     ):
         return None
@@ -198,9 +197,7 @@ def _restored(entry: Any, base: Any) -> Walker | None:
 
 def _parameters(walker: Any) -> dict[str, Any]:
     """Return the parameters of a walker, or the constants of a `System`, by name."""
-    if isinstance(walker, Mechanism):
-        return walker.body._asdict()
-    return {name: getattr(walker, name) for name in (*PARAMETERS, "knees")}
+    return walker.parameters | {"knees": walker.knees}
 
 
 def check_randoms(given: Any, count: int, kind: type) -> list[dict[str, Any]]:

@@ -21,7 +21,7 @@ from gym_passive_walker.envs.infos import Infos
 from gym_passive_walker.envs.one_thread import one_thread, refuse_second
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
-from gym_passive_walker.models.walkers import Walker, WalkerLike, as_any
+from gym_passive_walker.models.walkers import Walker, WalkerLike, as_walker
 
 _OUTCOMES = np.array(interface.OUTCOMES, object)
 
@@ -73,7 +73,7 @@ class PassiveWalkerVectorEnv(
             raise ValueError(f"render_mode must be 'rgb_array' or None, not {shown(render_mode)}")
         self.num_envs = num_envs = whole(num_envs, "num_envs", 1, KEPT)
         if isinstance(walkers, Sequence | np.ndarray) and len(walkers):
-            walkers = [as_any(walker) for walker in walkers]
+            walkers = [as_walker(walker) for walker in walkers]
             if "system" not in changes:
                 changes.setdefault("walker", walkers[0])
         self.scene = make_scene(scene, **changes)

@@ -53,11 +53,9 @@ class Shape(NamedTuple):
 
 def shape_of(scene: Any) -> Shape:
     """Return the shape of a scene's transitions."""
-    own = scene.own_system
-    if own is None:
-        return Shape(len(scene.actions))
-    start = () if own.start is None else tuple(map(float, own.start))
-    return Shape(len(scene.actions), own.State, layout_of(own.hybrid), start)
+    walker = scene.walker
+    system, start = walker.equations(), () if walker.start is None else walker.start
+    return Shape(len(scene.actions), system.State, layout_of(system), tuple(map(float, start)))
 
 
 def traced(note: Memory, row: Memory | None, shape: Shape) -> Transition:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker._tools.arguments import real_array
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.units import Units
 from gym_passive_walker.models.walkers import Walker
 
@@ -72,7 +73,7 @@ def to_own(units: Units, actuation: Actuation) -> Actuation:
 
 
 def check_actuation(walker: Walker, actuation: Actuation) -> Actuation:
-    """Check that an actuation has numbers or arrays as parts, and that the walker's feet permit it.
+    """Check that an actuation has numbers or arrays as parts, and that the walker permits it.
 
     Raises:
         ValueError: if a check fails; the message says what is allowed.
@@ -80,10 +81,12 @@ def check_actuation(walker: Walker, actuation: Actuation) -> Actuation:
     if type(actuation) is Actuation and _single(actuation) and sum(map(abs, actuation)) < math.inf:
         if actuation == PASSIVE:
             return PASSIVE
+        check_supports(walker, "actuation")
         if actuation.push_off >= 0.0 and (
             actuation.ankle_torque == 0.0 or walker.foot_radius == 0.0
         ):
             return actuation
+    check_supports(walker, "actuation")
     if len(actuation) != len(Actuation._fields) or isinstance(actuation, str):
         raise ValueError(
             f"an actuation is a Actuation(hip_torque, ankle_torque, push_off), not {actuation!r}"

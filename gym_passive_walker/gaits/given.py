@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from gym_passive_walker.gaits.actuation import PASSIVE, Actuation
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.models.walkers import Walker, WalkerLike, as_any
+from gym_passive_walker.models.walkers import Walker, WalkerLike, as_walker
 
 
 class Repeated(Protocol):
@@ -81,4 +81,4 @@ def walk_of(
         own = strides.controller or PASSIVE
     given = [mine if part is None else part for part, mine in zip(motors, own, strict=False)]
     actuation = Actuation(*given, *own[len(given) :])
-    return as_any(walker), slope, state, actuation, period, None  # type: ignore[return-value]
+    return as_walker(walker), slope, state, actuation, period, None  # type: ignore[return-value]

@@ -24,7 +24,8 @@ from gym_passive_walker.gaits.actuation import PASSIVE, check_actuation, to_dime
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE, Walkers, advance, flow, states_in
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.models.equations.hybrid import Ground, Outcome, System
-from gym_passive_walker.models.walkers import Walker, check_heights_only
+from gym_passive_walker.models.model import check_heights_only
+from gym_passive_walker.models.walkers import Walker
 from gym_passive_walker.models.walkers.walker import STATE_NAMES
 
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
@@ -215,10 +216,7 @@ def stride(
         return controlled.with_tolerance(tolerance).stride(check_state(state), slope, **foothold)
     size = walker.size
     states, slopes = check_state(state, size=size), check_slope(slope)  # type: ignore[arg-type]
-    if "actuation" in walker.supports:
-        actuation = check_actuation(walker, actuation)
-    else:
-        actuation = PASSIVE
+    actuation = check_actuation(walker, actuation)
     max_stride_time = number(max_stride_time, "max_stride_time", above=0.0)
     end_on_toe_stub = boolean(end_on_toe_stub, "end_on_toe_stub")
     threads = None if threads is None else whole(threads, "threads")

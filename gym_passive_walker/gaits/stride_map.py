@@ -39,7 +39,7 @@ from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.models.equations.hybrid import Ground, Outcome, System
 from gym_passive_walker.models.units import unit_of
-from gym_passive_walker.models.walkers import PARAMETERS, Walker, WalkerLike, as_any
+from gym_passive_walker.models.walkers import PARAMETERS, Walker, WalkerLike, as_walker
 
 LONGEST = 20.0
 """Time limit in sqrt(l/g) of a stride without heelstrike; a usual stride takes 3."""
@@ -75,6 +75,11 @@ class Seeds(NamedTuple):
 
     points: NDArray[np.float64]
     moving: dict[str, int]
+
+    @property
+    def slope(self) -> NDArray[np.float64]:
+        """Changes of the slope, (k,)."""
+        return np.arange(self.points.shape[2]) == self.moving.get("slope", -1)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -123,7 +128,7 @@ class StrideMap(Section):
             controller: Actuation in the walker's own units.
             **fields: Other fields of the map, such as `slope` and `tolerance`.
         """
-        walker = as_any(walker)
+        walker = as_walker(walker)
         if controller is not PASSIVE:
             fields["actuation"] = to_dimensionless(walker.units, controller)
         return cls(walker=walker, **fields)

@@ -19,6 +19,9 @@ OFF = 1e-6
 """Largest angle in rad by which a state may lie off an impact: many digits, but not all of them."""
 
 
+_STANDS = 1e-5  # rad, in single precision: legs that mirror each other have just changed roles
+_SWAPPED = 0.1  # rad: angles of both legs jump by more where they change roles on uneven ground
+
 LARGEST = 1.4
 """Stance angle in rad that no gait exceeds."""
 
@@ -96,6 +99,15 @@ class Mirrored(NamedTuple):
                 "positive, and the angles of thigh and shank are its opposite, not "
                 f"{shown(angles[off][0].tolist())}"
             )
+
+    def begins(self, before: NDArray, now: NDArray) -> NDArray[np.bool_]:
+        """Which of states (n, 6), a control step after others, are just after heelstrike.
+
+        A heelstrike raises the stance angle and lowers the swing angle; a stride does not.
+        """
+        jump = now[:, :2] - before[:, :2]
+        mirrored = np.abs(now[:, 1:3] + now[:, :1]).max(axis=1) < _STANDS
+        return mirrored | (jump[:, 0] > _SWAPPED) & (jump[:, 1] < -_SWAPPED)
 
     def walking(self, points: NDArray) -> NDArray[np.bool_]:
         """Which of points (n, m) a stride may begin in: the stance foot ahead, no leg lying."""

@@ -5,36 +5,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.models.equations.hybrid import System
 from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 
 FEATURES = {
     "actuation": "an Actuation",
+    "body observed": "the argument `observe_body`",
+    "constraints": "the argument `constraints`",
     "contact margins": "distances of gaits from a halt, a late knee and a grazing foot",
     "gauntlet": "the gauntlet",
+    "foothold preview": "the argument `terrain_lookahead`",
     "gpu episodes": "a batch on a GPU",
+    "knee lock observed": "an observation with the lock of a knee",
+    "legs": "a picture of legs",
     "McGeer's parameters": "this function",
     "optimal gait": "an optimal gait",
     "ratios": "the argument `ratios` of a basin",
     "reality check": "reality_check",
     "step kinds": "long and short steps",
+    "stride plans": "an environment under a plan of several control steps",
     "step derivatives": "a step with derivatives",
+    "sweeps": "a sweep by the name of an analysis, in place of a function of your own,",
     "tilted footholds": "footholds of different slopes",
-    "tuning": "optimize_walker",
     "units": "units of its own",
 }
 """What a model may support, and how a refusal calls it."""
 
 
-def check_supports(model: Any, feature: str) -> None:
-    """Check that a model supports one of FEATURES.
+Checked = TypeVar("Checked", bound=Any)
+
+
+def check_supports(model: Checked, feature: str) -> Checked:
+    """Return a model after a check that it supports one of FEATURES.
 
     Raises:
         ValueError: if it does not.
@@ -44,14 +52,52 @@ def check_supports(model: Any, feature: str) -> None:
             f"{FEATURES[feature]} needs a walker with two legs and McGeer's parameters, not the "
             f"system {model.title!r}"
         )
+    return model
 
 
-class Model(Protocol):
+def check_heights_only(model: Any, slopes: Any) -> None:
+    """Check that a model that does not support tilted footholds has none.
+
+    A system's coordinates may be lengths, or angles to another link: they do not rotate with the
+    ground.
+
+    Raises:
+        ValueError: if a slope is not 0.
+    """
+    if "tilted footholds" not in model.supports and np.any(slopes):
+        raise ValueError(
+            f"footholds of the system {model.title!r} may differ in height, not in slope"
+        )
+
+
+class Actuator(NamedTuple):
+    """What an action of an environment moves.
+
+    Attributes:
+        name: Its name in a scene's `actions`.
+        limit: The largest control: a number in the model's units; or, over its weight, the name of
+            the scene's argument.
+        about: What it is, with its sign.
+        unit: Unit of the control.
+        least: The smallest action; the largest is 1.
+        usual: Whether scenes that name no actions have it.
+    """
+
+    name: str
+    limit: str | float
+    about: str
+    unit: str = ""
+    least: float = -1.0
+    usual: bool = True
+
+
+class Model:
     """A walker of the package, or a system that a user has stated.
 
     Attributes:
         title: Name in pictures and messages.
         coordinates: Number m of coordinates.
+        parts: Names of the coordinates in pictures.
         size: Numbers of a state: coordinates, then their rates.
         state_names: Names of the numbers of a state.
         kind: Name of its equations; models of one kind may be in one batch.
@@ -65,43 +111,28 @@ class Model(Protocol):
         controls: Names of what actuators hold during a stride.
         control_units: Units of the controls.
         inputs: Names of what actuators hold, as derivatives by them are named.
+        actuators: What actions of environments may move.
+        observed: Name and unit of each number of the environments' own observation: the state
+            first, then others, the slope last.
+        endings: Outcomes by which an episode ends in a fall, and when.
+
+    Methods:
+        with_parameters: Return a model with other values of some parameters.
+        with_body: The same without checks that take long.
+        check_values: Check that models may have each row of values (n, k) of parameters.
+        checked_state: Return a user's state in dimensionless units, after a check.
+        mass_with: Return the mass of models that differ in some parameters; complex values carry
+            derivatives.
+        units_with: Return the units of models that differ in some parameters.
+        equations: Return the equations of motion, with further features in use.
+        constants: Return constants of models that differ in some parameters, (1 or n, constants).
     """
 
-    title: str
-    coordinates: Any
-    size: Any
-    state_names: Any
-    kind: Any
-    units: Any
-    weight: Any
-    parameters: Any
-    body: Any
-    chart: Any
-    supports: Any
-    start: Any
-    controls: Any
-    control_units: Any
-    inputs: Any
 
-    def with_parameters(self, **values: float) -> Any:
-        """Return a model with other values of some parameters."""
-        ...
-
-    def with_body(self, values: Mapping[str, float]) -> Any:
-        """Return a model with other parameters, without checks that take long."""
-        ...
-
-    def units_with(self, **values: ArrayLike) -> Any:
-        """Return the units of models that differ in some parameters: numbers, or arrays (n,)."""
-        ...
-
-    def equations(self, using: Collection[str] = ()) -> System:
-        """Return the equations of motion, with further features in use."""
-        ...
-
-    def constants(self, **values: ArrayLike) -> NDArray[Any]:
-        """Return the constants of models that differ in some parameters, (1 or n, constants)."""
-        ...
+@lru_cache(maxsize=4096)
+def check_row(model: Any, names: tuple[str, ...], row: tuple[float, ...]) -> None:
+    """Check that a model may have these values of parameters, once."""
+    model.with_parameters(**dict(zip(names, row, strict=True)))
 
 
 def constants_from(body: Any) -> NDArray[Any]:
@@ -111,18 +142,16 @@ def constants_from(body: Any) -> NDArray[Any]:
 
 
 @lru_cache(maxsize=4096)
-def _row(model: Model) -> NDArray[np.float64]:
+def _row(model: Any) -> NDArray[np.float64]:
     return np.array(model.body, dtype=float)[None, None]
 
 
-def bodies(*models: Model) -> NDArray[np.float64]:
+def bodies(*models: Any) -> NDArray[np.float64]:
     """Constants of models of one kind in the form of the engine, (models, 1, constants)."""
     return np.concatenate([_row(model) for model in models])
 
 
-def constants_by(
-    model: Model, parameters: Mapping[str, ArrayLike], name: str
-) -> NDArray[np.float64]:
+def constants_by(model: Any, parameters: Mapping[str, ArrayLike], name: str) -> NDArray[np.float64]:
     """Return derivatives of `Model.constants` by a parameter, of the same shape."""
     value = complex_step(parameters.get(name, model.parameters[name]))
     return step_derivative(model.constants(**{**parameters, name: value}))

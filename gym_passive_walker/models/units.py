@@ -33,8 +33,7 @@ class Units(NamedTuple):
     @classmethod
     def of(cls, walker: Any) -> Units:
         """The units of a walker, or of anything with its attributes: numbers, arrays or tensors."""
-        length = walker.thigh_length + walker.shank_length
-        mass = 2.0 * (walker.thigh_mass + walker.shank_mass) + walker.hip_mass
+        length, mass = walker.thigh_length + walker.shank_length, mass_of(walker)
         quotient = length / walker.gravity
         time = math.sqrt(quotient) if isinstance(quotient, float) else quotient**0.5
         energy = mass * walker.gravity * length
@@ -70,6 +69,11 @@ class Units(NamedTuple):
         """States (..., 6) in the walker's own units of dimensionless ones."""
         given = np.asarray(states)
         return given / _times(self.time, given.shape[-1])
+
+
+def mass_of(walker: Any) -> Any:
+    """Return the mass of both legs and the hip, of a walker or of anything with its attributes."""
+    return 2.0 * (walker.thigh_mass + walker.shank_mass) + walker.hip_mass
 
 
 def _times(time: float | NDArray, size: int) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from gym_passive_walker.gaits.look.reality import RealityCheck
 from gym_passive_walker.gaits.look.trajectory import Trajectory, simulate
 from gym_passive_walker.gaits.robust.basin import UNSETTLED, Basin, basin_of_attraction
 from gym_passive_walker.gaits.stride import Stride
-from gym_passive_walker.models.walkers import Mechanism, name_of
+from gym_passive_walker.models.walkers import name_of
 from gym_passive_walker.pictures.axes import (
     ANGLE,
     BLACK,
@@ -368,9 +368,9 @@ def _torques(ax: Axes, walk: Trajectory, gait: Gait, optimum: Any) -> None:
     """Draw the hip torque over the first stride, beside that of an optimal gait."""
     units, first = walk.walker.units, walk.strides == 0
     times, name = walk.times[first] / units.time, gait.stride_map.controller_name
-    if isinstance(walk.walker, Mechanism):
+    if "actuation" not in walk.walker.supports:
         for (label, colour, dash), torque in zip(
-            parts_of(walk.walker, walk.walker.controls), walk.torques[first].T, strict=True
+            parts_of(walk.walker.controls), walk.torques[first].T, strict=True
         ):
             ax.step(times, torque, where="pre", color=colour, linestyle=dash, label=label)
         ax.set(xlabel=TIME, ylabel="control")

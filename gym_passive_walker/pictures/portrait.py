@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.gaits.given import GaitLike
 from gym_passive_walker.gaits.look.trajectory import Trajectory, simulate
-from gym_passive_walker.models.walkers import Mechanism, Walker, name_of
+from gym_passive_walker.models.walkers import Walker, name_of
 from gym_passive_walker.pictures.axes import (
     BLACK,
     BLUE,
@@ -33,27 +33,16 @@ if TYPE_CHECKING:
 
 TIME, ANGLES, RATES = "time t / √(l/g)", "angle θ (rad)", "rate dθ/dt / √(g/l)"
 
-ANGLE_STYLES = (("stance leg", BLUE, "-"), ("swing thigh", VERMILION, (0, (5, 1.5))),
-         ("swing shank", GREEN, (0, (1, 1))))  # fmt: skip
-"""Name, colour and dash of each angle of a state."""
-
 _DASHES = "-", (0, (5, 1.5)), (0, (1, 1))
 
 
-def parts_of(walker: Walker, names: Sequence[str] = ()) -> list[tuple[str, str, Any]]:
-    """Name, colour and dash of each coordinate of a walker, or of a system's other names."""
-    if isinstance(walker, Mechanism):
-        names = names or walker.State._fields[: walker.coordinates]  # type: ignore[attr-defined]
-        colours = BLUE, VERMILION, GREEN
-        return [
-            (name, colours[i % 3], _DASHES[(i + i // 3) % 3])
-            for i, name in enumerate(name.replace("_", " ") for name in names)
-        ]
-    return (
-        list(ANGLE_STYLES)
-        if walker.knees
-        else [ANGLE_STYLES[0], ("swing leg", *ANGLE_STYLES[1][1:])]
-    )
+def parts_of(names: Sequence[str]) -> list[tuple[str, str, Any]]:
+    """Name, colour and dash of each coordinate or control of a walker."""
+    colours = BLUE, VERMILION, GREEN
+    return [
+        (name.replace("_", " "), colours[i % 3], _DASHES[(i + i // 3) % 3])
+        for i, name in enumerate(names)
+    ]
 
 
 def _by_leg(walk: Trajectory) -> NDArray[np.float64]:
@@ -72,8 +61,10 @@ def angles_over_time(ax: Axes, walk: Trajectory) -> None:
     """Draw each leg's angles over time, through both its roles; vertical lines are impacts."""
     times = walk.times / walk.walker.units.time
     heels = np.flatnonzero(np.diff(walk.strides)) + 1
-    if isinstance(walk.walker, Mechanism):
-        for (name, colour, dash), angle in zip(parts_of(walk.walker), walk.states.T, strict=False):
+    if "legs" not in walk.walker.supports:
+        for (name, colour, dash), angle in zip(
+            parts_of(walk.walker.parts), walk.states.T, strict=False
+        ):
             lines = broken(times, heels), broken(angle, heels)
             ax.plot(*lines, label=name, color=colour, linestyle=dash, linewidth=1.5)
     else:
@@ -103,7 +94,7 @@ def rates_over_angles(ax: Axes, states: NDArray, struck: NDArray, walker: Walker
         walker: The walker; of a `System`, all coordinates are drawn.
     """
     half = states.shape[1] // 2
-    for part, (name, colour, dash) in reversed(list(enumerate(parts_of(walker)))):
+    for part, (name, colour, dash) in reversed(list(enumerate(parts_of(walker.parts)))):
         angle, rate = states[:, part], states[:, half + part]
         style: dict[str, Any] = {"color": colour, "linewidth": 1.5}
         moves = broken(angle, struck), broken(rate, struck)

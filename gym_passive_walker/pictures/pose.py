@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker._tools.arguments import check_state
 from gym_passive_walker.models.equations.legs import turned
 from gym_passive_walker.models.equations.numbers import sine_cosine
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import Walker, WalkerLike, as_walker
 
 SOLE_SPAN = 0.5
@@ -125,7 +126,7 @@ def pose(
     Raises:
         ValueError: if the state has another shape or is not finite.
     """
-    walker = as_walker(walker)
+    walker = check_supports(as_walker(walker), "legs")
     state = check_state(state)
     shape = state.shape[:-1]
     x, y, tilt = (

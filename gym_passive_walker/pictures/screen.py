@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker._tools.extras import extra
-from gym_passive_walker.models.walkers import Mechanism, WalkerLike, as_any
+from gym_passive_walker.models.walkers import WalkerLike, as_walker
 from gym_passive_walker.pictures import colours
 from gym_passive_walker.pictures.brush import Brush
 from gym_passive_walker.pictures.ground import height, part_between
@@ -105,12 +105,12 @@ class Screen:
             raise ValueError(f"mode must be one of {MODES}, not {mode!r}")
         if min(size) < 1 or not 0.0 <= fps < math.inf:
             raise ValueError(f"size and fps must be positive, not {size} and {fps}")
-        self.walker = as_any(walker)
+        self.walker: Any = as_walker(walker)
         self.mode, self.fps, self.size = mode, fps, size
         self._pygame = pygame = load_pygame()
         self._canvas = pygame.Surface((_OVERSAMPLING * size[0], _OVERSAMPLING * size[1]), depth=32)
         share = _LEG_SHARE
-        if isinstance(self.walker, Mechanism):
+        if "legs" not in self.walker.supports:
             start = self.walker.start or np.zeros(self.walker.size)
             places = np.concatenate(self.walker.drawn(start))
             share = min(share, _TALLEST / max(float(places[:, 1].max()), 1e-3))
@@ -168,7 +168,7 @@ class Screen:
         if np.shape(state) != (size := (self.walker.size,)):
             raise ValueError(f"a frame shows one state of shape {size}, not {np.shape(state)}")
         ground = _LEVEL if profile is None else np.asarray(profile, dtype=float)
-        if isinstance(self.walker, Mechanism):
+        if "legs" not in self.walker.supports:
             given = np.asarray(state).tolist()
             self._look_below(contact_x + self.walker.centre_of_mass(given)[0], slope)
             self._draw_lines(self.walker.drawn(given), contact_x)

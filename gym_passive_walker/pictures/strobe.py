@@ -17,7 +17,7 @@ from gym_passive_walker.gaits.look.trajectory import Trajectory, ground_of, simu
 from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.gaits.stride_map import MapLike
 from gym_passive_walker.gaits.terrain import Terrain
-from gym_passive_walker.models.walkers import Mechanism, WalkerLike, as_any, name_of
+from gym_passive_walker.models.walkers import WalkerLike, as_walker, name_of
 from gym_passive_walker.pictures import colours
 from gym_passive_walker.pictures.axes import (
     GREY,
@@ -181,7 +181,7 @@ def strobe_of(
         ValueError: if the states' shape does not fit or a number is not finite.
         ImportError: if matplotlib is not installed.
     """
-    walker = as_any(walker)
+    walker = as_walker(walker)
     states = check_state(states, size=walker.size)
     if states.ndim != 2 or not len(states):
         size = walker.size
@@ -193,8 +193,9 @@ def strobe_of(
     strides = np.broadcast_to(np.asarray(strides, dtype=int), len(states))
     length = walker.leg_length
     lines: list[list[NDArray]] = []
-    if isinstance(walker, Mechanism):
-        lines = [[line + np.array([x[i], y[i]]) for line in walker.drawn(state)]
+    if "legs" not in walker.supports:
+        system: Any = walker
+        lines = [[line + np.array([x[i], y[i]]) for line in system.drawn(state)]
                  for i, state in enumerate(states.tolist())]  # fmt: skip
         everything = np.concatenate([line for drawn in lines for line in drawn])
     else:

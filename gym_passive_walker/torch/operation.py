@@ -25,7 +25,7 @@ from gym_passive_walker.gaits.flow import Reported, Walkers, go_on, new_records,
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 from gym_passive_walker.models.equations.systems import UNEVEN
-from gym_passive_walker.models.walkers import Mechanism, Walker, WalkerError
+from gym_passive_walker.models.walkers import Walker, WalkerError
 
 
 class Columns(NamedTuple):
@@ -234,7 +234,8 @@ def _walked(
     if len(lanes) == 0:
         return values, jacobians, after, outcomes, margins
     own = inputs[lanes]
-    _check(walker, options.parameters, own[:, columns.width :])
+    if options.parameters:
+        walker.check_values(options.parameters, own[:, columns.width :])
     held = {name: own[:, places[0]] for name, places in names.items()}
     states, begun = own[:, :size].copy(), own[:, names["start"]]
     if "actuation" in walker.supports:
@@ -310,21 +311,6 @@ def _pushed(
         jumps += jumps[-1:] * (half - len(jumps))  # a straight leg's thigh and shank are one body
         after[here, :, half:] += np.stack(jumps, axis=-1)
     return np.real(after[:, 0]).copy(), step_derivative(after).swapaxes(1, 2)
-
-
-def _check(walker: Walker, names: tuple[str, ...], values: NDArray) -> None:
-    if not names:
-        return
-    rows = values
-    if isinstance(walker, Mechanism):  # a check is slow: only rows with an extreme value
-        rows = values[np.unique([values.argmin(axis=0), values.argmax(axis=0)])]
-    for row in set(map(tuple, rows.tolist())):
-        _check_walker(walker, names, row)
-
-
-@lru_cache(maxsize=4096)
-def _check_walker(walker: Any, names: tuple[str, ...], values: tuple[float, ...]) -> None:
-    walker.with_parameters(**dict(zip(names, values, strict=True)))
 
 
 def as_tensor(value: Any, name: str) -> Tensor:

@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from gym_passive_walker._tools.arguments import whole
+from gym_passive_walker._tools.arguments import shown, whole
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.transitions import STOPPED, Transition
 from gym_passive_walker.envs.vector_env import seed_randoms
@@ -25,8 +25,8 @@ from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, rule_of
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene, undisturbed
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.systems import UNEVEN
+from gym_passive_walker.models.model import check_heights_only
 from gym_passive_walker.models.units import proportions
-from gym_passive_walker.models.walkers import check_heights_only
 from gym_passive_walker.models.walkers.walker import varied
 from gym_passive_walker.torch.counting import applied, check_alone, each_tensor
 from gym_passive_walker.torch.operation import (
@@ -150,10 +150,9 @@ def initial_state(
     if batch.disturbances:
         disturbances = batch.disturbances.states
         slopes, keys, commands = disturbances["slope"], disturbances["key"], disturbances["command"]
-    own, coordinates = scene.own_system, scene.walker.equations().coordinates
-    bodies: list[Any] = [walker if own is None else walker.body for walker in batch.walkers]  # type: ignore[attr-defined]
+    coordinates, parameters_of = scene.walker.coordinates, [w.parameters for w in batch.walkers]
     values = {
-        name: torch.tensor([getattr(body, name) for body in bodies], dtype=torch.float64)
+        name: torch.tensor([each[name] for each in parameters_of], dtype=torch.float64)
         for name in scene.domain_randomization
     }
     given = check_parameters(scene.walker, parameters)
@@ -235,6 +234,11 @@ def rollout(
         SceneError: if the scene has noise, delays, random pushes or feasibility constraints, or if
             a function of its own mixes walkers.
     """
+    if not callable(policy):
+        raise ValueError(
+            "rollout needs a function or a module from tensors of observations to tensors of "
+            f"actions, not {shown(policy)}: robustness and gauntlet take other controllers"
+        )
     scene, horizon = _differentiable(make_scene(scene)), whole(horizon, "horizon")
     here = initial_state(scene, count, seed=seed) if start is None else start
     impulses = None
@@ -286,7 +290,7 @@ def _observed(scene: Scene, here: RolloutState) -> Tensor:
     if scene.observation is not None:
         return _stacked(applied(scene.observation, here.last), here)
     slopes, body = here.slopes + _ground(scene, here)[:, 0], ()
-    locked = None if scene.own_system is not None else _locked(scene, here.phases).double()
+    locked = _locked(scene, here.phases).double()
     ahead = [_ground(scene, here, place).T[1:] for place in range(scene.terrain_lookahead)]
     if scene.observe_body:
         body = proportions(varied(scene.walker, here.parameters), scene.observe_body)
@@ -357,7 +361,7 @@ def _tick(
             torques = torch.where(falls, held[name].detach(), held[name]) * work
             angles = moved.result("moved", j), moved.result("turned", j)
             energies = energies + rules.motor_charge(charged, torques, *angles)
-    if scene.own_system is None and "push_off" in scene.actions:
+    if "push_off" in scene.actions and "actuation" in scene.walker.supports:
         energies = energies + torch.where(struck, moved.result("push_work"), 0.0)
     distances, energies = (torch.where(going, x, 0.0) for x in (distances, energies))
     rewards = rules.reward(distances, energies, scene.energy_weight)
@@ -443,8 +447,8 @@ def _ruled(scene: Scene) -> bool:
 
 def _works(scene: Scene) -> NDArray[np.float64]:
     """Return the work of a unit of each control per unit of motion in m g l, (controls,)."""
-    weight = 1.0 if scene.own_system is None else scene.own_system.total_mass
-    return np.divide(scene.walker.equations().works, weight)
+    walker = scene.walker
+    return np.divide(walker.equations().works, walker.weight / walker.units.force)
 
 
 def _locked(scene: Scene, phases: Tensor) -> Tensor:

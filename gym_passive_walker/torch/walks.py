@@ -16,7 +16,7 @@ from gym_passive_walker.gaits.flow import LONGEST_STRIDE
 from gym_passive_walker.gaits.scenes.rules import work_of
 from gym_passive_walker.models.equations.systems import UNEVEN
 from gym_passive_walker.models.units import Units
-from gym_passive_walker.models.walkers import Walker, WalkerLike, as_any
+from gym_passive_walker.models.walkers import Walker, WalkerLike, as_walker
 from gym_passive_walker.torch.operation import (
     FlowOptions,
     FlowResult,
@@ -302,7 +302,7 @@ def _walk(
     whole: bool = False,
 ) -> _Result:
     """Integrate walkers through a stride of at most `end` sqrt(l/g), or for a duration."""
-    walker = as_any(walker)
+    walker = as_walker(walker)
     given = check_parameters(walker, parameters)
     units = walker.units_with(**given) if given else walker.units
     states, phases = as_tensor(state, "state"), torch.as_tensor(phase, dtype=torch.int64)

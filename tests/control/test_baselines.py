@@ -17,17 +17,16 @@ from gym_passive_walker.envs.registration import (
     REWARD_THRESHOLD,
 )
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import (
     BASELINES,
     ConstantTorque,
     LinearFeedback,
     Optimal,
     Passive,
-    Schedule,
 )
-from gym_passive_walker.gaits.control.feedback import gains, powered_gait
+from gym_passive_walker.gaits.control.feedback import powered_gait
 from gym_passive_walker.gaits.scenes.scene import make_scene
+from tests.own.statements import DRIVEN
 
 
 def walks(policy, scene, episodes=4, **env):
@@ -54,29 +53,6 @@ def test_policies_act_on_one_observation_and_on_batches_alike(policy):
     for one, action in zip(batch, together, strict=True):
         alone, _ = policy.predict(one)
         assert alone.shape == (1,) and alone == pytest.approx(action)
-
-
-@pytest.mark.parametrize("actions", [("hip", "push_off"), ("push_off", "hip"), ("push_off",)])
-def test_an_optimal_gait_s_motors_are_each_a_share_of_their_own_largest(actions):
-    gait = replace(optimal.load("level")[3], push_off=0.01)
-    scene = make_scene(actions=actions, max_hip_torque=0.04, max_push_off=0.3)
-    plan = Schedule(scene, gait).plan(np.array([gait.point]), 0.0)[0]
-    given = plan * [scene.largest(name) for name in actions]
-    for column, name in zip(given.T, actions, strict=True):
-        expected = gait.torques if name == "hip" else [gait.push_off] * len(gait.torques)
-        np.testing.assert_allclose(column, expected, rtol=1e-12)
-
-
-@pytest.mark.parametrize("off", [0.0, 3.0])
-def test_the_derivative_of_a_plan_is_that_of_its_differences_and_0_where_it_is_clipped(off):
-    feedback = LinearFeedback("steep")
-    point, slope = feedback.point + off * np.array([1.0, -1.0, 0.5, 0.2]), feedback.scene.slope
-    by_point, by_slope = feedback.plan_by(point[None], slope)
-    for i, unit in enumerate(np.eye(len(point))):
-        ahead, behind = (feedback.plan(point[None] + h * unit, slope) for h in (1e-6, -1e-6))
-        np.testing.assert_allclose(by_point[..., i], (ahead - behind) / 2e-6, atol=1e-6)
-    clipped = np.abs(feedback.plan(point[None], slope)) == 1.0
-    assert clipped.any() == (off > 0.0) and (by_slope == 0.0).all()
 
 
 def test_a_policy_gets_the_starts_of_episodes_and_acts_without_noise():
@@ -192,25 +168,6 @@ def test_two_torques_a_stride_are_held_through_a_half_each():
     assert change + 1 == pytest.approx(len(rows) / 2, abs=0.5)
 
 
-def test_lqr_gains_cost_least_over_all_strides_to_come():
-    """Of deviations squared and weighted torques squared, against any other gains nearby."""
-    random = np.random.default_rng(2)
-    a, b, weight = random.normal(size=(3, 3)), random.normal(size=(3, 2)), 0.7
-    scaled = weight / np.max(np.abs(b)) ** -2
-
-    def cost(k):
-        state, sum_of_costs = np.eye(3), 0.0
-        for _ in range(200):
-            torque = -k @ state
-            sum_of_costs += np.sum(state**2) + scaled * np.sum(torque**2)
-            state = a @ state + b @ torque
-        return sum_of_costs
-
-    best = gains(a, b, "lqr", torque_weight=weight)
-    for _ in range(20):
-        assert cost(best + 1e-3 * random.normal(size=best.shape)) > cost(best)
-
-
 def test_each_walker_of_a_batch_has_a_stride_of_its_own():
     """A walker that begins a stride plans it again; the others continue with their plans."""
     scene = {"slope": 0.03, "reset_noise_scale": 0.03}
@@ -226,26 +183,6 @@ def test_each_walker_of_a_batch_has_a_stride_of_its_own():
             own, its_state = policy.predict(*alone[i])
             assert own == pytest.approx(action[i])
             alone[i] = world.step(own)[0], its_state
-
-
-def test_feedback_begins_again_with_each_episode_wherever_it_starts():
-    policy = LinearFeedback("level", pieces=2)
-    seen = np.tile([0.2, -0.25, -0.3, -0.5, -0.1, -0.2, 0.0, 0.0], (2, 1))  # in mid-stride
-    _, memory = policy.predict(np.tile([0.3, -0.3, -0.3, -0.4, -0.2, -0.4, 0.0, 0.0], (2, 1)))
-    fresh, _ = policy.predict(seen)
-    both, (_, step, _) = policy.predict(seen, memory, np.array([True, False]))
-    assert both[0] == fresh[0] and both[1] != fresh[1]
-    assert step.tolist() == [0, 1]
-
-
-def test_a_stride_of_one_torque_has_no_two_pieces():
-    with pytest.raises(ValueError, match="tick"):
-        LinearFeedback("steep", pieces=2)
-
-
-def test_feedback_methods_have_names():
-    with pytest.raises(ValueError, match="deadbeat"):
-        LinearFeedback("steep", "magic")
 
 
 @pytest.mark.parametrize(
@@ -298,3 +235,16 @@ def test_feedback_walks_as_far_in_the_environment_as_by_its_stride_map():
     arena = PassiveWalkerVectorEnv(200, there, max_episode_steps=33)
     done = evaluate(LinearFeedback("steep"), arena, seed=0)
     assert 0.4 < done.endings.count(TIME_LIMIT) / 200 < 0.75
+
+
+@pytest.mark.parametrize(
+    ("scene", "said"),
+    [
+        ({"actions": ("hip", "push_off")}, "works the hip alone, not hip, push_off"),
+        ({"max_hip_torque": 0.0}, "needs a control, and the scene a largest torque above 0"),
+        ({"system": DRIVEN}, "system 'compass' chooses controls once a stride"),
+    ],
+)
+def test_a_feedback_that_cannot_act_is_refused(scene, said):
+    with pytest.raises(ValueError, match=said):
+        LinearFeedback({"slope": 0.03, **scene})

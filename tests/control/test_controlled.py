@@ -11,7 +11,6 @@ from gym_passive_walker.envs.evaluation.steps import steps
 from gym_passive_walker.envs.policies import shipped_policies
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.actuation import Actuation
-from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import LinearFeedback
 from gym_passive_walker.gaits.control.maps import acting_as
 from gym_passive_walker.gaits.scenes.scene import make_scene
@@ -75,18 +74,6 @@ def test_the_energy_balance_closes_under_a_policy(strides):
     assert abs(passage.imbalance[0]) < 1e-10
 
 
-def test_multipliers_are_those_of_differences():
-    strides = gpw.stride_map(controller="level-ppo")
-    gait = gpw.closed_loop_gait(strides.controller)
-    ways = 1e-6 * np.eye(strides.dimension)
-    point = strides.points_at(gait.state)
-    ahead, behind = (strides.apply(point + sign * ways).ends for sign in (1.0, -1.0))
-    by_differences = np.linalg.eigvals((ahead - behind).T / 2e-6)
-    largest = np.abs(by_differences).max()
-    assert abs(gait.multipliers[0]) == pytest.approx(largest, abs=1e-6)
-    assert gait.violation < 1e-12
-
-
 def test_a_function_of_what_is_observed_is_a_controller():
     """Ten lines lead from a controller to its gait's multipliers, and these from the gait's own."""
     scene = {"walker": "lab", "slope": 0.036, "control": "stride", "max_hip_torque": 0.02}
@@ -107,25 +94,6 @@ def test_a_function_of_what_is_observed_is_a_controller():
     by_torque = gpw.stride_map("lab", 0.036).linearize(point, by=("hip_torque",))[1].ends[0]
     fed_back = passive[0] + 0.02 * 40.0 * by_torque * np.eye(4)[:1]
     np.testing.assert_allclose(held.linearize(point)[1].ends[0], fed_back, atol=1e-7)
-
-
-@pytest.mark.parametrize(
-    "wrong", [lambda seen: np.zeros((len(seen), 2)), lambda seen: np.full((len(seen), 1), np.nan)]
-)
-def test_actions_that_are_none_are_refused(wrong):
-    strides = gpw.stride_map(controller=wrong, scene="steep")
-    with pytest.raises(ValueError, match=r"must return actions of shape \(1, 1\).*of hip"):
-        strides.apply(strides.beginning(0.11))
-
-
-def test_motors_that_do_the_same_in_each_stride_have_the_exact_map():
-    drive = Actuation(hip_torque=0.1)
-    gait = gpw.find_gait(gpw.stride_map("lab", 0.03, controller=drive))
-    strides = gpw.stride_map("lab", 0.03, controller=drive)
-    point = strides.points_at(gait.state)
-    np.testing.assert_allclose(strides.apply(point).ends, point, atol=1e-11)
-    multipliers = np.linalg.eigvals(strides.linearize(point)[1].ends[0])
-    assert np.abs(multipliers).max() == pytest.approx(abs(gait.multipliers[0]), rel=1e-6)
 
 
 class Observing:
@@ -217,13 +185,13 @@ def test_no_walkers_make_no_strides():
 
 
 def test_a_network_is_asked_only_for_walkers_that_are_still_in_their_stride(monkeypatch):
-    strides, asked = gpw.stride_map(controller="level-ppo"), []
-    points = beside(strides, 5)
-    means = type(strides.controller).mean_actions
+    points, asked = beside(gpw.stride_map(controller="level-ppo"), 5), []
+    means = gpw.TrainedPolicy.mean_actions
     monkeypatch.setattr(
-        type(strides.controller), "mean_actions",
+        gpw.TrainedPolicy, "mean_actions",
         lambda policy, seen: asked.append(len(seen)) or means(policy, seen),
     )  # fmt: skip
+    strides = gpw.stride_map(controller="level-ppo")
     walks = strides.apply(points)
     steps_taken = np.ceil(walks.durations / strides.hold - 1e-9)
     number = np.arange(len(asked))
@@ -243,8 +211,6 @@ def test_a_map_can_be_pickled_and_has_a_slope_of_its_own():
         gpw.stride_map("lab").apply(point)
     with pytest.raises(ValueError, match="a policy acts by predict"):
         gpw.stride_map(controller=3)
-    with pytest.raises(ValueError, match="find_gait"):
-        gpw.closed_loop_gait(Actuation(0.1))
 
 
 def test_walks_under_a_policy_have_a_bifurcation_diagram_and_exponents():
@@ -267,16 +233,6 @@ def test_a_crisis_is_found_from_level_ground_on():
     strides = gpw.stride_map("D", 0.0, controller=Actuation(push_off=0.05))
     found = gpw.crisis_slope(strides, 0.0, 0.1, strides=50, walkers=2, accuracy=1e-3)
     assert 0.0 < found < 0.1
-
-
-def test_a_driven_walker_has_a_bifurcation_diagram_too():
-    strides = gpw.stride_map("lab", 0.03, controller=Actuation(hip_torque=0.1))
-    diagram = gpw.bifurcation_diagram(
-        strides, [0.03], n_transient=60, n_recorded=8, longest_period=4
-    )
-    gait = gpw.find_gait(gpw.stride_map("lab", 0.03, controller=Actuation(hip_torque=0.1)))
-    assert diagram.period.tolist() == [1]
-    assert diagram.stance_angle[0, -1] == pytest.approx(gait.stance_angle, rel=1e-8)
 
 
 @pytest.mark.parametrize("name", ["level-ppo", "rolling-ppo", "push-off-ppo"])
@@ -488,14 +444,6 @@ def test_motors_that_do_the_same_in_each_stride_act_alike_as_a_policy(drive):
     walk = [stride.state for stride in strides.walk(state, 0.009, count=2)]
     found = in_environment(policy, make_scene(scene, tolerance=1e-10), state, 2)
     np.testing.assert_allclose(found, walk, atol=1e-6)
-
-
-def test_an_optimal_gait_is_played_on_the_slope_that_is_given():
-    gait = optimal.load("level")[3]
-    given, own = (
-        gpw.stride_map(None, slope, controller=gait, scene="level") for slope in (0.01, None)
-    )
-    assert (given.slope, own.slope) == (0.01, gait.slope)
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,7 @@ import pytest
 import scipy
 
 import gym_passive_walker as gpw
+from examples.torso import TORSO
 from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import (
     BASELINES,
@@ -23,9 +24,9 @@ from gym_passive_walker.gaits.control.baselines import (
     Schedule,
     StrideFeedback,
 )
-from gym_passive_walker.gaits.control.controllers import acting, as_policy
+from gym_passive_walker.gaits.control.controllers import acting
 from gym_passive_walker.gaits.control.feedback import deadbeat, first_driven, gains, powered_gait
-from gym_passive_walker.gaits.control.maps import acting_as, calm, map_in
+from gym_passive_walker.gaits.control.maps import calm, map_in
 from gym_passive_walker.gaits.control.optimum import OptimalGait, Problem
 from gym_passive_walker.gaits.control.policy import FunctionPolicy
 from gym_passive_walker.gaits.gait import GaitNotFound
@@ -88,20 +89,20 @@ def test_a_walker_begins_a_stride_by_any_of_three_signs(feedback, begins):
     _, memory = feedback.predict(np.array([start, start]))
     _, memory = feedback.predict(np.array([mid, mid]), memory)
     said = np.array([begins == "said", False])
-    action, (_, step, angles) = feedback.predict(np.array([now, late]), memory, said)
+    action, (_, step, states) = feedback.predict(np.array([now, late]), memory, said)
     old = planned(feedback.point, feedback.rows, feedback.actions, start)
     new = planned(feedback.point, feedback.rows, feedback.actions, now)
     expected = old[2] if begins == "no" else new[0]
     np.testing.assert_allclose(action, [expected, old[2]], rtol=1e-6)
     assert step.tolist() == [2 if begins == "no" else 0, 2]
-    np.testing.assert_array_equal(angles, [now[:2], late[:2]])
+    np.testing.assert_array_equal(states, [now[:7], late[:7]])
 
 
 def test_a_memory_is_not_what_was_passed_in(feedback):
     seen = np.array([observed(0.3)])
     _, memory = feedback.predict(seen)
     seen[:] = 0.0
-    assert memory[2][0].tolist() == [0.3, -0.3]
+    assert memory[2][0, :2].tolist() == [0.3, -0.3]
     one, _ = feedback.predict(np.array(observed(0.3)))
     assert one.shape == (2,)
 
@@ -419,10 +420,10 @@ def test_controllers_are_found_in_each_form_with_their_scene():
     assert there == make_scene("steep", slope=0.1)
     with pytest.raises(ValueError, match="say in which scene this policy acts, by scene="):
         acting(lambda seen: seen[:, :1])
-    assert isinstance(as_policy(lambda seen: seen), FunctionPolicy)
+    assert isinstance(acting(lambda seen: seen, LEVEL)[0], FunctionPolicy)
     for wrong in (3, None, object()):
         with pytest.raises(ValueError, match="a policy acts by predict"):
-            as_policy(wrong)
+            acting(wrong)
 
 
 def test_a_function_acts_in_double_precision_and_returns_its_memory():
@@ -437,17 +438,20 @@ def test_a_function_acts_in_double_precision_and_returns_its_memory():
 
 REFUSED = {
     "stride_map needs a walker, a scene, or a policy": lambda: gpw.stride_map(),
-    "say of which scene this gait is": lambda: gpw.stride_map(controller=some(0.1)),
-    "a mapping of controls is a controller of a System": lambda: gpw.stride_map(
-        "lab", 0.0, controller={"hip": 1.0}
+    "say in which scene": lambda: acting(some(0.1)),
+    "the walker 'lab' has no knee; it has hip_torque, ankle": lambda: gpw.stride_map(
+        "lab", 0.0, controller={"knee": 1.0}
     ),
-    "a controller that is a mapping of controls needs a slope, no scene": lambda: gpw.stride_map(
-        "lab", controller={"hip": 1.0}
+    "an Actuation needs a walker with two legs": lambda: gpw.stride_map(
+        TORSO, 0.0, controller=gpw.Actuation(hip_torque=1.0)
+    ),
+    "an Actuation needs a walker": lambda: gpw.stride(TORSO, 0.0, TORSO.start, hip_torque=1.0),
+    "needs 0.5 of the action 'ankle', and the scene's largest is 0": lambda: acting(
+        gpw.Actuation(ankle_torque=0.5 * 9.81), {"walker": "E"}
     ),
     "a stride map is of ground that repeats": lambda: gpw.stride_map(
         "lab", 0.03, terrain=gpw.rough(0.01)
     ),
-    "closed_loop_gait needs a policy": lambda: gpw.closed_loop_gait(gpw.Actuation(hip_torque=1.0)),
     "speed must lie between 0 and 2": lambda: gpw.optimal_gait("level", 2.0),
     "speed must be": lambda: gpw.optimal_gait("level", 0.0),
     "a gait is of one slope, and this scene has those from 0.01 to 0.02": lambda: gpw.optimal_gait(
@@ -457,7 +461,7 @@ REFUSED = {
     "speeds must be speeds .* in a row": lambda: gpw.optimal_gaits("level", 0.1),
     r"speeds\[1\]": lambda: gpw.optimal_gaits("level", [0.1, -0.1]),
     'method must be "lqr" or "deadbeat"': lambda: gains(np.eye(2), np.ones((2, 1)), "fast"),
-    'pieces must be 1, or 2 with control="tick", not 3': lambda: LinearFeedback("level", pieces=3),
+    'pieces must be 1, or 2 with control="tick", not 2': lambda: LinearFeedback("steep", pieces=2),
     "action_delay=2 carries actions over": lambda: map_in(
         make_scene("level", action_delay=2), Passive()
     ),
@@ -487,24 +491,6 @@ def test_a_scene_without_disturbances_keeps_all_else():
     assert quiet.terrain_lookahead == 2
     assert (quiet.max_hip_torque, quiet.tick, quiet.walker) == (0.07, 0.21, scene.walker)
     assert calm(scene, -0.01).slope == -0.01
-
-
-@pytest.mark.parametrize(
-    "held", [(0.01, 0.0, 0.0), (-0.01, 0.002, 0.0), (0.0, -0.002, 0.03), (0.01, 0.002, 0.03)]
-)
-def test_constant_motors_as_a_policy_give_what_they_give(held):
-    walker = gpw.WALKERS["E"]
-    own = gpw.Actuation(*np.multiply(held, [9.81, 9.81, math.sqrt(9.81)]).tolist())
-    policy, scene = acting_as(gpw.stride_map(walker, 0.01, controller=own), 0.01)
-    actions, _ = policy.predict(np.array([observed(0.3)]))
-    given = {
-        name: share * scene.largest(name)
-        for name, share in zip(scene.actions, actions[0], strict=True)
-    }
-    names = ("hip", "ankle", "push_off")
-    expected = {name: value for name, value in zip(names, held, strict=True) if value}
-    assert given == pytest.approx(expected, rel=1e-6)
-    assert (scene.slope, scene.control, scene.walker) == (0.01, "stride", walker)
 
 
 def test_maps_take_slope_walker_and_gait_s_own_slope():

@@ -81,7 +81,7 @@ from gym_passive_walker.engine import cache
 from gym_passive_walker.gaits.scenes.scene import make_scene
 
 scene = make_scene("level")
-build.prepare(scene)
+build.compile_for(scene)
 before = {file.name for file in cache.cache_directory().iterdir()}
 for make in (gym.make, gym.make_vec):
     env = make("PassiveWalker-v0", scene=scene)
@@ -91,7 +91,7 @@ for make in (gym.make, gym.make_vec):
 assert not {file.name for file in cache.cache_directory().iterdir()} - before
 assert {name.split("-")[0] for name in before} >= {"kneed", "ticks.kernels_for.step"}
 subprocess.Popen = None
-build.prepare(scene)
+build.compile_for(scene)
 """
 
 

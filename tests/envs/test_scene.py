@@ -415,12 +415,12 @@ def test_a_system_is_another_name_of_the_walker():
             make_scene(scene, **changes)
     assert make_scene(system=DRIVEN).walker is DRIVEN is make_scene({"system": DRIVEN}).walker
     straight = make_scene(end_on_toe_stub=False)
-    assert make_scene(straight, system=DRIVEN).own_system is DRIVEN
-    assert make_scene(make_scene(system=DRIVEN), walker="C").own_system is None
+    assert make_scene(straight, system=DRIVEN).walker is DRIVEN
+    assert make_scene(make_scene(system=DRIVEN), walker="C").walker == WALKERS["C"]
     with pytest.raises(SceneError, match=r"system must be a gpw.System, not 'C'"):
         make_scene(system="C")
     with pytest.raises(SceneError, match="is no scene: give its arguments"):
         make_scene(DRIVEN)
     for name, value in (("constraints", {"friction": "end"}), ("observe_body", "foot_radius")):
-        with pytest.raises(SceneError, match=f"{name} need a walker with two legs"):
+        with pytest.raises(SceneError, match=f"`{name}` needs a walker with two legs"):
             make_scene(system=DRIVEN, **{name: value})

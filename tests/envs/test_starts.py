@@ -12,7 +12,6 @@ from gym_passive_walker.gaits.scenes import rules, starts
 from gym_passive_walker.gaits.scenes.scene import SCENES, Scene, SceneError, make_scene
 from gym_passive_walker.gaits.scenes.starts import (
     REFERENCE_SLOPES,
-    checked_state,
     gait_near,
     known_gaits,
     searched_gait,
@@ -113,25 +112,25 @@ def test_a_walker_without_any_gait_says_so(monkeypatch):
 )
 def test_what_is_no_upright_walker_is_refused(state, message):
     with pytest.raises(ValueError, match=message):
-        checked_state(state, WALKERS["C"])
+        WALKERS["C"].checked_state(state)
 
 
 @pytest.mark.parametrize("name", [name for name, walker in WALKERS.items() if walker.knees])
 def test_a_state_just_after_heelstrike_is_a_start_though_its_knee_would_bend_too_far(name):
     state = find_gait(name, 0.036).state.copy()
     state[5] = state[4] + 0.1
-    assert checked_state(state.tolist(), WALKERS[name])[:3] == tuple(state[:3])
+    assert WALKERS[name].checked_state(state.tolist())[:3] == tuple(state[:3])
 
 
 def test_a_start_is_given_in_the_walkers_units_and_kept_dimensionless():
     walker, state = WALKERS["lab"], find_gait("lab", 0.036).state
     own = walker.units.to_dimensionless(state)
-    np.testing.assert_allclose(checked_state(state, walker), own, rtol=1e-14)
+    np.testing.assert_allclose(walker.checked_state(state), own, rtol=1e-14)
     assert not np.allclose(own[3:], state[3:])
 
 
 def test_the_shank_of_a_straight_leg_is_ignored():
-    state = checked_state([0.2, -0.2, 9.0, -1.0, 0.5, 9.0], WALKERS["A"])
+    state = WALKERS["A"].checked_state([0.2, -0.2, 9.0, -1.0, 0.5, 9.0])
     assert state[2] == state[1] and state[5] == state[4]
 
 
@@ -244,12 +243,12 @@ def test_angles_of_a_start_are_below_their_limits(entry, limit, name):
             if entry == 2 and sign > 0.0:
                 given[1] = np.nextafter(np.pi, 0.0)
             if valid:
-                assert checked_state(given, WALKERS[name])[entry] == given[entry]
+                assert WALKERS[name].checked_state(given)[entry] == given[entry]
             else:
                 with pytest.raises(ValueError, match="has fallen"):
-                    checked_state(given, WALKERS[name])
+                    WALKERS[name].checked_state(given)
     equal = [0.1, -0.1, -0.1, -1.0, 0.5, 0.6]
-    assert checked_state(equal, WALKERS["C"])[:3] == (0.1, -0.1, -0.1)
+    assert WALKERS["C"].checked_state(equal)[:3] == (0.1, -0.1, -0.1)
 
 
 def test_a_search_finds_long_gaits_in_dimensionless_units():

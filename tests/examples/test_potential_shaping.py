@@ -165,7 +165,7 @@ def test_the_shorter_the_ticks_the_nearer_the_law():
         env = gymnasium.make("PassiveWalker-v0", **policy.scene)
         seen, info = env.reset(seed=0)
         while not info.get("strides"):
-            seen, _, terminated, _, info = env.step(policy.predict(seen)[0])
+            seen, _, terminated, _, info = env.step(policy(seen).astype(np.float32))
             assert not terminated
         errors.append(np.abs(seen[:6] - start).max())
     np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 2.0, rtol=0.2)
@@ -183,7 +183,7 @@ def test_shaped_walkers_do_not_mind_a_new_slope_at_each_episode():
     strides = np.zeros(8, int)
     assert np.ptp(seen[:, 7]) > 0.05
     while strides.min() < 10:
-        seen, _, terminated, _, infos = envs.step(policy.predict(seen)[0])
+        seen, _, terminated, _, infos = envs.step(policy(seen).astype(np.float32))
         assert not terminated.any()
         strides = infos["strides"]
 
@@ -195,7 +195,7 @@ def test_the_stride_map_of_held_torques_has_the_twin_s_multipliers(name):
     errors = []
     for tick in (0.02, 0.01):
         held = HeldTorques(shaping, slope=0.0, tick=tick)
-        walks = find_gait(stride_map(controller=held.act, scene=held.scene), guess=gait.state)
+        walks = find_gait(stride_map(controller=held), guess=gait.state)
         assert walks.stance_angle == pytest.approx(gait.stance_angle, rel=1e-2)
         errors.append(abs(walks.multipliers[0] - gait.multipliers[0]))
     assert errors[1] < 0.6 * errors[0] < 0.02

@@ -240,20 +240,6 @@ def test_a_controller_of_once_a_stride_walks_in_the_environment(action):
             np.testing.assert_allclose(speeds, speed, rtol=1e-5)
 
 
-def test_one_observation_is_decided_as_in_a_batch():
-    gait = kuo_gait()
-    policy = SpeedControl(scene(KUO, "push_off"), 0.36)
-    seen = np.zeros((3, 8), np.float32)
-    seen[:, :6] = KUO.units.to_dimensionless(gait.state)
-    seen[:, 3] *= [0.9, 1.0, 1.1]
-    together, _ = policy.predict(seen)
-    assert together.shape == (3, 1) and together.dtype == np.float32
-    for one, action in zip(seen, together, strict=True):
-        alone, _ = policy.predict(one)
-        assert alone.shape == (1,)
-        np.testing.assert_array_equal(alone, action)
-
-
 def test_the_map_under_linear_feedback_is_exact_and_has_the_closed_loop_s_derivative():
     gait = find_gait(D, 0.009)
     policy = ActuationFeedback(scene(D, "hip", 0.009, max_hip_torque=1.0), gait, "lqr")

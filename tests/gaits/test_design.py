@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples.torso import TORSO
 from gym_passive_walker import WALKERS, GaitNotFound, find_gait, optimize_walker, tune
 
 MOVED = ("thigh_com", "shank_com", "thigh_offset", "shank_offset", "foot_radius")
@@ -162,3 +163,10 @@ def test_the_gait_of_a_straight_walker_has_no_knee_margin():
         optimize_walker(
             WALKERS["A"], "knee_margin", ["foot_radius"], [(0.1, 0.3)], slope=0.02, maximize=True
         )
+
+
+def test_bounds_with_walkers_that_have_no_gait_are_named():
+    with pytest.raises(
+        gpw.GaitNotFound, match="came to values of leg with which no gait of system"
+    ):
+        gpw.optimize_walker(TORSO, "speed", ("leg",), [(-0.05, 0.15)], slope=0.03, iterations=40)

@@ -13,12 +13,11 @@ import pytest
 import gym_passive_walker as gpw
 from gym_passive_walker.apps.sweeps.description import Description
 from gym_passive_walker.apps.sweeps.tasks import task
-from gym_passive_walker.gaits.control.controllers import acting
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.terrain import terrain_from
 from gym_passive_walker.models.walkers import as_walker, describe, name_of
 from tests.options.effects import plain
-from tests.options.test_functions import OF_D, OPTIONS, STEEP, Later
+from tests.options.test_functions import OF_D, OPTIONS, Later
 
 WALKERS = ("walker", "a", "b")
 BESIDE = {"robustness": ("controller",)}
@@ -133,19 +132,6 @@ def test_walks_environments_and_sweeps_take_ground_in_each_form(given):
 def test_a_slope_is_any_number(slope):
     assert gpw.find_gait("D", slope).slope == 0.01
     assert gym.make("PassiveWalker-v0", slope=slope).unwrapped.scene.slope == 0.01
-
-
-def test_a_controller_is_what_acts_its_name_or_its_folder():
-    folder = gpw.envs.policies.policy_folder("level-ppo")
-    seen = np.zeros((3, 8), np.float32)
-    for given in ("level-ppo", folder, str(folder), gpw.load_policy("level-ppo")):
-        policy, scene = acting(given)
-        assert scene == make_scene("level")
-        assert np.array_equal(policy.predict(seen)[0], gpw.load_policy(folder).predict(seen)[0])
-    named = gpw.closed_loop_gait("lqr", "steep")
-    assert np.array_equal(named.state, gpw.closed_loop_gait(STEEP.value(), "steep").state)
-    with pytest.raises(ValueError, match="level-ppo"):
-        gpw.closed_loop_gait("nobody")
 
 
 def test_a_gait_is_a_walker_on_its_slope_in_its_state():

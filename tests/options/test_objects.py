@@ -54,6 +54,17 @@ def closed():
     return gpw.closed_loop_gait(baselines.LinearFeedback("steep"), "steep")
 
 
+def refused(function):
+    """A function that returns the message with which another one refuses its arguments."""
+
+    def message(**arguments):
+        with pytest.raises(ValueError) as error:
+            function(**arguments)
+        return str(error.value)
+
+    return message
+
+
 def walks(**parameters):
     """The stride of a walker with these parameters."""
     return gpw.stride(gpw.Walker(**parameters), 0.03, [0.3, -0.3, -0.4, -1.3, -0.6, -0.3])
@@ -163,11 +174,32 @@ OPTIONS = {
     **{
         f"{kind.__name__}.{method}": Call(getattr(of, method), {}, {}, of=getattr(kind, method))
         for kind, of in ((gpw.System, COMPASS), (gpw.Walker, gpw.WALKERS["lab"]))
-        for method in ("constants", "units_with", "with_parameters")
+        for method in ("constants", "mass_with", "units_with", "with_parameters")
     },
     "Walker.with_body": Call(
         gpw.WALKERS["lab"].with_body, {"values": {"hip_mass": 0.6}}, {"values": {"hip_mass": 0.7}}
     ),
+    **{
+        f"{kind.__name__}.checked_state": Call(
+            refused(of.checked_state),
+            {"state": [2.0, *[0.0] * (of.size - 1)], "name": "state"},
+            {"state": [3.0, *[0.0] * (of.size - 1)], "name": "start"},
+            of=kind.checked_state,
+        )
+        for kind, of in ((gpw.System, COMPASS), (gpw.Walker, gpw.WALKERS["lab"]))
+    },
+    **{
+        f"{kind.__name__}.check_values": Call(
+            refused(of.check_values),
+            {"names": (names[0],), "values": np.array([[-1.0]])},
+            {"names": (names[1],), "values": np.array([[-2.0]])},
+            of=kind.check_values,
+        )
+        for kind, of, names in (
+            (gpw.System, COMPASS, ("hip", "leg")),
+            (gpw.Walker, gpw.WALKERS["lab"], ("hip_mass", "thigh_mass")),
+        )
+    },
     "System.vary": Call(COMPASS.vary, {}, {}, of=gpw.System.vary),
     "System.with_body": Call(COMPASS.with_body, {"values": {"hip": 0.6}}, {"values": {"hip": 0.7}}),
     "System.centre_of_mass": Call(
@@ -325,6 +357,12 @@ OPTIONS = {
             gait=Later(lambda: baselines.optimal.load("level")[1]),
         ),
         of=baselines.Schedule,
+    ),
+    "Held": Call(
+        made(baselines.Held),
+        dict(scene="lab", held={"hip_torque": 0.1}),
+        dict(scene=Later(lambda: make_scene("lab", max_hip_torque=0.07)), held=gpw.Actuation(0.2)),
+        of=baselines.Held,
     ),
     "gains": Call(
         gains,

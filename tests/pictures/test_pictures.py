@@ -15,7 +15,6 @@ from matplotlib import colors
 from matplotlib.figure import Figure
 
 import gym_passive_walker as gpw
-from examples.five_links import FIVE_LINKS
 from gym_passive_walker.gaits.branches.bifurcation import BifurcationDiagram
 from gym_passive_walker.gaits.branches.doubling import Cascade
 from gym_passive_walker.gaits.robust.basin import FELL, UNSETTLED, Basin
@@ -249,12 +248,11 @@ def test_the_portrait_and_the_angles_of_a_walk_are_dimensionless(gait):
     assert over_time.figure.get_suptitle().endswith("slope 0.036 rad, strides: 2")
 
 
-def test_each_coordinate_of_a_system_has_a_line_of_its_own():
-    parts = portrait.parts_of(FIVE_LINKS, "abcdefghi")
+def test_each_coordinate_has_a_line_of_its_own():
+    parts = portrait.parts_of("abcdefghi")
     assert [name for name, _, _ in parts] == list("abcdefghi")
     assert len({(colour, dash) for _, colour, dash in parts}) == 9
-    assert [part[1:] for part in parts[:3]] == [part[1:] for part in portrait.ANGLE_STYLES]
-    assert {colour for _, colour, _ in parts} == {colour for _, colour, _ in portrait.ANGLE_STYLES}
+    assert len({colour for _, colour, _ in parts}) == 3
 
 
 @pytest.mark.parametrize(("strides", "drawn"), [(12, True), (13, False)])

@@ -300,3 +300,11 @@ def test_the_gait_and_multipliers_of_a_page_are_pythons(run, name, slope):
     assert found["state"] == pytest.approx(units.to_dimensionless(gait.state), abs=1e-8)
     multipliers = sorted(abs(complex(*each)) for each in found["multipliers"])[-2:]
     assert multipliers == pytest.approx(np.sort(np.abs(gait.multipliers))[-2:], abs=1e-5)
+
+
+def test_a_search_of_a_page_ends_where_newtons_step_has_any_length(run):
+    """Between two families the matrix is nearly singular: a step of more than 50 is asked for."""
+    slope = 0.09626752948760986
+    assert run({"what": "gait", "walker": "lab", "slope": slope}) == [None]
+    with pytest.raises(gpw.GaitNotFound):
+        gpw.find_gait("lab", slope)

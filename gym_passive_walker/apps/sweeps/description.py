@@ -15,6 +15,7 @@ import numpy as np
 from gym_passive_walker._tools.arguments import number, unknown, whole
 from gym_passive_walker._tools.loading import is_file, read_content
 from gym_passive_walker.gaits.scenes.scene import kept_argument
+from gym_passive_walker.models.model import Model, check_supports
 
 HOW = ("grid", "list", "sobol", "latin-hypercube")
 _SAMPLERS = {"sobol": "Sobol", "latin-hypercube": "LatinHypercube"}  # in scipy.stats.qmc
@@ -162,6 +163,7 @@ def _plain(value: Any) -> Any:
     """Return a value as plain JSON."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
-    if hasattr(value, "__dataclass_fields__"):  # a walker
-        return asdict(value)
+    if isinstance(value, Model):
+        check_supports(value, "sweeps")
+        return asdict(value)  # type: ignore[arg-type]
     raise ValueError(f"a sweep takes numbers, words, lists and walkers, not {value!r}")

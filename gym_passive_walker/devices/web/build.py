@@ -17,9 +17,9 @@ from gym_passive_walker._tools.progress import compiling
 from gym_passive_walker.devices.web import code, container, page_data
 from gym_passive_walker.engine import cache, machine
 from gym_passive_walker.engine.layout import NARROW, layout_of
+from gym_passive_walker.engine.own import system as own
 from gym_passive_walker.envs.policies import TENSORS, policy_folder, shipped_policies
 from gym_passive_walker.gaits.gait import Gait
-from gym_passive_walker.models.walkers import Mechanism
 
 _ROOT = Path(__file__).parent
 PACKAGE = _ROOT / "package"
@@ -115,7 +115,7 @@ def data() -> bytes:
     return found
 
 
-def system_module(system: Mechanism, gait: Gait | None = None) -> bytes:
+def system_module(system: own.System, gait: Gait | None = None) -> bytes:
     """Return the WebAssembly module of a user's system; cached by its equations.
 
     Args:
@@ -164,7 +164,7 @@ def files() -> dict[str, bytes]:
     return found
 
 
-def build(folder: str | Path, systems: Mapping[str, Mechanism | Gait] | None = None) -> Path:
+def build(folder: str | Path, systems: Mapping[str, own.System | Gait] | None = None) -> Path:
     """Write the JavaScript package into a folder, ready for a page or for npm.
 
     Args:
@@ -176,19 +176,19 @@ def build(folder: str | Path, systems: Mapping[str, Mechanism | Gait] | None = N
         ValueError: if a name is not that of a file, or a value is not a system.
         WebError: if the modules cannot be compiled here.
     """
-    own = {}
+    made = {}
     for name, given in ({} if systems is None else systems).items():
         if not re.fullmatch(r"[\w-]+", name):
             raise ValueError(f"systems: {name!r} must be letters, digits, '-' and '_'")
         gait = given if isinstance(given, Gait) else None
         system = given if gait is None else gait.walker
-        if not isinstance(system, Mechanism):
+        if not isinstance(system, own.System):
             raise ValueError(
                 f"systems[{name!r}] must be a gpw.System or a gait of one, not {shown(given)}"
             )
-        own[f"systems/{name}.wasm"] = system_module(system, gait)
+        made[f"systems/{name}.wasm"] = system_module(system, gait)
     folder = Path(folder)
-    for name, content in (files() | own).items():
+    for name, content in (files() | made).items():
         place = folder / name
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_bytes(content)

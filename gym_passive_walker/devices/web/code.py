@@ -17,13 +17,13 @@ from gym_passive_walker.engine.compiled import OF_LANE, OF_LANES, phases_of, wri
 from gym_passive_walker.engine.layout import NARROW, WIDE, Layout
 from gym_passive_walker.engine.machine import context
 from gym_passive_walker.engine.native import Emitter, Function, Memory, Module
+from gym_passive_walker.engine.own import system as own
 from gym_passive_walker.engine.own.stated import StatementError
 from gym_passive_walker.envs.constraints import HOOK, equipped, push_code
 from gym_passive_walker.models.equations import bodies, kneed, simplest, straight
 from gym_passive_walker.models.equations.hybrid import System
 from gym_passive_walker.models.equations.systems import SYSTEMS
 from gym_passive_walker.models.expressions import Expression
-from gym_passive_walker.models.walkers import Mechanism
 from gym_passive_walker.models.walkers.walker import PARAMETERS
 from gym_passive_walker.pictures.pose import hip_over, joints
 
@@ -192,7 +192,7 @@ def _called(module: Module, *names: str) -> str:
     return text
 
 
-def code_of_system(system: Mechanism) -> list[str]:
+def code_of_system(system: own.System) -> list[str]:
     """Return the texts of a user's system: its equations, and the lines that show it."""
     lines = [len(line) for line in system.drawn(np.zeros(2 * system.coordinates))]
     module = Module(fuses=False, group=1)
@@ -207,7 +207,7 @@ def code_of_system(system: Mechanism) -> list[str]:
     return [*equations(variants(system), pushed=pushed(system)), _called(module, "pose")]
 
 
-def variants(system: Mechanism) -> list[System]:
+def variants(system: own.System) -> list[System]:
     """Return a user's system, and its form for uneven ground if it has one."""
     try:
         return [system.hybrid, system.uneven]
@@ -215,12 +215,12 @@ def variants(system: Mechanism) -> list[System]:
         return [system.hybrid]
 
 
-def pushed(system: Mechanism) -> bool:
+def pushed(system: own.System) -> bool:
     """Return whether a user's system can be pushed in all of its phases."""
     return all(phase.push is not None for phase in system.hybrid.phases)
 
 
-def _pose(system: Mechanism, given: Memory, points: Memory) -> None:
+def _pose(system: own.System, given: Memory, points: Memory) -> None:
     """Write the points of a system's lines."""
     body = type(system.body)(*given.entries("body"))
     found = system.lines(body, system.State(*given.entries("state")))

@@ -12,6 +12,7 @@ import numpy as np
 from gym_passive_walker._version import __version__
 from gym_passive_walker.devices.web import kernels, system_kernels
 from gym_passive_walker.engine.layout import layout_of
+from gym_passive_walker.engine.own import system as own
 from gym_passive_walker.engine.run import options
 from gym_passive_walker.envs import disturbance_kernels, task
 from gym_passive_walker.envs.batch import rules_of
@@ -22,7 +23,7 @@ from gym_passive_walker.gaits.scenes.checks import CHECKS
 from gym_passive_walker.gaits.scenes.scene import SCENES, make_scene
 from gym_passive_walker.gaits.scenes.starts import REFERENCE_SLOPES, searched_gait
 from gym_passive_walker.models.equations.hybrid import Outcome, System
-from gym_passive_walker.models.walkers import WALKERS, Mechanism
+from gym_passive_walker.models.walkers import WALKERS
 from gym_passive_walker.models.walkers.presets import ABOUT
 from gym_passive_walker.models.walkers.walker import PARAMETERS
 
@@ -73,7 +74,7 @@ def of_module(kind: System, variants: tuple[str, ...], end: int) -> bytes:
     return _noted(kind, end, content)
 
 
-def of_system(system: Mechanism, end: int, variants: Sequence[System], gait: Gait | None) -> bytes:
+def of_system(system: own.System, end: int, variants: Sequence[System], gait: Gait | None) -> bytes:
     """Return the notes of the module of a user's system, as JSON.
 
     Args:

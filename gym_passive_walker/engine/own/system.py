@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.engine import compiled
 from gym_passive_walker.engine.machine import group
@@ -25,10 +25,12 @@ from gym_passive_walker.engine.own.mechanics import (
 )
 from gym_passive_walker.engine.own.stated import Stated, StatementError, stated
 from gym_passive_walker.engine.own.statement import push_of
+from gym_passive_walker.models.chart import Whole
 from gym_passive_walker.models.equations import hybrid
 from gym_passive_walker.models.equations.hybrid import SMOOTH, Ground, Guard, Outcome, Watch
-from gym_passive_walker.models.equations.systems import register_system
-from gym_passive_walker.models.walkers import Mechanism
+from gym_passive_walker.models.equations.systems import UNEVEN, register_system
+from gym_passive_walker.models.model import Actuator, Model, check_row, constants_from
+from gym_passive_walker.models.units import Units
 
 _FUNCTIONS = (
     "links", "landing", "relabel", "falls", "counts", "potential", "dissipation", "forces",
@@ -61,7 +63,7 @@ def _falls_of(equations: hybrid.System) -> dict[str, Callable[[Any, Any], Any]]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class System(Mechanism):
+class System(Model):
     """A user's walker, stated by the positions of its masses and its landing foot, or by equations.
 
     From `links`, `landing`, `relabel` and `falls` follow equations of motion, the plastic impact at
@@ -127,6 +129,11 @@ class System(Mechanism):
     mass: float = 1.0
     centre: Any = None
     _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
+    knees = massless_legs = False
+    leg_length = gravity = time_unit = 1.0
+    foot_radius = 0.0
+    units = Units(1.0, 1.0, 1.0, 1.0)
+    supports: ClassVar[frozenset[str]] = frozenset()
 
     def __post_init__(self) -> None:
         if self.given is not None:
@@ -208,16 +215,107 @@ class System(Mechanism):
         return self.__dict__ | {"_made": {}}  # what is compiled stays in its process
 
     @property
-    def title(self) -> str:  # type: ignore[override]
+    def title(self) -> str:
         """Its name."""
         return self.name
+
+    @property
+    def size(self) -> int:
+        """Numbers of a state."""
+        return 2 * self.coordinates
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the numbers of a state."""
+        return self.State._fields  # type: ignore[attr-defined]
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of its coordinates in pictures."""
+        return tuple(name.replace("_", " ") for name in self.state_names[: self.coordinates])
+
+    @property
+    def kind(self) -> str:
+        """Name of its equations."""
+        return self.hybrid.name
+
+    @property
+    def chart(self) -> Whole:
+        """Coordinates of its states just after heelstrike."""
+        return Whole(self.size)
+
+    @property
+    def weight(self) -> float:
+        """Weight; gravity is 1."""
+        return self.total_mass
 
     @property
     def controls(self) -> tuple[str, ...]:
         """Names of its controls."""
         return self.Control._fields  # type: ignore[attr-defined]
 
-    def drawn(self, state: Sequence[float]) -> list[NDArray[np.float64]]:
+    @property
+    def control_units(self) -> NDArray[np.float64]:
+        """Units of the controls: 1."""
+        return np.ones(len(self.controls))
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of what actuators hold, as derivatives by them are named."""
+        return tuple(f"control {name}" for name in self.controls)
+
+    @property
+    def actuators(self) -> tuple[Actuator, ...]:
+        """What actions of environments may move."""
+        return tuple(
+            Actuator(name, self.limits.get(name, "max_hip_torque"), f"control {name!r}")
+            for name in self.controls
+        )
+
+    @property
+    def observed(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of each number of the environments' own observation."""
+        return (*((name, "") for name in self.state_names), ("slope, positive downhill", "rad"))
+
+    @property
+    def endings(self) -> dict[str, str]:
+        """Outcomes by which an episode ends in a fall, and when."""
+        return dict.fromkeys(self.falls, "a rule of the system's falls")
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Fields of `body` by name."""
+        return self.body._asdict()
+
+    def with_parameters(self, **values: float) -> System:
+        """Return a system with other values of some fields of `body`, as `vary` does."""
+        return self.vary(**values)
+
+    def check_values(self, names: Sequence[str], values: NDArray) -> None:
+        """Check that systems may have each row of values (n, k) of fields of `body`.
+
+        A check is slow, so it is that of rows with an extreme value.
+
+        Raises:
+            StatementError: if one may not.
+        """
+        rows = values[np.unique([values.argmin(axis=0), values.argmax(axis=0)])]
+        for row in set(map(tuple, rows.tolist())):
+            check_row(self, tuple(names), row)
+
+    def units_with(self, **values: ArrayLike) -> Units:
+        """Return the units, on which the body has no effect."""
+        return self.units
+
+    def equations(self, using: Collection[str] = ()) -> hybrid.System:
+        """Return the equations of motion, for uneven ground if a change of it is in use."""
+        return self.hybrid if set(UNEVEN).isdisjoint(using) else self.uneven
+
+    def constants(self, **values: ArrayLike) -> NDArray[Any]:
+        """Return the constants of systems that differ in some, (1 or n, constants)."""
+        return constants_from(self.body._replace(**values))
+
+    def drawn(self, state: Any) -> list[NDArray[np.float64]]:
         """Lines of points (x, y) that show a state (2 m,), each of shape (points, 2)."""
         return [np.array(line, dtype=float) for line in self.lines(self.body, self.State(*state))]
 
@@ -278,25 +376,47 @@ class System(Mechanism):
         bounds = (g for g in self.hybrid.phases[0].guards if g.watch == Watch.BOUND)
         return all(float(guard.falls(self.body, given, SMOOTH)) > 0.0 for guard in bounds)
 
+    def checked_state(
+        self, state: Sequence[float], name: str = "options['state']"
+    ) -> tuple[float, ...]:
+        """Return a user's state (2 m,) after a check that it has not fallen.
+
+        Raises:
+            ValueError: if it has fallen, or is no state.
+        """
+        given = np.asarray(state, dtype=float)
+        if given.shape != (self.size,) or not np.all(np.isfinite(given)):
+            raise ValueError(
+                f"{name} must be {self.size} finite numbers, coordinates and their rates, not "
+                f"{state!r}"
+            )
+        if not self.standing(given.tolist()):
+            raise ValueError(f"{name} is of a walker that has fallen: {given.tolist()}")
+        return tuple(given.tolist())
+
     @property
     def coordinates(self) -> int:
         """Number m of its coordinates."""
         return len(self.State._fields) // 2  # type: ignore[attr-defined]
 
     @property
-    def total_mass(self) -> float:  # type: ignore[override]
+    def total_mass(self) -> float:
         """Its mass, which is also its weight."""
-        return float(self._centre(self.body, self.State(*[0.0] * (2 * self.coordinates)))[0])
+        return float(self.mass_with())
+
+    def mass_with(self, **values: Any) -> Any:
+        """Return the mass of systems that differ in some fields of `body`."""
+        return self._centre(self.body._replace(**values), self.State(*[0.0] * self.size))[0]
 
     @property
-    def hybrid(self) -> hybrid.System:  # type: ignore[override]
+    def hybrid(self) -> hybrid.System:
         """The hybrid system that the engine compiles."""
         if "hybrid" not in self._made:
             self._made["hybrid"] = _registered(self.given or self._stated())
         return self._made["hybrid"]
 
     @property
-    def uneven(self) -> hybrid.System:  # type: ignore[override]
+    def uneven(self) -> hybrid.System:
         """The same on footholds of different heights."""
         if self.given is not None and "height_change" in self.given.absent:
             raise StatementError(

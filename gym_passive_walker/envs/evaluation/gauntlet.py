@@ -20,8 +20,8 @@ from gym_passive_walker.gaits.control.controllers import (
     ControllerLike,
     SceneLike,
     acting,
-    as_policy,
 )
+from gym_passive_walker.gaits.control.policy import policy_name
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import name_of
@@ -148,10 +148,7 @@ def gauntlet(
     depends on the controller and on the number of walkers alone.
 
     Args:
-        controller: A trained policy, its name or its path (a folder, an ONNX file, or a file of
-            stable-baselines3); the name of a feedback; an object with `predict(observation, state,
-            episode_start, deterministic)`; or a function or a torch module from observations
-            (n, size) to actions (n, actions).
+        controller: Any controller of `stride_map`.
         scene: Scene that the tests change; the controller's own if None.
         walkers: Walks in each test.
 
@@ -167,31 +164,22 @@ def gauntlet(
         'reached the time limit'
     """
     count = whole(walkers, "walkers", 1, 100_000)
-    _, own = acting(controller, scene)
+    policy, own = acting(controller, scene)
     check_supports(own.walker, "gauntlet")
     walks: dict[str, Walks] = {}
     with progress("tests", len(TESTS)) as done:
         for name, changes in TESTS.items():
             there = make_scene(own, **changes)
-            policy, _ = acting(controller, there)
-            walks[name] = evaluate(policy, _arena(there, count), seed=SEED)
+            walks[name] = evaluate(controller, _arena(there, count), seed=SEED)
             done()
-    title = controller if isinstance(controller, str) else _title(controller)
-    return Gauntlet(title, own, walks)
+    named = isinstance(controller, str | PathLike)
+    return Gauntlet(str(controller) if named else policy_name(policy), own, walks)
 
 
 def _arena(scene: Scene, count: int) -> PassiveWalkerVectorEnv:
     """Walkers with episodes that end after TIME."""
     steps = TIME / scene.tick if scene.control == "tick" else TIME / 3.0
     return PassiveWalkerVectorEnv(count, scene, max_episode_steps=max(1, round(steps)))
-
-
-def _title(controller: Any) -> str:
-    """Name of a controller that is given as an object or a path."""
-    if isinstance(controller, PathLike):
-        return str(controller)
-    policy = as_policy(controller)
-    return getattr(policy, "name", None) or type(policy).__name__
 
 
 def _interval(hits: NDArray) -> tuple[float, float]:

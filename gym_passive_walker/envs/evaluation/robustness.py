@@ -21,7 +21,7 @@ from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.control.baselines import Passive
 from gym_passive_walker.gaits.control.controllers import ControllerLike, SceneLike, acting
 from gym_passive_walker.gaits.control.maps import acting_as, map_in
-from gym_passive_walker.gaits.control.policy import Policy
+from gym_passive_walker.gaits.control.policy import Policy, policy_name
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.robust.basin import narrowed
@@ -34,7 +34,7 @@ from gym_passive_walker.gaits.terrain import Terrain, rough
 from gym_passive_walker.models.walkers import (
     Walker,
     WalkerLike,
-    as_any,
+    as_walker,
     is_walker,
     name_of,
 )
@@ -216,7 +216,7 @@ def robustness(
         changes = {} if slope is None else {"slope": slope}
         policy, tried = acting(controller, scene, **changes)  # type: ignore[arg-type]
         tried = make_scene(tried, **_alone(tried))
-        name = getattr(policy, "name", type(policy).__name__)
+        name = policy_name(policy)
     roughness = number(roughness, "roughness", least=0.0, most=1e3)
     strides, starts = whole(strides, "strides", 1, KEPT), whole(starts, "starts", 2, KEPT)
     seed = seed_number(seed)
@@ -279,7 +279,7 @@ def _scene_of(controller: WalkerLike, scene: Any, slope: float | None) -> Scene:
     if scene is None and slope is None:
         raise ValueError("a passive walker needs a slope: robustness('C', slope=0.05)")
     changes: dict[str, Any] = {} if slope is None else {"slope": slope}
-    passive = as_any(controller)
+    passive = as_walker(controller)
     walker = {"walker": passive, "end_on_toe_stub": False} if scene is None else {}
     found = make_scene({} if scene is None else scene, **walker, **changes)
     if scene is not None and found.walker != passive:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker.envs.evaluation.steps import steps
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
-from gym_passive_walker.gaits.control.policy import Policy
+from gym_passive_walker.gaits.control.controllers import ControllerLike, acting
 
 HUNDRED = 100
 """Strides after which a walk counts as long."""
@@ -136,15 +136,16 @@ def _median(values: NDArray) -> float:
     return float(np.median(values)) if len(values) else float("nan")
 
 
-def evaluate(policy: Policy, arena: VectorEnv, *, seed: int) -> Walks:
+def evaluate(policy: ControllerLike, arena: VectorEnv, *, seed: int) -> Walks:
     """Simulate one episode of an agent in each environment of a batch.
 
     Args:
-        policy: The agent; it acts deterministically.
+        policy: The agent, any controller of `stride_map`; it acts deterministically.
         arena: A native batch in its usual "NextStep" mode, each lane an episode.
         seed: Seed of the first episode, the next ones follow. The same seed is the same starts
             and the same slopes, for every controller.
     """
+    acts, _ = acting(policy, arena.scene)  # type: ignore[attr-defined]
     count = arena.num_envs
     sums = {name: np.zeros(count) for name in ("length", "duration", *_WORK)}
     reward, distance, strides = np.zeros((3, count))
@@ -153,7 +154,7 @@ def evaluate(policy: Policy, arena: VectorEnv, *, seed: int) -> Walks:
     slopes = arena.slopes  # type: ignore[attr-defined]
     under_way = np.ones(count, bool)
     with progress("steps of each walk", MAX_EPISODE_STEPS) as taken:
-        for step in steps(policy, arena, observations):
+        for step in steps(acts, arena, observations):
             taken()
             infos = step.infos
             reward[under_way] += step.rewards[under_way]

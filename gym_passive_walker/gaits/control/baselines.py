@@ -7,22 +7,30 @@ stable-baselines3 does.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker._tools.arguments import number, unknown
+from gym_passive_walker.gaits.actuation import (
+    PASSIVE,
+    Actuation,
+    one_actuation,
+    to_dimensionless,
+)
 from gym_passive_walker.gaits.control import optimal
-from gym_passive_walker.gaits.control.feedback import Method, gains, powered_gait
+from gym_passive_walker.gaits.control.feedback import Method, by_inputs, gains, powered_gait
 from gym_passive_walker.gaits.control.optimal import OptimalGait
-from gym_passive_walker.gaits.control.policy import Policy
+from gym_passive_walker.gaits.control.policy import Policy, StridePlan
 from gym_passive_walker.gaits.control.ticks import ticked_stride
+from gym_passive_walker.gaits.find.fixed_point import find_gait
+from gym_passive_walker.gaits.scenes.rules import CHANNELS
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.gaits.section import Section
-
-_STANDS = 1e-5  # rad, in single precision: legs that mirror each other have just changed roles
-_SWAPPED = 0.1  # rad: angles of both legs jump by more where they change roles on uneven ground
+from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.models.walkers import describe, name_of
 
 
 class ConstantTorque:
@@ -70,11 +78,8 @@ class Passive(ConstantTorque):
         super().__init__(0.0, "level" if scene is None else scene)
 
 
-class StrideFeedback:
+class StrideFeedback(StridePlan):
     """The actions of a stride, set at its start by how far the walker is from a gait.
-
-    The policy's `state` says which actions a walker's stride has, how far it has come, and the last
-    angles of stance leg and swing thigh.
 
     Args:
         name: Name of the policy.
@@ -87,18 +92,15 @@ class StrideFeedback:
 
     Attributes:
         scene: The scene.
-        every: Whether each observation is at the start of a stride, as with control="stride".
     """
 
     def __init__(
         self, name: str, scene: Scene, point: NDArray, actions: NDArray, rows: NDArray | None = None
     ) -> None:
-        self.name, self.scene, self.point = name, scene, point
-        self.every = scene.control == "stride"
-        self.actions = actions.reshape(len(actions), -1)
+        super().__init__(scene, name=name)
+        self.point, self.actions = point, actions.reshape(len(actions), -1)
         rows = np.zeros((self.actions.size, len(point))) if rows is None else rows
         self.rows = rows.reshape(*self.actions.shape, -1)
-        self._seen = scene.walker.chart.coordinates
 
     def plan(self, points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
         """Actions of strides, (n, N, actions), that start at points (n, m), on any slope."""
@@ -110,36 +112,73 @@ class StrideFeedback:
         plan = self.plan(points, slopes)
         return -self.rows * (np.abs(plan) < 1.0)[..., None], np.zeros_like(plan)
 
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: tuple[NDArray, ...] | None = None,
-        episode_start: ArrayLike | None = None,
-        deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], tuple[NDArray, ...] | None]:
-        """The action of a step: of new actions just after heelstrike, else of those under way.
 
-        Args:
-            observation: One observation or a batch.
-            state: Memory that the last call returned; None at the beginning.
-            episode_start: Whether each walker has just begun an episode.
-            deterministic: Ignored; actions are deterministic.
-        """
-        seen = np.atleast_2d(np.asarray(observation, dtype=float))
-        plan = self.plan(seen[:, self._seen], seen[:, 7])
-        step = np.zeros(len(seen), int)
-        if state is not None:
-            # A heelstrike raises the stance angle and lowers the swing angle; a stride does not.
-            jump = seen[:, :2] - state[2]
-            begun = (jump[:, 0] > _SWAPPED) & (jump[:, 1] < -_SWAPPED) | self.every
-            begun |= np.max(np.abs(seen[:, :1] + seen[:, 1:3]), axis=1) < _STANDS
-            if episode_start is not None:
-                begun |= np.asarray(episode_start, dtype=bool)
-            plan = np.where(begun[:, None, None], plan, state[0])
-            step = np.where(begun, 0, np.minimum(state[1] + 1, plan.shape[1] - 1))
-        action = plan[np.arange(len(plan)), step].astype(np.float32)
-        angles = seen[:, :2].copy()
-        return action.reshape(*np.shape(observation)[:-1], plan.shape[2]), (plan, step, angles)
+class Held(StrideFeedback):
+    """Torques and a push-off that are equal in each stride.
+
+    Args:
+        scene: A `Scene`, its name, or a mapping of its arguments.
+        held: An `Actuation`, or a mapping of a walker's controls to values, in the walker's units.
+
+    Raises:
+        ValueError: if the walker has no such control, or the scene permits less.
+    """
+
+    def __init__(
+        self, scene: Scene | str | dict[str, Any], held: Actuation | Mapping[str, float]
+    ) -> None:
+        scene = make_scene(scene)
+        given = _channels(scene.walker, held)
+        largest = {name: scene.largest(name) for name in scene.actions}
+        for name, value in given.items():
+            if abs(value) > (1.0 + 1e-12) * largest.get(name, 0.0):
+                raise ValueError(
+                    f"{held} needs {abs(value):.6g} of the action {name!r}, and the scene's "
+                    f"largest is {largest.get(name, 0.0):.6g}: choose a scene with more"
+                )
+        shares = [given.get(name, 0.0) / (most or 1.0) for name, most in largest.items()]
+        point = np.zeros(scene.walker.chart.dimension)
+        super().__init__(str(held), scene, point, np.array([shares]))
+
+
+def held_by(walker: Any, held: Actuation | Mapping[str, float] | None) -> Actuation | Mapping:
+    """Return what actuators hold in each stride, in a walker's own units, after a check.
+
+    Returns:
+        An `Actuation`; or controls of a `System` by name, if one of them is not zero.
+
+    Raises:
+        ValueError: if the walker has no such control.
+    """
+    if isinstance(held, Mapping):
+        own = "actuation" not in walker.supports
+        names = walker.controls if own else Actuation._fields
+        if strange := unknown(held, names, f"the walker {name_of(walker)!r}"):
+            raise ValueError(strange)
+        held = {name: number(held.get(name, 0.0), name) for name in names}
+        if own:
+            return held if any(held.values()) else PASSIVE
+        held = Actuation(**held)
+    return PASSIVE if held is None or held is PASSIVE else one_actuation(walker, held)
+
+
+def _channels(walker: Any, held: Actuation | Mapping[str, float]) -> Mapping[str, float]:
+    """Return what is held by a scene's actions, dimensionless."""
+    found = held_by(walker, held)
+    if isinstance(found, Mapping):
+        return found
+    return dict(zip(CHANNELS, to_dimensionless(walker.units, found), strict=True))
+
+
+def holding(walker: Any, slope: Any, held: Actuation | Mapping, **changes: Any) -> Scene:
+    """Return the scene in which what is held is the largest, for walkers that are not passive."""
+    most = {name: abs(value) for name, value in _channels(walker, held).items() if value}
+    if "actuation" in walker.supports:
+        limits: dict[str, Any] = {each.name: each.limit for each in walker.actuators}
+        changes |= {"actions": tuple(most)} | {limits[name]: x for name, x in most.items()}
+    else:
+        changes["max_hip_torque"] = max(most.values()) / walker.total_mass
+    return make_scene(walker=walker, slope=slope, control="stride", **changes)
 
 
 class Schedule(StrideFeedback):
@@ -165,6 +204,8 @@ class Schedule(StrideFeedback):
 
 class LinearFeedback(StrideFeedback):
     """Linear feedback by one or two torques a stride, which stabilizes the gait.
+
+    Of a `System` it is feedback by the scene's controls, once a stride, of its passive gait.
 
     Args:
         scene: A `Scene`, its name, or a mapping of its arguments; of a range of slopes, the gains
@@ -197,21 +238,44 @@ class LinearFeedback(StrideFeedback):
                 f"control={scene.control!r}"
             )
         walker, slope = scene.walker, float(np.mean(scene.slope))
-        self.gait = powered_gait(walker, slope)
-        point = Section(walker=walker).points_at(self.gait.state)[0]
-        torque = self.gait.hip_torque / walker.units.torque
-        free = ticked_stride(walker, slope, point, np.array([torque]), tick=np.inf)
-        count = 1 if scene.control == "stride" else math.ceil(free.duration / scene.tick)
-        torques = np.full(count, torque)
-        walked = ticked_stride(walker, slope, point, torques, tick=scene.tick)
-        # Which ticks belong to which piece.
-        held = np.eye(pieces)[np.arange(count) * pieces // count]
-        by_torque = walked.by_torque @ held
-        answer = gains(walked.by_point, by_torque, method, torque_weight=torque_weight)
-        self.closed_loop = walked.by_point - by_torque @ answer
-        name = {"lqr": "LQR", "deadbeat": "deadbeat"}[method] + (", two torques" * (pieces - 1))
-        scale = scene.max_hip_torque
-        super().__init__(name, scene, point, torques / scale, held @ answer / scale)
+        largest = np.array([scene.largest(name) for name in scene.actions])
+        if not largest.any():
+            raise ValueError(
+                f"feedback works actuators, and this scene has none that works: {describe(walker)} "
+                "needs a control, and the scene a largest torque above 0"
+            )
+        if "actuation" in walker.supports:
+            if scene.actions != ("hip",):
+                raise ValueError(
+                    f"linear feedback works the hip alone, not {', '.join(scene.actions)}: choose "
+                    'a scene with actions=("hip",)'
+                )
+            self.gait = powered_gait(walker, slope)
+            point, scale = Section(walker=walker).points_at(self.gait.state)[0], largest[0]
+            torque = self.gait.hip_torque / walker.units.torque
+            free = ticked_stride(walker, slope, point, np.array([torque]), tick=np.inf)
+            count = 1 if scene.control == "stride" else math.ceil(free.duration / scene.tick)
+            torques = np.full(count, torque)
+            walked = ticked_stride(walker, slope, point, torques, tick=scene.tick)
+            # Which ticks belong to which piece.
+            held = np.eye(pieces)[np.arange(count) * pieces // count]
+            by_point, by_held, plan = walked.by_point, walked.by_torque @ held, torques / scale
+        else:
+            if scene.control != "stride":
+                raise ValueError(
+                    f"feedback of {describe(walker)} chooses controls once a stride: give it a "
+                    'scene with control="stride"'
+                )
+            strides = StrideMap.of(walker, slope=slope)
+            self.gait = gait = find_gait(strides)
+            inputs = [walker.inputs[walker.controls.index(name)] for name in scene.actions]
+            by_point, by_control = by_inputs(strides, gait.point.values, inputs)
+            by_held, held, scale = by_control * largest, np.eye(len(largest)), 1.0
+            point, plan = gait.point.values[0], np.zeros((1, len(largest)))
+        answer = gains(by_point, by_held, method, torque_weight=torque_weight)
+        self.closed_loop = by_point - by_held @ answer
+        name = {"lqr": "LQR"}.get(method, method) + ", two torques" * (pieces - 1)
+        super().__init__(name, scene, point, plan, held @ answer / scale)
 
 
 class Optimal(StrideFeedback):

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,7 +22,8 @@ from gym_passive_walker._tools.progress import progress
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.actuation import for_each
 from gym_passive_walker.gaits.control.baselines import StrideFeedback
-from gym_passive_walker.gaits.control.ticks import Choice, Steps, follow, hold
+from gym_passive_walker.gaits.control.policy import method_of, policy_name
+from gym_passive_walker.gaits.control.ticks import Choice, Steps, follow
 from gym_passive_walker.gaits.flow import (
     Walkers,
     go_on,
@@ -34,6 +35,7 @@ from gym_passive_walker.gaits.flow import (
 )
 from gym_passive_walker.gaits.map_result import imbalance, product
 from gym_passive_walker.gaits.scenes import rules
+from gym_passive_walker.gaits.scenes.rules import bounds_of
 from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.gaits.stride import Stride, account
@@ -48,9 +50,77 @@ _SETTLING, _BESIDE = 100, 15  # strides and walkers before a search begins
 _FAR = 0.1  # how far from the start these are, as a share of it
 
 
-def _has(agent: Any, method: str) -> bool:
-    """Return whether a controller has a method; an attribute of that name may be another thing."""
-    return callable(getattr(agent, method, None))
+class _Asked(NamedTuple):
+    """What a controller is asked for in a control step.
+
+    Attributes:
+        records: Records of the walkers, (n, 1).
+        slopes: Slope in rad, (n,).
+        step: Number of control steps that the stride has had.
+        seeds: Tangents of the stride's start; none without derivatives.
+        ahead: Changes to the footholds ahead; smooth when None.
+    """
+
+    records: NDArray
+    slopes: NDArray
+    step: int
+    seeds: Seeds
+    ahead: NDArray | None = None
+
+
+class _Planning:
+    """A controller that plans each stride where it begins; its memory is the plan."""
+
+    recalls, single = True, False
+
+    def __init__(self, agent: Any) -> None:
+        self.plan, self.plan_by = agent.plan, method_of(agent, "plan_by")
+        self.exact = self.plan_by is not None
+
+    def choose(self, strides: ControlledMap, asked: _Asked, memory: Any) -> tuple[Choice, Any]:
+        """Return actions and the plan."""
+        if asked.step == 0:
+            points, seeds = strides.point(strides.states_of(asked.records)), asked.seeds
+            plan, by = np.asarray(self.plan(points, asked.slopes)), None
+            if seeds.points.shape[2]:
+                by_point, by_slope = self.plan_by(points, asked.slopes)  # type: ignore[misc]
+                by = by_point @ seeds.points[:, None] + by_slope[..., None] * seeds.slope
+            memory = plan, by
+        plan, by = memory
+        now = min(asked.step, plan.shape[1] - 1)
+        return Choice(plan[:, now], along=None if by is None else by[:, now]), memory
+
+
+class _Observing:
+    """A controller that acts in each control step; what it remembers starts with each stride."""
+
+    def __init__(self, agent: Any) -> None:
+        self.predict, self.linearize = agent.predict, method_of(agent, "linearize")
+        self.exact = self.linearize is not None
+        # A torch module has a method of this name.
+        self.single = not self.exact and getattr(agent, "double", False) is not True
+        # A memory is of all walkers, also of those with strides that have ended.
+        self.recalls = not self.exact
+        self.mean = method_of(agent, "mean_actions")  # of `linearize`, in a tenth of its time
+
+    def choose(self, strides: ControlledMap, asked: _Asked, memory: Any) -> tuple[Choice, Any]:
+        """Return actions and the controller's memory."""
+        seen, seeds = strides.observed(asked.records, asked.slopes, asked.ahead), asked.seeds
+        if self.linearize is None:
+            if self.single:
+                seen = seen.astype(np.float32)  # as the environment gives it
+            begun = np.full(len(seen), asked.step == 0)
+            actions, memory = self.predict(seen, memory, begun, deterministic=True)
+            return Choice(actions), memory
+        if not seeds.points.shape[2] and self.mean:
+            return Choice(self.mean(seen)), None
+        actions, by_seen = self.linearize(seen)
+        inside = (
+            np.abs(strides.states_of(asked.records)) < bounds_of(strides.walker)[: strides.size]
+        )
+        by_state = by_seen[:, :, : strides.size] * inside[:, None]
+        along = by_seen[:, :, len(strides.walker.observed) - 1, None] * seeds.slope
+        return Choice(actions, by_state, along), None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,8 +130,9 @@ class ControlledMap(StrideMap):
     Attributes:
         agent: The controller. It has `plan(points, slopes)`, actions (n, steps, actions) of a
             stride from where that begins, and perhaps `plan_by`, their derivatives; or
-            `linearize(observation)`, actions with their derivatives; or `predict(observation,
-            state, episode_start, deterministic)`. What it remembers starts again with each stride.
+            `predict(observation, state, episode_start, deterministic)`, and perhaps
+            `linearize(observation)`, actions with their derivatives. What it remembers starts again
+            with each stride.
         scene: Scene that gives the actuators, their limits and the control step.
         spread: Distance of differences, over the usual one.
     """
@@ -81,7 +152,12 @@ class ControlledMap(StrideMap):
     @property
     def controller_name(self) -> str:
         """Name of the controller."""
-        return str(getattr(self.agent, "name", type(self.agent).__name__))
+        return policy_name(self.agent)
+
+    @cached_property
+    def _acts(self) -> _Planning | _Observing:
+        """The controller, as it is asked in each control step."""
+        return (_Planning if method_of(self.agent, "plan") else _Observing)(self.agent)
 
     @property
     def passive(self) -> bool:
@@ -91,7 +167,7 @@ class ControlledMap(StrideMap):
     @property
     def exact(self) -> bool:
         """Whether derivatives are exact: the controller has a derivative."""
-        return _has(self.agent, "plan_by" if _has(self.agent, "plan") else "linearize")
+        return self._acts.exact
 
     def coarser(self) -> Self:
         """Return this map with differences over twice the distance, to estimate their error."""
@@ -100,26 +176,18 @@ class ControlledMap(StrideMap):
     @property
     def remembers(self) -> bool:
         """Whether the controller returns a memory, which it would take along to the next stride."""
-        if _has(self.agent, "plan") or self.exact:
+        if method_of(self.agent, "plan"):
             return False
         slopes = np.array([self.chosen(None)])
-        states = self.state(self.beginning(slopes))
-        return self.act(self._begun(states, slopes), slopes, None, 0) is not None
-
-    @property
-    def _single(self) -> bool:
-        """Whether the controller observes in single precision."""
-        return not (
-            self.exact
-            or _has(self.agent, "plan")
-            # A torch module has a method of this name.
-            or getattr(self.agent, "double", False) is True
+        records = self._begun(self.state(self.beginning(slopes)), slopes)
+        return (
+            self._choice(_Asked(records, slopes, 0, self.seeds(1, (), None)), None)[1] is not None
         )
 
     @property
     def closes(self) -> float:
         """The largest violation of the equations of a gait at which its strides close."""
-        return 1e-4 if self._single else 1e-9
+        return 1e-4 if self._acts.single else 1e-9
 
     @property
     def hold(self) -> float:
@@ -135,6 +203,12 @@ class ControlledMap(StrideMap):
     def _motors(self) -> list[int]:
         """Index of each action among the scene's channels."""
         return [self.scene.channels.index(name) for name in self.scene.actions]
+
+    @cached_property
+    def _bounds(self) -> NDArray[np.float64]:
+        """What the action 1 is, and the smallest action, of each action, (2, actions)."""
+        bounds = self.scene.largest, self.scene.least
+        return np.array([[of(name) for name in self.scene.actions] for of in bounds])
 
     @cached_property
     def _inputs(self) -> list[str]:
@@ -292,7 +366,7 @@ class ControlledMap(StrideMap):
             return found, ended
         size = np.abs(change).max(axis=1)
         size[:, list(seeds.moving.values())] += 1.0
-        steps = self.spread * _SHIFTS[self._single] / np.where(size > 0.0, size, 1.0)  # (n, k)
+        steps = self.spread * _SHIFTS[self._acts.single] / np.where(size > 0.0, size, 1.0)  # (n, k)
         count, still = steps.shape[1], Seeds(np.zeros((n * steps.shape[1], m, 0)), {})
         results = []
         for shifts in (steps, -steps):
@@ -340,24 +414,24 @@ class ControlledMap(StrideMap):
             ahead: Changes to the footholds ahead, as for `look`; smooth when None.
         """
         memory: Any = None
-        moving = {} if seeds is None else seeds.moving
-        # A memory is of all walkers, also of those with strides that have ended.
-        recalls = _has(self.agent, "plan") or not self.exact
+        seeds, recalls = seeds or self.seeds(len(states), (), None), self._acts.recalls
 
         def choose(chosen: NDArray, records: NDArray, number: int, on: NDArray) -> Choice:
             nonlocal memory
             if not recalls:
                 chosen, records = chosen[on], records.take(on, axis=0)
-            own = None if seeds is None else Seeds(seeds.points[chosen], moving)
             seen = ahead[chosen] if np.ndim(ahead) == 2 else ahead  # type: ignore[index]
-            choice, memory = self._choice(records, slopes[chosen], memory, number, own, seen)
+            own = Seeds(seeds.points[chosen], seeds.moving)
+            choice, memory = self._choice(
+                _Asked(records, slopes[chosen], number, own, seen), memory
+            )
             return choice._make(x if x is None else x[on] for x in choice) if recalls else choice
 
         return follow(
             self.walkers, self._begun(states, slopes, rises, turns), choose,
             motors=self._inputs, tick=self.hold,
             max_stride_time=self.scene.max_stride_time, lanes=lanes, chosen=chosen,
-            change=change if seeds and seeds.points.shape[2] else None, moving=moving,
+            change=change if seeds.points.shape[2] else None, moving=seeds.moving,
         )  # fmt: skip
 
     def _begun(
@@ -369,64 +443,12 @@ class ControlledMap(StrideMap):
             layout=layout_of(self.walkers.system()),
         )  # fmt: skip
 
-    def act(self, records: NDArray, slopes: NDArray, memory: Any, step: int) -> Any:
-        """Apply the controller's actions of a control step, in place.
-
-        Args:
-            records: Records of the walkers, (n, 1).
-            slopes: Slope in rad, (n,).
-            memory: Result of the last call; None at the start of a stride.
-            step: Number of control steps that the stride has had.
-
-        Returns:
-            The controller's memory.
-        """
-        choice, memory = self._choice(records, slopes, memory, step)
-        hold(records, self._motors, choice.held)
-        return memory
-
-    def _choice(
-        self, records: NDArray, slopes: NDArray, memory: Any, step: int,
-        seeds: Seeds | None = None, ahead: NDArray | None = None,
-    ) -> tuple[Choice, Any]:  # fmt: skip
+    def _choice(self, asked: _Asked, memory: Any) -> tuple[Choice, Any]:
         """Return the controls of a control step, and the controller's memory."""
-        agent, n = self.agent, len(records)
-        seeds = seeds or Seeds(np.zeros((n, self.dimension, 0)), {})
-        width = seeds.points.shape[2]
-        by_slope, by_state, along = np.zeros(width), None, None
-        if "slope" in seeds.moving:
-            by_slope[seeds.moving["slope"]] = 1.0
-        if _has(agent, "plan"):
-            if step == 0:
-                points = self.point(self._states(records))
-                plan, by = np.asarray(agent.plan(points, slopes)), None
-                if width:
-                    by_point, by_ground = agent.plan_by(points, slopes)
-                    by = by_point @ seeds.points[:, None] + by_ground[..., None] * by_slope
-                memory = plan, by
-            plan, by = memory
-            now = min(step, plan.shape[1] - 1)
-            actions, along = plan[:, now], None if by is None else by[:, now]
-        else:
-            seen = self._observed(records, slopes, ahead)
-            if not width and _has(agent, "mean_actions"):
-                actions = agent.mean_actions(seen)  # those of `linearize`, in a tenth of its time
-            elif self.exact:
-                actions, by_seen = agent.linearize(seen)
-                clipped_at = self.scene.clipped_at
-                inside = np.abs(self._states(records)) < clipped_at
-                by_state = by_seen[:, :, : self.size] * inside[:, None]
-                slope = self.scene.place_of_slope
-                along = by_seen[:, :, slope, None] * by_slope
-            else:
-                if self._single:
-                    seen = seen.astype(np.float32)  # as the environment gives it
-                begun = np.full(n, step == 0)
-                actions, memory = agent.predict(seen, memory, begun, deterministic=True)
-        largest = np.array([self.scene.largest(name) for name in self.scene.actions])
-        least = np.array([self.scene.least(name) for name in self.scene.actions])
-        actions, shape = np.asarray(actions, dtype=float), (n, len(largest))
-        if actions.size != n * len(largest) or not np.all(np.isfinite(actions)):
+        (actions, by_state, along), memory = self._acts.choose(self, asked, memory)
+        largest, least = self._bounds
+        actions, shape = np.asarray(actions, dtype=float), (len(asked.records), len(largest))
+        if actions.size != math.prod(shape) or not np.all(np.isfinite(actions)):
             raise ValueError(
                 f"{self.controller_name} must return actions of shape {shape}, one for each of "
                 f"{', '.join(self.scene.actions)}, all finite, not {shown(actions)}"
@@ -437,7 +459,7 @@ class ControlledMap(StrideMap):
         by_state, along = (x if x is None else free * x for x in (by_state, along))
         return Choice(held, by_state, along), memory
 
-    def _observed(
+    def observed(
         self, records: NDArray, slopes: NDArray, ahead: NDArray | None
     ) -> NDArray[np.float64]:
         """Return the controller's observations, as in the environment, (n, size)."""
@@ -449,11 +471,11 @@ class ControlledMap(StrideMap):
         changes = rows.reshape(len(rows), scene.terrain_lookahead, 2).transpose(1, 2, 0)
         command = None if scene.command is None else np.mean(scene.command)
         seen = rules.observed(
-            scene, self._states(records).T, locked, slopes, command, changes, body
+            scene, self.states_of(records).T, locked, slopes, command, changes, body
         )  # fmt: skip
         return np.stack(np.broadcast_arrays(*seen), axis=1, dtype=float)
 
-    def _states(self, records: NDArray) -> NDArray[np.float64]:
+    def states_of(self, records: NDArray) -> NDArray[np.float64]:
         """States of walkers, (n, 6)."""
         return states_in(records[:, 0], self.size // 2)
 

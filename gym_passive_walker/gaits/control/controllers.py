@@ -10,74 +10,114 @@ from typing import Any, TypeAlias
 
 from gym_passive_walker._tools.arguments import near, shown
 from gym_passive_walker._tools.loading import POLICIES
-from gym_passive_walker.gaits.control.baselines import BASELINES
-from gym_passive_walker.gaits.control.policy import FunctionPolicy, ModulePolicy, Policy, is_module
+from gym_passive_walker.gaits.actuation import Actuation
+from gym_passive_walker.gaits.control.baselines import BASELINES, Held, Schedule
+from gym_passive_walker.gaits.control.optimum import OptimalGait
+from gym_passive_walker.gaits.control.policy import (
+    FunctionPolicy,
+    ModulePolicy,
+    Planner,
+    Policy,
+    StridePlan,
+    is_module,
+    method_of,
+    policy_name,
+)
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 
-ControllerLike: TypeAlias = Policy | Callable[..., Any] | str | PathLike[str]
+ControllerLike: TypeAlias = (
+    Policy | Planner | Callable[..., Any] | str | PathLike[str]
+    | Actuation | Mapping[str, Any] | OptimalGait
+)  # fmt: skip
 """Type of controller arguments; see `acting`."""
 
 SceneLike: TypeAlias = Scene | str | Mapping[str, Any]
 
 
-def as_policy(controller: ControllerLike) -> Policy:
-    """Return a controller from any form that it may be given in, apart from baselines.
-
-    Args:
-        controller: The name or the path of a trained policy, as `load_policy` reads it; an object
-            with `predict(observation, state, episode_start, deterministic)`; a torch module or a
-            function, from observations (n, size) to actions (n, actions).
-
-    Raises:
-        ValueError: if there is no such controller, or it cannot act.
-    """
-    if isinstance(controller, str | PathLike):
-        try:
-            named = controller if isinstance(controller, str) else Path(controller)
-            return import_module(POLICIES[0]).load_policy(named)
-        except ValueError:
-            if Path(controller).suffix or not (like := near(controller, BASELINES)):
-                raise
-            raise ValueError(
-                f"no controller {shown(controller)}{like}: give a feedback, one of "
-                f"{', '.join(BASELINES)}, or the name or path of a trained policy"
-            ) from None
-    if callable(getattr(controller, "predict", None)):
-        return controller  # type: ignore[return-value]
-    if is_module(controller):
-        return ModulePolicy(controller)
-    if callable(controller):
-        return FunctionPolicy(controller)
-    raise ValueError(
-        "a policy acts by predict(observation, ...), as what gpw.load_policy returns; or it is a "
-        "function or a torch module from observations (n, size) to actions (n, actions); the path "
-        "of an ONNX file (.onnx) or of a file of stable-baselines3 (.zip); or a name, one of "
-        f"{', '.join(BASELINES)} or of a trained policy; not {shown(controller)}"
-    )
-
-
 def acting(
-    controller: ControllerLike, scene: SceneLike | None = None, **changes: Any
+    controller: ControllerLike,
+    scene: SceneLike | None = None,
+    *,
+    usual: SceneLike | None = None,
+    **changes: Any,
 ) -> tuple[Policy, Scene]:
     """Return a controller from any form that it may be given in, and the scene in which it acts.
 
     Args:
-        controller: The name of one of `BASELINES`, or what `as_policy` takes.
+        controller: The name of one of `BASELINES`; the name or the path of a trained policy, as
+            `load_policy` reads it; an object with `predict(observation, state, episode_start,
+            deterministic)`, or with `plan(points, slopes)`, see `StridePlan`; a torch module or a
+            function, from observations (n, size) to actions (n, actions); an `Actuation`, or a
+            mapping of names of a walker's controls to values, equal in each stride; or an
+            `OptimalGait`, of which torques and push-off are applied without feedback.
         scene: A `Scene`, its name, or a mapping of its arguments. None is the controller's own
             scene, or "level" for a baseline.
+        usual: Scene of a controller without a scene; None refuses it.
         **changes: Arguments of `Scene` that replace the scene's own.
 
     Raises:
         ValueError: if there is no such controller, it cannot act, or has no scene.
     """
     if isinstance(controller, str) and controller in BASELINES:
-        where = with_changes("level" if scene is None else scene, changes)
-        return BASELINES[controller](where), where
-    policy = as_policy(controller)
-    scene = getattr(policy, "scene", None) if scene is None else scene
+        made: Callable[[Scene], Policy] = BASELINES[controller]
+        usual = "level"
+    else:
+        if isinstance(controller, str | PathLike):
+            controller = _loaded(controller)
+        made = _form(controller)
+        if isinstance(controller, OptimalGait):
+            usual, changes = None, {"slope": controller.slope} | changes
+    if scene is None:
+        scene = getattr(controller, "scene", None) or usual
     if scene is None:
         raise ValueError("say in which scene this policy acts, by scene=")
-    return policy, with_changes(scene, changes)
+    there = with_changes(scene, changes)
+    return made(there), there
+
+
+def _form(controller: Any) -> Callable[[Scene], Policy]:
+    """Return the function that makes a policy of a controller for a scene.
+
+    Raises:
+        ValueError: if it cannot act.
+    """
+    if isinstance(controller, Actuation | Mapping):
+        return lambda scene: Held(scene, controller)
+    if isinstance(controller, OptimalGait):
+        return lambda scene: Schedule(scene, controller)
+    if method_of(controller, "predict"):
+        return lambda scene: controller
+    if plan := method_of(controller, "plan"):
+        plan_by, name = method_of(controller, "plan_by"), policy_name(controller)
+        return lambda scene: StridePlan(scene, plan, plan_by, name)
+    if is_module(controller):
+        return lambda scene: ModulePolicy(controller)
+    if callable(controller):
+        return lambda scene: FunctionPolicy(controller)
+    raise ValueError(
+        "a policy acts by predict(observation, ...), as what gpw.load_policy returns, or plans by "
+        "plan(points, slopes); or it is a function or a torch module from observations (n, size) "
+        "to actions (n, actions); an Actuation, a mapping of controls, or an OptimalGait; the path "
+        "of an ONNX file (.onnx) or of a file of stable-baselines3 (.zip); or a name, one of "
+        f"{', '.join(BASELINES)} or of a trained policy; not {shown(controller)}"
+    )
+
+
+def _loaded(name: str | PathLike[str]) -> Policy:
+    """Return a trained policy by its name or path.
+
+    Raises:
+        ValueError: if there is none.
+    """
+    try:
+        return import_module(POLICIES[0]).load_policy(name if isinstance(name, str) else Path(name))
+    except ValueError:
+        if Path(name).suffix or not (like := near(name, BASELINES)):
+            raise
+        raise ValueError(
+            f"no controller {shown(name)}{like}: give a feedback, one of "
+            f"{', '.join(BASELINES)}, or the name or path of a trained policy"
+        ) from None
 
 
 def with_changes(scene: SceneLike, changes: Mapping[str, Any]) -> Scene:

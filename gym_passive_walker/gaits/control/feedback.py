@@ -7,7 +7,7 @@ of the torques held through the pieces of the stride. Both matrices are exact de
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ from gym_passive_walker.gaits.actuation import Actuation, to_own
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.find.newton import newton
 from gym_passive_walker.gaits.find.search import seek
+from gym_passive_walker.gaits.flow import flow, states_in
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.walkers import Walker
@@ -124,6 +125,25 @@ def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> N
     if not found.sizes[0] < _SETTLED:
         raise GaitNotFound("Newton's method did not settle")
     return strides.states_at(found.points)[0]
+
+
+def by_inputs(
+    strides: StrideMap, points: NDArray, inputs: Sequence[str]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return derivatives of a stride's end on the section by its start and by held controls.
+
+    Args:
+        strides: The stride map, with its slope.
+        points: The start, (1, m).
+        inputs: Names of k of the walker's `inputs`.
+
+    Returns:
+        Shapes (m, m) and (m, k).
+    """
+    slope = strides.chosen(None)
+    walked = flow(strides.walkers, strides.state(points), slope, by=("point", *inputs))
+    ends = strides.point(states_in(walked.records, strides.size // 2))[0, 1:]
+    return ends[: strides.dimension].T, ends[strides.dimension :].T
 
 
 def gains(

@@ -8,42 +8,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gym_passive_walker._tools.arguments import check_tolerance, number, one_slope, unknown
-from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, one_actuation
-from gym_passive_walker.gaits.control.baselines import BASELINES, Schedule, StrideFeedback
+from gym_passive_walker._tools.arguments import check_tolerance, one_slope, shown
+from gym_passive_walker.gaits.actuation import Actuation
+from gym_passive_walker.gaits.control.baselines import held_by, holding
 from gym_passive_walker.gaits.control.controlled import ControlledMap
-from gym_passive_walker.gaits.control.controllers import (
-    ControllerLike,
-    SceneLike,
-    acting,
-    as_policy,
-)
-from gym_passive_walker.gaits.control.optimum import OptimalGait
+from gym_passive_walker.gaits.control.controllers import ControllerLike, SceneLike, acting
 from gym_passive_walker.gaits.control.policy import Policy
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
-from gym_passive_walker.gaits.scenes.scene import (
-    CHANNELS,
-    UNDISTURBED,
-    Scene,
-    make_scene,
-    undisturbed,
-)
+from gym_passive_walker.gaits.scenes.scene import UNDISTURBED, Scene, make_scene, undisturbed
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, terrain_from
-from gym_passive_walker.models.model import check_supports
-from gym_passive_walker.models.walkers import (
-    WalkerLike,
-    as_any,
-    check_heights_only,
-)
+from gym_passive_walker.models.model import check_heights_only
+from gym_passive_walker.models.walkers import WalkerLike, as_walker
 
 
 def stride_map(
     walker: WalkerLike | None = None,
     slope: float | None = None,
     *,
-    controller: ControllerLike | Actuation | OptimalGait | Mapping | None = None,
+    controller: ControllerLike | None = None,
     scene: SceneLike | None = None,
     terrain: TerrainLike | None = None,
     tolerance: float = 1e-12,
@@ -65,14 +49,15 @@ def stride_map(
         walker: The walker, in a form that `as_walker` takes; the scene's when None.
         slope: Slope in rad; the scene's, or the middle of its range, when None. Without a scene it
             may be left to the analysis.
-        controller: What works the motors: None for a passive walker; an `Actuation`, the same in
-            each stride; a mapping of a `System`'s controls to what they hold; an `OptimalGait` (its
-            torques are applied without feedback); a trained policy, a baseline, or the name of
-            either; the path of a policy that `load_policy` reads, such as an ONNX file; any object
-            with `predict(observation, state, episode_start, deterministic)`; or a function or a
-            torch module from observations (n, 8) to actions (n, actions). What it remembers starts
-            again with each stride. A `System` is observed by its state, the slope and the scene's
-            command, (n, 2 m + 1) without a command.
+        controller: What works the motors: None for a passive walker; an `Actuation`, or a mapping
+            of its parts or of a `System`'s controls to values, the same in each stride; an
+            `OptimalGait` (its torques are applied without feedback); a trained policy, a baseline,
+            or the name of either; the path of a policy that `load_policy` reads, such as an ONNX
+            file; any object with `predict(observation, state, episode_start, deterministic)` or
+            `plan(points, slopes)`; or a function or a torch module from observations (n, 8) to
+            actions (n, actions). What it remembers starts again with each stride. A `System` is
+            observed by its state, the slope and the scene's command, (n, 2 m + 1) without a
+            command.
         scene: Which motors a controller has, how strong they are and how long its actions are
             held, in a form that `make_scene` takes; the policy's own or "level" when None. Its
             disturbances are left out.
@@ -89,73 +74,32 @@ def stride_map(
         ValueError: if the controller cannot act, or an argument is out of its range.
     """
     tolerance, ground = check_tolerance(tolerance), _repeating(terrain)
-    if isinstance(controller, Mapping):
-        if scene is not None or slope is None:
-            raise ValueError("a controller that is a mapping of controls needs a slope, no scene")
-        controller, scene = _held(walker, controller)
-    if controller is None or isinstance(controller, Actuation):
-        if scene is not None and walker is None:
-            walker = make_scene(scene).walker
-        if scene is not None and slope is None:
-            slope = float(np.mean(make_scene(scene).slope))
-        if walker is None:
+    heights_only = 0.0 if ground is None else ground.slopes
+    if controller is None or isinstance(controller, Actuation | Mapping):
+        there = None if scene is None else make_scene(scene)
+        if there is not None and slope is None:
+            slope = float(np.mean(there.slope))
+        if walker is None and there is None:
             raise ValueError("stride_map needs a walker, a scene, or a policy")
-        own, held = as_any(walker), controller or PASSIVE
-        if held is not PASSIVE:
-            check_supports(own, "actuation")
-        check_heights_only(own, 0.0 if ground is None else ground.slopes)
-        return StrideMap.of(
-            own, slope=None if slope is None else one_slope(slope), tolerance=tolerance,
-            controller=held if held is PASSIVE else one_actuation(own, held), terrain=ground,
-        )  # fmt: skip
-    named: Any = controller
-    if isinstance(named, OptimalGait):
-        if scene is None:
-            raise ValueError("say of which scene this gait is, by scene=")
-        slope = named.slope if slope is None else slope
-        named = Schedule(make_scene(scene), named)
-    changes: dict[str, Any] = {} if walker is None else {"walker": as_any(walker)}
-    if isinstance(named, str) and named in BASELINES:
-        if slope is not None:
-            changes["slope"] = one_slope(slope)  # it is made for this slope
-    else:
-        named = as_policy(named)
-    if scene is None:
-        scene = getattr(named, "scene", None) or "level"
-    acts, there = acting(named, scene, **changes)  # type: ignore[arg-type]
-    there = calm(there, slope)
-    check_heights_only(there.walker, 0.0 if ground is None else ground.slopes)
+        own = as_walker(there.walker if walker is None else walker)  # type: ignore[union-attr]
+        held = held_by(own, controller)
+        if isinstance(held, Actuation):
+            check_heights_only(own, heights_only)
+            return StrideMap.of(
+                own, slope=None if slope is None else one_slope(slope), tolerance=tolerance,
+                controller=held, terrain=ground,
+            )  # fmt: skip
+        scene = holding(own, slope, held) if scene is None else scene
+    changes: dict[str, Any] = {} if walker is None else {"walker": as_walker(walker)}
+    if slope is not None:
+        changes["slope"] = one_slope(slope)  # feedback is made for this slope
+    agent, there = acting(controller, scene, usual="level", **changes)  # type: ignore[arg-type]
+    there = calm(there)
+    check_heights_only(there.walker, heights_only)
     return ControlledMap(
-        walker=there.walker, slope=float(np.mean(there.slope)), agent=acts, scene=there,
+        walker=there.walker, slope=there.slope, agent=agent, scene=there,  # type: ignore[arg-type]
         tolerance=tolerance, terrain=ground,
     )  # fmt: skip
-
-
-def _held(walker: Any, controls: Mapping[str, Any]) -> tuple[Policy | None, Scene | None]:
-    """Return constant controls of a `System` as a policy, and its scene.
-
-    Both are None if all controls are zero.
-
-    Raises:
-        ValueError: if the walker is no `System`, or has no such control.
-    """
-    if walker is None or "actuation" in as_any(walker).supports:
-        raise ValueError(
-            "a mapping of controls is a controller of a System; give an Actuation for others"
-        )
-    if strange := unknown(controls, walker.controls, f"system {walker.title!r}"):
-        raise ValueError(strange)
-    held = {name: number(value, name) for name, value in controls.items() if value}
-    if not held:
-        return None, None
-    needed = max(map(abs, held.values())) / walker.total_mass
-    scene = make_scene(walker=walker, slope=0.0, control="stride", max_hip_torque=needed)
-    largest = [scene.largest(name) for name in scene.actions]
-    shares = [[held.get(name, 0.0) / x for name, x in zip(scene.actions, largest, strict=True)]]
-    if np.max(np.abs(shares)) > 1.0 + 1e-12:
-        raise ValueError(f"the limits of system {walker.title!r} are smaller than {dict(held)}")
-    point = np.zeros(walker.size)
-    return StrideFeedback("held controls", scene, point, np.array(shares)), scene
 
 
 def _repeating(terrain: TerrainLike | None) -> Terrain | None:
@@ -193,7 +137,7 @@ def closed_loop_gait(
         (True, 0.325)
 
     Args:
-        policy: A baseline, a trained policy, or any other controller of `stride_map` that observes.
+        policy: A baseline, a trained policy, or any other controller of `stride_map`.
         scene: A `Scene`, its name, or a mapping of its arguments. None is the policy's own, or
             "level" for one without a scene.
         slope: Slope in rad; the scene's, or the middle of its range, if None.
@@ -204,13 +148,12 @@ def closed_loop_gait(
         GaitNotFound: if the walker falls at once, or no gait is found.
         ValueError: if the policy cannot act, or an argument is out of its range.
     """
-    if policy is None or isinstance(policy, Actuation | Mapping):
-        raise ValueError(
-            "closed_loop_gait needs a policy, which observes its walker; find_gait(stride_map("
-            "walker, slope, controller=...)) finds the gaits of motors that do the same in each "
-            "stride"
-        )
     strides = stride_map(None, slope, controller=policy, scene=scene)
+    if strides.passive:
+        raise ValueError(
+            f"closed_loop_gait needs a policy, or what else acts, not {shown(policy)}: find_gait "
+            "finds passive gaits"
+        )
     return find_gait(strides, period=period, guess=guess)
 
 
@@ -223,19 +166,8 @@ def acting_as(strides: StrideMap, slope: float) -> tuple[Policy, Scene]:
     """
     if isinstance(strides, ControlledMap):
         return strides.agent, make_scene(strides.scene, walker=strides.walker, slope=slope)
-    held: dict[str, float] = dict(zip(CHANNELS, strides.actuation, strict=True))
-    used = tuple(name for name, value in held.items() if value)
-    largest: dict[str, Any] = {
-        f"max_{name}" + "_torque" * (name != "push_off"): abs(held[name]) for name in used
-    }
-    scene = make_scene(
-        walker=strides.walker, slope=slope, control="stride", actions=used,
-        end_on_toe_stub=strides.end_on_toe_stub,
-        **largest,
-    )  # fmt: skip
-    shares = np.array([[np.sign(held[name]) for name in used]])
-    point = np.zeros(strides.dimension)
-    return StrideFeedback(strides.controller_name, scene, point, shares), scene
+    held, stub = strides.controller, strides.end_on_toe_stub
+    return acting(held, holding(strides.walker, slope, held, end_on_toe_stub=stub))
 
 
 def map_in(scene: Scene, policy: Policy | None) -> StrideMap:

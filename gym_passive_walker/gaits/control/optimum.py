@@ -27,7 +27,8 @@ from gym_passive_walker.gaits.design.design_nlp import slsqp
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.map_result import NoStride
-from gym_passive_walker.gaits.scenes.scene import CHANNELS, Scene
+from gym_passive_walker.gaits.scenes.rules import CHANNELS
+from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.models.model import check_supports
 
 _ITERATIONS = 600

@@ -1,4 +1,4 @@
-"""Protocol of controllers, and adapters for functions and torch modules."""
+"""Protocol of controllers, and adapters for functions, torch modules and plans of strides."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker._tools.arguments import shown
+from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.models.model import check_supports
 
 
 class Policy(Protocol):
@@ -27,6 +29,76 @@ class Policy(Protocol):
         ...
 
 
+class Planner(Protocol):
+    """Protocol of controllers that plan a stride where it begins; see `StridePlan`."""
+
+    def plan(self, points: NDArray, slopes: ArrayLike) -> NDArray:
+        """Return the actions (n, steps, actions) of strides from points (n, m) of the section."""
+        ...
+
+
+def method_of(controller: Any, name: str) -> Callable[..., Any] | None:
+    """Return a method of a controller; an attribute of that name may be another thing."""
+    return found if callable(found := getattr(controller, name, None)) else None
+
+
+def policy_name(policy: Any) -> str:
+    """Return the name of a controller: its own, or that of its class."""
+    return str(getattr(policy, "name", None) or type(policy).__name__)
+
+
+class StridePlan:
+    """A controller that plans a stride where it begins; environments ask for it step by step.
+
+    The memory that `predict` returns holds the actions of each walker's stride, how far it has
+    come, and the last state.
+
+    Args:
+        scene: The scene in which it acts.
+        plan: Function from points (n, m) of the section and slopes in rad to the actions of strides
+            (n, steps, actions); the last are held until heelstrike. None is the object's own.
+        plan_by: Function to their derivatives, by points and by the slope; None has none.
+        name: Name of the controller.
+    """
+
+    def __init__(self, scene: Scene, plan: Any = None, plan_by: Any = None, name: str = "") -> None:
+        self.scene, self.name = scene, name
+        self._chart, self._slope = scene.walker.chart, len(scene.walker.observed) - 1
+        self._seen, self._every = self._chart.coordinates, scene.control == "stride"
+        if plan is not None:
+            self.plan, self.plan_by = plan, plan_by
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], tuple[NDArray, ...]]:
+        """The action of a step: of new actions just after heelstrike, else of those under way.
+
+        Args:
+            observation: One observation or a batch.
+            state: Memory that the last call returned; None at the beginning.
+            episode_start: Whether each walker has just begun an episode.
+            deterministic: Ignored; actions are deterministic.
+        """
+        seen = np.atleast_2d(np.asarray(observation, dtype=float))
+        states = seen[:, : self._slope].copy()
+        plan = np.asarray(self.plan(states[:, self._seen], seen[:, self._slope]))
+        step = np.zeros(len(seen), int)
+        if state is not None and not self._every:
+            begun = self._chart.begins(state[2], states)
+            if episode_start is not None:
+                begun |= np.asarray(episode_start, dtype=bool)
+            plan = np.where(begun[:, None, None], plan, state[0])
+            step = np.where(begun, 0, np.minimum(state[1] + 1, plan.shape[1] - 1))
+        elif not self._every:
+            check_supports(self.scene.walker, "stride plans")
+        action = plan[np.arange(len(plan)), step].astype(np.float32)
+        return action.reshape(*np.shape(observation)[:-1], plan.shape[2]), (plan, step, states)
+
+
 class FunctionPolicy:
     """A controller that is a function of observations; stride maps give it double precision.
 
@@ -37,7 +109,8 @@ class FunctionPolicy:
     double = True
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        self.function, self.name = function, getattr(function, "__name__", "function")
+        self.function = function
+        self.name = getattr(function, "__name__", None) or policy_name(function)
 
     def __repr__(self) -> str:
         return f"FunctionPolicy({self.name})"

@@ -30,7 +30,6 @@ from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, gait_at
 from gym_passive_walker.gaits.stride_map import MapLike, map_of
 from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import (
-    PARAMETERS,
     Walker,
     WalkerLike,
     as_walker,
@@ -103,7 +102,7 @@ def optimize_walker(
             in `Walker`; "clearance", the least height of the passing swing foot as in
             `RealityCheck`; "knee_margin", the time from kneestrike to heelstrike over the stride's;
             or "spectral_radius", the modulus of the largest multiplier.
-        parameters: Parameters that may change: "slope", and numerical parameters of `Walker`.
+        parameters: Parameters that may change: "slope", and numerical parameters of the walker.
         bounds: Lowest and highest value of each of them, in the walker's own units.
         slope: Slope in rad; if it may change, that to begin with. The map's own when None.
         kind: Gait, "long" or "short".
@@ -122,7 +121,6 @@ def optimize_walker(
     """
     stride_map = map_of(walker, tolerance=1e-13)
     walker, slope = stride_map.walker, stride_map.chosen(slope)
-    check_supports(walker, "tuning")
     _known(objective)
     maximize, iterations = boolean(maximize, "maximize"), whole(iterations, "iterations")
     kind = gait_kind(kind)
@@ -133,6 +131,13 @@ def optimize_walker(
     names = {objective, *ranges}
     if "knee_margin" in names and not walker.knees:
         raise ValueError("knee_margin is of walkers with knees, and this one has none")
+    if "clearance" in names:
+        check_supports(walker, "reality check")
+    if SPECTRAL_RADIUS in names and stride_map.dimension > 4:
+        raise ValueError(
+            f"spectral_radius is of walkers with up to three multipliers that are not zero, and "
+            f"{describe(walker)} has more: choose another quantity"
+        )
     before = find_gait(stride_map, slope, kind)
     judged_by = sorted(names - {SPECTRAL_RADIUS})
     candidates = Candidates(
@@ -142,7 +147,12 @@ def optimize_walker(
     found = problem.solve(iterations)
     missed = problem.missed(found.x)
     last = candidates.at(found.x[: len(parameters)])
-    if last is None or not missed < _MET:
+    if last is None:
+        raise GaitNotFound(
+            f"the search came to values of {', '.join(parameters)} with which no gait of "
+            f"{describe(walker)} is found: choose bounds that are nearer to it"
+        )
+    if not missed < _MET:
         raise GaitNotFound(
             f"no walker like {describe(walker)} with {', '.join(parameters)} in these bounds meets "
             f"the constraints: the search ended {missed:.1e} of their size from it "
@@ -204,7 +214,7 @@ def _box(
     walker: Walker, slope: float, parameters: Sequence[str], bounds: Sequence[tuple[float, float]]
 ) -> NDArray[np.float64]:
     """Check bounds of parameters, and return them, (k, 2)."""
-    allowed = _OF_THE_SIMPLEST if walker.massless_legs else (SLOPE, *PARAMETERS)
+    allowed = _OF_THE_SIMPLEST if walker.massless_legs else (SLOPE, *walker.parameters)
     listed = isinstance(parameters, Sequence) and not isinstance(parameters, str | bytes)
     names = list(parameters) if listed else []
     if not all(isinstance(name, str) for name in names) or not 0 < len(names) == len(set(names)):
@@ -224,7 +234,7 @@ def _box(
         )
     box = []
     for name, (low, high) in zip(parameters, bounds, strict=True):
-        here = slope if name == SLOPE else getattr(walker, name)
+        here = slope if name == SLOPE else walker.parameters[name]
         low, high = number(low, f"lowest {name}"), number(high, f"highest {name}")
         if not (-np.inf < low < high < np.inf and low <= here <= high):
             raise ValueError(
@@ -257,7 +267,7 @@ def tune_to_walk(walker: WalkerLike, slope: float, *, radius: float = 0.8) -> Ga
         GaitNotFound: if none of these walks.
         WalkerError: if the walker cannot be tuned.
     """
-    walker, slope = as_walker(walker), one_slope(slope)
+    walker, slope = check_supports(as_walker(walker), "McGeer's parameters"), one_slope(slope)
     radius = number(radius, "radius", above=0.0)
     tuned = tune(walker)
     gait = seek(tuned, slope).gait

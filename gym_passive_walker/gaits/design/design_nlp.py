@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -113,7 +112,7 @@ class Candidates:
 
     def _values(self, place: Points) -> NDArray[np.float64]:
         """Return the parameters at a place, (k,)."""
-        own = {**vars(place.section.walker), SLOPE: place.section.slope}
+        own = {**place.section.walker.parameters, SLOPE: place.section.slope}
         return np.array([own[name] for name in self._parameters])
 
     def _followed(self, values: NDArray) -> Sensitivity | None:
@@ -137,7 +136,7 @@ class Candidates:
         """Return the gait at some parameters that is near to a guess; None if there is none."""
         changed = dict(zip(self._parameters, values.tolist(), strict=True))
         slope = changed.pop(SLOPE, self._start.slope)
-        walker = replace(self._start.walker, **changed)
+        walker = self._start.walker.with_body(changed)
         place = place_near(self._start.stride_map.with_walker(walker), slope, guess)
         return place if place and np.abs(place.search[0] - guess).max() < _LEAP else None
 

@@ -18,6 +18,7 @@ from gym_passive_walker.gaits.branches.sensitivity import SLOPE, Sensitivity, ch
 from gym_passive_walker.gaits.look.reality import reality_check
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.equations.hybrid import State
+from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 from gym_passive_walker.models.units import growth
 
 SPECTRAL_RADIUS = "spectral_radius"
@@ -33,7 +34,7 @@ def _in_units(gait: Sensitivity, quantity: Graded, *, length: int = 0, time: int
     own = units.length**length * units.time**time
     grown = np.zeros(len(gait.by))
     for i, name in enumerate(gait.by):
-        if name != SLOPE:
+        if name != SLOPE and "units" in walker.supports:
             share = growth(walker, name)
             grown[i] = length * share.length + time * share.time
     return own * value, own * (gradient + value * grown)
@@ -61,9 +62,24 @@ def _knee_margin(gait: Sensitivity) -> Graded:
 
 
 def _total_mass(gait: Sensitivity) -> Graded:
-    mass = gait.place.section.walker.total_mass
-    both = {"thigh_mass": 2.0, "shank_mass": 2.0, "hip_mass": 1.0}
-    return mass, np.array([both.get(name, 0.0) for name in gait.by])
+    walker = gait.place.section.walker
+    by = np.zeros(len(gait.by))
+    for i, name in enumerate(gait.by):
+        if name in walker.parameters:
+            by[i] = step_derivative(
+                walker.mass_with(**{name: complex_step(walker.parameters[name])})
+            )
+    return walker.total_mass, by
+
+
+def _cost(gait: Sensitivity) -> Graded:
+    """Return the energy lost over weight and distance."""
+    cost, by = _quotient(gait, "lost", "lengths")
+    walker = gait.place.section.walker
+    if "units" in walker.supports:  # the weight is the unit of force
+        return cost, by
+    weight, by_weight = _total_mass(gait)
+    return cost / weight, (by - cost * by_weight / weight) / weight
 
 
 def _clearance(gait: Sensitivity) -> Graded:
@@ -93,7 +109,7 @@ QUANTITIES: dict[str, Callable[[Sensitivity], Graded]] = {
         gait.place.section.slope,
         np.array([x == SLOPE for x in gait.by], float),
     ),
-    "cost_of_transport": lambda gait: _quotient(gait, "lost", "lengths"),
+    "cost_of_transport": _cost,
     "speed": lambda gait: _in_units(
         gait, _quotient(gait, "lengths", "durations"), length=1, time=-1
     ),

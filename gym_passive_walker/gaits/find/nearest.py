@@ -16,6 +16,7 @@ from gym_passive_walker._tools.arguments import gait_kind, one_slope, shown
 from gym_passive_walker._tools.progress import said
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.units import unit_of
 from gym_passive_walker.models.walkers import (
     PARAMETERS,
@@ -66,7 +67,11 @@ def nearest_gait(
     Raises:
         GaitNotFound: if there is none either.
     """
-    walker, slope, kind = as_walker(walker), one_slope(slope), gait_kind(kind)
+    walker, slope, kind = (
+        check_supports(as_walker(walker), "McGeer's parameters"),
+        one_slope(slope),
+        gait_kind(kind),
+    )
     if keep is not None and (not isinstance(keep, str) or keep not in ("walker", "slope")):
         raise ValueError(f'keep must be "walker", "slope" or None, not {shown(keep)}')
     with said(f"looking for the {kind}-step gait nearest to slope {slope:g} rad"):

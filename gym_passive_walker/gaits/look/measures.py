@@ -13,6 +13,7 @@ from gym_passive_walker.gaits.look.forces import struck
 from gym_passive_walker.models.chart import OFF
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import State
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import WalkerLike, as_walker
 
 
@@ -68,7 +69,7 @@ def foot_velocity(walker: WalkerLike, state: ArrayLike) -> FootVelocity:
     Raises:
         ValueError: if a state is not just before heelstrike.
     """
-    walker = as_walker(walker)
+    walker = check_supports(as_walker(walker), "McGeer's parameters")
     states = check_state(state)
     swing = states[..., 1 : 3 if walker.knees else 2]
     if np.any(states[..., 0] > 0.0) or np.any(np.abs(swing + states[..., :1]) > OFF):
@@ -98,7 +99,10 @@ def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.floa
         Symmetric positive semidefinite matrix (2, 2) in the walker's unit of mass, for velocities
         (downhill, away from the ground). Its error is about the rounding of the total mass.
     """
-    walker, stance_angle = as_walker(walker), one_slope(stance_angle, "stance_angle")
+    walker, stance_angle = (
+        check_supports(as_walker(walker), "McGeer's parameters"),
+        one_slope(stance_angle, "stance_angle"),
+    )
     if walker.massless_legs:
         leg = np.array([-np.sin(stance_angle), np.cos(stance_angle)])
         return walker.total_mass * np.outer(leg, leg)

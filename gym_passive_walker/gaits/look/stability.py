@@ -78,7 +78,7 @@ def stride_jacobian(
         walker, slope, state, hip_torque, ankle_torque, push_off
     )
     slope = one_slope(slope)
-    motors = one_actuation(walker, motors) if "actuation" in walker.supports else motors
+    motors = one_actuation(walker, motors)
     stride_map = (controlled or StrideMap.of(walker, controller=motors)).with_tolerance(tolerance)
     stride_map = replace(stride_map, max_stride_time=LONGEST_STRIDE)
     names = [wrt] if isinstance(wrt, str) else list(wrt) if np.iterable(wrt) else []

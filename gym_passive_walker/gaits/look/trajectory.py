@@ -162,7 +162,7 @@ def simulate(
     )
     size, slope = walker.size, one_slope(slope)
     if state is None:
-        held = one_actuation(walker, motors) if "actuation" in walker.supports else motors
+        held = one_actuation(walker, motors)
         state = state_on(controlled or StrideMap.of(walker, controller=held), slope, None)
     state = check_state(state, size=size)
     if state.shape != (size,):

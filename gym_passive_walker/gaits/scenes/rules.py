@@ -10,6 +10,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.math import minimum, where
@@ -24,7 +25,8 @@ heelstrike."""
 SIZE = 8
 """Numbers in the default observation; scenes may add some."""
 
-PLACE_OF_SLOPE = 7
+KNEE_LOCK = "knee lock observed"
+"""The feature of models for which kernels write the default observation; `custom` has another."""
 
 RATE_BOUND = 10.0
 """Bound of observed angular velocities, in sqrt(g/l); those of walkers stay well below."""
@@ -35,6 +37,12 @@ BOUNDS = np.array([0.5 * math.pi, math.pi, math.pi, *[RATE_BOUND] * 3, 1.0, 0.5 
 LOWEST = -BOUNDS
 """Smallest value of each number of the default observation, (SIZE,)."""
 LOWEST[6] = 0.0
+
+
+def bounds_of(walker: Any) -> NDArray[np.float64]:
+    """Return the largest value of each number of a walker's default observation."""
+    return BOUNDS if KNEE_LOCK in walker.supports else np.full(len(walker.observed), np.inf)
+
 
 LARGEST_PROPORTION = 100.0
 """Bound of observed proportions of a body; those of walkers that walk are below 1."""
@@ -113,8 +121,8 @@ def observed(
         ahead: Height and slope changes of each foothold ahead that is observed.
         body: Observed proportions of the body.
     """
-    own = scene.own_system is not None
-    seen = [*state, slope] if own else [*observation(state, knee_locked, slope)]
+    locks = KNEE_LOCK in scene.walker.supports
+    seen = [*observation(state, knee_locked, slope)] if locks else [*state, slope]
     seen += [command] * (scene.command is not None)
     for changes in ahead:
         seen += foothold(*changes)

@@ -31,17 +31,11 @@ from gym_passive_walker.gaits.scenes.checks import (
     spread,
 )
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, checked_rule
-from gym_passive_walker.gaits.scenes.rules import BOUNDS, CHANNELS, ENERGIES, PLACE_OF_SLOPE, SIZE
+from gym_passive_walker.gaits.scenes.rules import ENERGIES
 from gym_passive_walker.gaits.terrain import Terrain, terrain_from
+from gym_passive_walker.models.model import Actuator, Model, check_heights_only, check_supports
 from gym_passive_walker.models.units import PROPORTIONS
-from gym_passive_walker.models.walkers import (
-    PARAMETERS,
-    Mechanism,
-    Walker,
-    as_any,
-    as_walker,
-    check_heights_only,
-)
+from gym_passive_walker.models.walkers import Walker, as_walker, describe
 
 CONTROLS = ("tick", "stride")
 
@@ -50,7 +44,10 @@ FASTEST = 1.0
 
 _FARTHEST = 1000  # largest number of observed footholds
 _LATEST = 10_000  # largest delay of actions, in control steps
-_LARGEST = {"hip": "max_hip_torque", "ankle": "max_ankle_torque", "push_off": "max_push_off"}
+_NEED = {
+    "constraints": "constraints", "terrain_lookahead": "foothold preview",
+    "observe_body": "body observed",
+}  # fmt: skip
 _MAX_HIP_TORQUE = {"tick": 0.05, "stride": 0.03}
 _PERTURBATION = {"tick": 0.10, "stride": 0.05}
 
@@ -168,9 +165,10 @@ class Scene:
         def bound(name: str, low: float, high: float) -> None:
             put(name, bounded(name, getattr(self, name), low, high))
 
-        put("walker", as_any(self.walker))
-        if self.own_system is not None:
-            self._check_own()
+        put("walker", as_walker(self.walker))
+        for name, feature in _NEED.items():
+            if getattr(self, name):
+                checked(check_supports, self.walker, feature)
         put("slope", self._checked_slope())
         for name, names in (("control", CONTROLS), ("energy", ENERGIES)):
             if getattr(self, name) not in names:
@@ -189,8 +187,8 @@ class Scene:
                 "end_on_toe_stub is a rule for walkers with knees: straight legs always scuff"
             )
         bound("tick", 1e-3, 1e3)
-        for name in CHANNELS:
-            bound(_LARGEST[name], 0.0, 1e3)
+        for name in ("max_hip_torque", "max_ankle_torque", "max_push_off"):
+            bound(name, 0.0, 1e3)
         put("actions", self._checked_actions())
         bound("energy_weight", 0.0, 1e6)
         bound("reset_noise_scale", 0.0, 0.9)
@@ -200,7 +198,7 @@ class Scene:
         put("randomization_pool", self._checked_pool())
         put("observe_body", several("observe_body", self.observe_body, PROPORTIONS))
         put("pushes", checked_pushes(self.pushes))
-        size = SIZE if self.own_system is None else self.walker.size + 1
+        size = len(self.walker.observed)
         put("observation_noise", checked_noise(self.observation_noise, size))
         put("action_delay", self._checked_delay())
         if self.command is not None:
@@ -249,7 +247,7 @@ class Scene:
         """Return the names of the actions after a check."""
         channels = self.channels
         if self.actions is None:
-            return ("hip",) if self.own_system is None else channels
+            return tuple(each.name for each in self.walker.actuators if each.usual)
         actions = several("actions", self.actions, channels, least=min(len(channels), 1))
         if "ankle" in actions and self.walker.foot_radius != 0.0:
             raise SceneError(
@@ -259,45 +257,24 @@ class Scene:
         return actions
 
     @property
-    def own_system(self) -> Mechanism | None:
-        """The user's `System`; None with a walker of the package."""
-        return self.walker if isinstance(self.walker, Mechanism) else None
-
-    @property
-    def clipped_at(self) -> Any:
-        """Bounds of the state in a default observation: a number, or one for each entry."""
-        return BOUNDS[:6] if self.own_system is None else np.inf
-
-    @property
-    def place_of_slope(self) -> int:
-        """Place of the slope in a default observation."""
-        return PLACE_OF_SLOPE if self.own_system is None else self.walker.size
-
-    @property
     def channels(self) -> tuple[str, ...]:
         """Names of possible actions."""
-        return CHANNELS if self.own_system is None else self.own_system.controls
+        return tuple(each.name for each in self.walker.actuators)
+
+    def actuator(self, channel: str) -> Actuator:
+        """Return the actuator of a channel."""
+        return self.walker.actuators[self.channels.index(channel)]
 
     def largest(self, channel: str) -> float:
         """Return the control or impulse of the action 1 in a channel."""
-        if self.own_system is None:
-            return getattr(self, _LARGEST[channel])
-        usual = self.max_hip_torque * self.own_system.total_mass
-        return float(self.own_system.limits.get(channel, usual))
+        limit = self.actuator(channel).limit
+        if not isinstance(limit, str):
+            return float(limit)
+        return getattr(self, limit) * (self.walker.weight / self.walker.units.force)
 
     def least(self, channel: str) -> float:
-        """Return the smallest action in a channel: -1, or 0 for the push-off."""
-        return 0.0 if self.own_system is None and channel == "push_off" else -1.0
-
-    def _check_own(self) -> None:
-        """Raise an error for arguments that a user's system does not support."""
-        names = ("constraints", "terrain_lookahead", "observe_body")
-        found = [name for name in names if getattr(self, name)]
-        if found:
-            raise SceneError(
-                f"{' and '.join(found)} need a walker with two legs and McGeer's parameters, not "
-                f"the system {self.walker.title!r}"
-            )
+        """Return the smallest action in a channel."""
+        return self.actuator(channel).least
 
     def _checked_shares(self) -> dict[str, float]:
         """Return the largest relative changes of walker parameters, by name, after a check."""
@@ -306,9 +283,8 @@ class Scene:
                 "domain_randomization must map parameters to shares, not "
                 f"{shown(self.domain_randomization)}"
             )
-        own = self.own_system
-        known = PARAMETERS if own is None else own.body._fields
-        if said := unknown(self.domain_randomization, known, "domain_randomization: a walker"):
+        known, what = tuple(self.walker.parameters), "domain_randomization: a walker"
+        if said := unknown(self.domain_randomization, known, what):
             raise SceneError(said)
         return {
             name: bounded(f"domain_randomization[{name!r}]", share, 0.0, 0.5)
@@ -354,9 +330,9 @@ class Scene:
         except ValueError:
             start = np.empty(0)
         if start.shape != (size := self.walker.size,):
-            parts = "angles and rates" if self.own_system is None else "coordinates and rates"
             raise SceneError(
-                f"start must be {size} finite numbers, {parts}, not {shown(self.start)}"
+                f"start must be {size} finite numbers, {', '.join(self.walker.state_names)}, not "
+                f"{shown(self.start)}"
             )
         return tuple(start.tolist())
 
@@ -488,9 +464,9 @@ def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any)
         arguments = dict(scene)
     elif isinstance(scene, str) and scene in SCENES:
         arguments = dict(SCENES[scene])
-    elif isinstance(scene, Mechanism):
+    elif isinstance(scene, Model):
         raise SceneError(
-            f"the system {scene.title!r} is no scene: give its arguments, system=... among them"
+            f"{describe(scene)} is no scene: give its arguments, walker=... among them"
         )
     else:
         raise SceneError(
@@ -503,7 +479,7 @@ def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any)
         if "walker" in given:
             raise SceneError("give a scene a walker or a system, not both")
         given["walker"] = given.pop("system")
-        if not isinstance(given["walker"], Mechanism):
+        if isinstance(given["walker"], Walker) or not isinstance(given["walker"], Model):
             raise SceneError(f"system must be a gpw.System, not {shown(given['walker'])}")
     if said := unknown(arguments, known, "a scene"):
         raise SceneError(said)

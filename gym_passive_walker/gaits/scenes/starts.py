@@ -7,7 +7,6 @@ ground, the walker starts with the gait of another slope.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
@@ -19,7 +18,7 @@ from gym_passive_walker.engine.jit import Kernel, jitted
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.scenes.scene import SCENES, Scene, SceneError, make_scene
-from gym_passive_walker.models.walkers import WALKERS, Mechanism, Walker, WalkerError
+from gym_passive_walker.models.walkers import WALKERS, Walker, WalkerError
 
 REFERENCE_SLOPES = (0.01, 0.02, 0.036, 0.06, 0.09, 0.005, 0.0025)
 """Slopes in rad of substitute gaits for slopes without a gait. Level ground and uphill slopes use
@@ -224,46 +223,6 @@ def interpolate_states(nodes, states, slopes, found):
 def between(nodes, states, slopes, found):
     """Interpolate initial states between those of nodes, and write them to `found`, (n, 6)."""
     interpolate_states(nodes, states, slopes, found)
-
-
-def checked_state(state: Sequence[float], walker: Walker, name: str = "options['state']") -> Start:
-    """Return a user's state with angular velocities in units of 1/sqrt(l/g), after a check.
-
-    Args:
-        state: [stance, thigh, shank] angles in rad and their angular velocities, (6,); coordinates
-            and their rates, (2 m,), of a `System`.
-        walker: The walker. The shank of a straight-legged walker is ignored.
-        name: Name of the argument, for messages.
-
-    Raises:
-        ValueError: if it is no state of an upright walker.
-    """
-    given = np.asarray(state, dtype=float)
-    if isinstance(walker, Mechanism):
-        size = 2 * walker.coordinates
-        if given.shape != (size,) or not np.all(np.isfinite(given)):
-            raise ValueError(
-                f"{name} must be {size} finite numbers, coordinates and their rates, not {state!r}"
-            )
-        if not walker.standing(given.tolist()):
-            raise ValueError(f"{name} is of a walker that has fallen: {given.tolist()}")
-        return tuple(given.tolist())
-    if given.shape != (6,) or not np.all(np.isfinite(given)):
-        raise ValueError(
-            f"{name} must be 6 finite numbers, [stance, thigh, shank] angles and their "
-            f"rates, not {state!r}"
-        )
-    stance, thigh, shank, *rates = given.tolist()
-    if not walker.knees:
-        shank, rates[2] = thigh, rates[1]
-    if abs(stance) >= 0.5 * math.pi or abs(thigh) >= math.pi or abs(shank) >= math.pi:
-        raise ValueError(f"{name} is of a walker that has fallen: {given.tolist()}")
-    if shank > thigh:
-        raise ValueError(
-            f"{name} bends the knee backwards: the shank must not be ahead of the thigh: "
-            f"{given.tolist()}"
-        )
-    return (stance, thigh, shank, *(walker.time_unit * rate for rate in rates))
 
 
 def write_known_gaits() -> None:

@@ -13,17 +13,12 @@ References:
     T. McGeer, "Passive walking with knees", IEEE ICRA (1990) 1640-1645.
 """
 
-from gym_passive_walker.models.walkers.mechanism import (
-    Mechanism,
-    check_heights_only,
-)
 from gym_passive_walker.models.walkers.names import describe, name_of
 from gym_passive_walker.models.walkers.parts import Part, assemble, combine, lab_walker_from_parts
 from gym_passive_walker.models.walkers.presets import (
     ABOUT,
     WALKERS,
     WalkerLike,
-    as_any,
     as_walker,
     is_walker,
 )
@@ -34,16 +29,13 @@ __all__ = [
     "ABOUT",
     "PARAMETERS",
     "WALKERS",
-    "Mechanism",
     "Part",
     "TuningErrors",
     "Walker",
     "WalkerError",
     "WalkerLike",
-    "as_any",
     "as_walker",
     "assemble",
-    "check_heights_only",
     "combine",
     "describe",
     "interpolate",

@@ -12,8 +12,7 @@ from typing import Any, TypeAlias, TypeGuard
 from gym_passive_walker._tools.arguments import near, shown
 from gym_passive_walker._tools.console import cut
 from gym_passive_walker._tools.loading import SUFFIXES, is_file, read_content
-from gym_passive_walker.models.model import check_supports
-from gym_passive_walker.models.walkers.mechanism import Mechanism
+from gym_passive_walker.models.model import Model
 from gym_passive_walker.models.walkers.walker import Walker, WalkerError
 
 
@@ -87,13 +86,13 @@ ABOUT: dict[str, str] = {
 """Descriptions of the `WALKERS` by name. Tuned walkers may walk at vanishing slope (`tune`)."""
 
 
-WalkerLike: TypeAlias = Walker | Mechanism | str | Mapping[str, Any] | PathLike[str]
+WalkerLike: TypeAlias = Model | str | Mapping[str, Any] | PathLike[str]
 """The forms in which functions accept a walker; see `as_walker`."""
 
 
 def is_walker(value: Any) -> TypeGuard[WalkerLike]:
     """Whether a value is a walker, the name of a preset, or a file that is not a policy."""
-    if isinstance(value, Walker | Mechanism | Mapping):
+    if isinstance(value, Walker | Mapping | Model):
         return True
     return (isinstance(value, str) and value in WALKERS) or (
         is_file(value)
@@ -106,36 +105,30 @@ def as_walker(walker: WalkerLike) -> Walker:
     """Return a walker from any form in which functions accept it.
 
     Args:
-        walker: A `Walker`; the name of a preset, one of `WALKERS`; a mapping of parameters of
-            `Walker`; or the path of a JSON, YAML or TOML file of such a mapping. A mapping has all
-            parameters without a default, or names a preset to change, as ``{"preset": "C",
-            "foot_radius": 0.25}``. It may have a "title", the name of the walker in messages and
-            pictures. The title of a file is its name without the ending.
+        walker: A `Walker`, or a `System`; the name of a preset, one of `WALKERS`; a mapping of
+            parameters of `Walker`; or the path of a JSON, YAML or TOML file of such a mapping. A
+            mapping has all parameters without a default, or names a preset to change, as
+            ``{"preset": "C", "foot_radius": 0.25}``. It may have a "title", the name of the walker
+            in messages and pictures. The title of a file is its name without the ending.
 
     Raises:
         WalkerError: if there is no such preset or file, or the parameters are invalid.
         ImportError: if the file is YAML and pyyaml is not installed.
-        ValueError: if it is a `System` where legs with McGeer's parameters are required.
     """
     if isinstance(walker, Walker):
         return walker
-    if isinstance(walker, Mechanism):
-        check_supports(walker, "McGeer's parameters")
     if isinstance(walker, Mapping):
         return _of_parameters(walker)
     if isinstance(walker, str) and walker in WALKERS:
         return WALKERS[walker]
     if is_file(walker):
         return _of_file(walker)
+    if isinstance(walker, Model):
+        return walker  # type: ignore[return-value]
     raise WalkerError(
         f"no walker {shown(walker)}{near(walker, WALKERS)}: give a Walker, one of the names "
         f"{', '.join(WALKERS)}, a mapping of parameters, or a file of them ({', '.join(SUFFIXES)})"
     )
-
-
-def as_any(walker: WalkerLike) -> Walker:
-    """Return a walker as `as_walker` does; a user's system is returned unchanged."""
-    return walker if isinstance(walker, Mechanism) else as_walker(walker)  # type: ignore[return-value]
 
 
 def _of_parameters(given: Mapping[str, Any]) -> Walker:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from gym_passive_walker._tools.arguments import number
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers.presets import WalkerLike, as_walker
 from gym_passive_walker.models.walkers.walker import PARAMETERS, Walker, WalkerError
 
@@ -47,7 +48,7 @@ def _lateral(walker: Walker) -> tuple[float, float]:
 
 def tuning_errors(walker: WalkerLike) -> TuningErrors:
     """Return the errors of a walker in the conditions for walking at zero slope (Fig. 4.7)."""
-    walker = as_walker(walker)
+    walker = check_supports(as_walker(walker), "McGeer's parameters")
     leg_ahead, shank_ahead = _lateral(walker)
     length = walker.leg_length
     share = 2.0 * (walker.thigh_mass + walker.shank_mass) / walker.total_mass
@@ -73,7 +74,7 @@ def tune(walker: WalkerLike) -> Walker:
     Raises:
         WalkerError: if the thigh has no mass to balance an angled foot with.
     """
-    walker = as_walker(walker)
+    walker = check_supports(as_walker(walker), "McGeer's parameters")
     if walker.massless_legs:
         return walker
     if walker.thigh_mass == 0.0 and walker.foot_angle != 0.0:
@@ -105,7 +106,11 @@ def interpolate(a: WalkerLike, b: WalkerLike, fraction: float) -> Walker:
         ValueError: if the fraction is not a number.
         WalkerError: if only one of them has knees, or the result is invalid.
     """
-    a, b, fraction = as_walker(a), as_walker(b), number(fraction, "fraction")
+    a, b, fraction = (
+        check_supports(as_walker(a), "McGeer's parameters"),
+        check_supports(as_walker(b), "McGeer's parameters"),
+        number(fraction, "fraction"),
+    )
     if a.knees != b.knees:
         raise WalkerError("cannot interpolate between a walker with knees and one without")
     values = {

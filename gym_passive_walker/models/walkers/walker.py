@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
@@ -19,13 +19,19 @@ from gym_passive_walker.models.chart import Mirrored
 from gym_passive_walker.models.equations.bodies import body_from
 from gym_passive_walker.models.equations.hybrid import System
 from gym_passive_walker.models.equations.systems import EXTRAS, FITTINGS, SYSTEMS, UNEVEN
-from gym_passive_walker.models.model import FEATURES, constants_from
-from gym_passive_walker.models.units import Units
+from gym_passive_walker.models.model import FEATURES, Actuator, Model, check_row, constants_from
+from gym_passive_walker.models.units import Units, mass_of
 
 _PLACES = ("thigh_com", "thigh_offset", "thigh_gyration")
 _PLACES += ("shank_com", "shank_offset", "shank_gyration")
 _NOT_NEGATIVE = ("thigh_mass", "shank_mass", "hip_mass", "thigh_gyration", "shank_gyration")
 _NOT_NEGATIVE += ("hip_stiffness", "hip_friction", "knee_stiffness")
+_ANGLES = "stance leg", "swing thigh", "swing shank"
+_ENDINGS = {
+    "fell_forward": "the stance leg lies on the ground, ahead",
+    "fell_backward": "the stance leg lies on the ground, behind",
+    "swing_overrotation": "the swing leg has turned beyond upright",
+}
 
 
 STATE_NAMES = (
@@ -44,7 +50,7 @@ class WalkerError(ValueError):
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Walker(Shown):
+class Walker(Shown, Model):
     """A planar walker with two equal legs; masses are per leg.
 
     A walker with legs without mass (``thigh_mass = shank_mass = 0`` and ``hip_mass > 0``) is the
@@ -104,6 +110,13 @@ class Walker(Shown):
     state_names = STATE_NAMES
     inputs = ("hip_torque", "ankle_torque", "push_off")
     controls = inputs[:2]
+    observed = (
+        *((f"{angle} angle", "rad") for angle in _ANGLES),
+        *((f"{angle} angular velocity", "sqrt(g/l)") for angle in _ANGLES),
+        ("knee locked", "1 or 0"),
+        ("slope, positive downhill", "rad"),
+    )
+    endings = _ENDINGS
     start = None
     supports = frozenset(FEATURES)
 
@@ -212,7 +225,11 @@ class Walker(Shown):
     @property
     def total_mass(self) -> float:
         """Mass of both legs and the hip."""
-        return 2.0 * (self.thigh_mass + self.shank_mass) + self.hip_mass
+        return mass_of(self)
+
+    def mass_with(self, **values: Any) -> Any:
+        """Return the mass of walkers that differ in some parameters."""
+        return mass_of(varied(self, values))
 
     @property
     def units(self) -> Units:
@@ -227,6 +244,11 @@ class Walker(Shown):
     def chart(self) -> Mirrored:
         """Coordinates of its states just after heelstrike."""
         return Mirrored(self.knees)
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of its coordinates in pictures."""
+        return _ANGLES if self.knees else ("stance leg", "swing leg")
 
     @property
     def weight(self) -> float:
@@ -249,6 +271,59 @@ class Walker(Shown):
     def with_body(self, values: Mapping[str, float]) -> Walker:
         """Return a walker with other values, as `with_parameters` does."""
         return replace(self, **values)
+
+    @property
+    def actuators(self) -> tuple[Actuator, ...]:
+        """What actions of environments may move."""
+        unit = "g l a foot mass" if self.massless_legs else "m g l"
+        hip = "hip torque, positive swings the free leg forward"
+        ankle = "ankle torque, positive tips the walker forward"
+        push = "push-off impulse at the next heelstrike"
+        return (
+            Actuator("hip", "max_hip_torque", hip, unit),
+            Actuator("ankle", "max_ankle_torque", ankle, "m g l", usual=False),
+            Actuator("push_off", "max_push_off", push, "m sqrt(g l)", 0.0, usual=False),
+        )
+
+    def check_values(self, names: Sequence[str], values: NDArray) -> None:
+        """Check that walkers may have each row of values (n, k) of parameters.
+
+        Raises:
+            WalkerError: if one may not.
+        """
+        for row in set(map(tuple, values.tolist())):
+            check_row(self, tuple(names), row)
+
+    def checked_state(
+        self, state: Sequence[float], name: str = "options['state']"
+    ) -> tuple[float, ...]:
+        """Return a user's state with angular velocities in units of 1/sqrt(l/g), after a check.
+
+        Args:
+            state: [stance, thigh, shank] angles in rad and their angular velocities, (6,). The
+                shank of a straight-legged walker is ignored.
+            name: Name of the argument, for messages.
+
+        Raises:
+            ValueError: if it is no state of an upright walker.
+        """
+        given = np.asarray(state, dtype=float)
+        if given.shape != (6,) or not np.all(np.isfinite(given)):
+            raise ValueError(
+                f"{name} must be 6 finite numbers, [stance, thigh, shank] angles and their "
+                f"rates, not {state!r}"
+            )
+        stance, thigh, shank, *rates = given.tolist()
+        if not self.knees:
+            shank, rates[2] = thigh, rates[1]
+        if abs(stance) >= 0.5 * math.pi or abs(thigh) >= math.pi or abs(shank) >= math.pi:
+            raise ValueError(f"{name} is of a walker that has fallen: {given.tolist()}")
+        if shank > thigh:
+            raise ValueError(
+                f"{name} bends the knee backwards: the shank must not be ahead of the thigh: "
+                f"{given.tolist()}"
+            )
+        return (stance, thigh, shank, *(self.time_unit * rate for rate in rates))
 
     @property
     def control_units(self) -> NDArray[np.float64]:

@@ -1095,11 +1095,14 @@ function fixedPoint(map, start, tries) {
     const change = solve(matrix.map((row, r) => row.map((x, c) => x - (r === c ? 1 : 0))), residual.map((x) => -x));
     if (!change) return null;
     const length = Math.max(...change.map(Math.abs));
+    // Shares count from the first: a nearly singular matrix asks for steps of any length.
+    const first = Math.min(1, 0.05 / length);
     let next = null;
-    for (let share = Math.min(1, 0.05 / length); share > 1e-3; share /= 2) {
-      next = point.map((x, k) => x + share * change[k]);
-      if (map(next)) break;
+    for (let share = first; share > 1e-3 * first && !next; share /= 2) {
+      const tried = point.map((x, k) => x + share * change[k]);
+      if (map(tried)) next = tried;
     }
+    if (!next) return null;
     point = next;
     if (length < 1e-11) {
       const end = map(point), last = end && jacobian(map, point);
