@@ -9,11 +9,12 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import CodeType
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NamedTuple, NoReturn, TypeVar
 
 import numpy as np
 
@@ -65,8 +66,47 @@ def address(array: Any) -> int:
     _compiled_only()
 
 
+def copy(target: int, source: int, size: int) -> None:
+    """Copy bytes from one address to another; a record that is assigned compiles for longer."""
+    _compiled_only()
+
+
 def view(address: int, shape: tuple[int, ...], dtype: np.dtype) -> Any:
     """Return the contiguous array at an address; compiles no further functions."""
+    _compiled_only()
+
+
+class Found(NamedTuple):
+    """Where compiled code finds an array.
+
+    Attributes:
+        kind: Data type of its entries.
+        place: Offset in bytes of the array, or of a word with its address.
+        apart: Whether it is the word.
+        axes: Of each axis a number, and offsets of words; their product is its length.
+    """
+
+    kind: np.dtype
+    place: int
+    apart: bool
+    axes: tuple[tuple[int, tuple[int, ...]], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Arrays:
+    """Arrays of a block of memory, by name.
+
+    Attributes:
+        name: Name of their type in compiled code, which no other has.
+        found: Where each is; a kernel does not change these words.
+    """
+
+    name: str
+    found: Mapping[str, Found]
+
+
+def arrays_at(address: int, arrays: Arrays) -> Any:
+    """Return what has the arrays of a block at an address as attributes; it is a single word."""
     _compiled_only()
 
 

@@ -7,9 +7,8 @@ with their limits, and the arrays on a GPU and in a page come from this declarat
 
 from __future__ import annotations
 
-import re
 from collections import namedtuple
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from math import inf, prod
 from typing import Any, NamedTuple
@@ -18,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine.compiled import PHASE
-from gym_passive_walker.engine.jit import merged, view
+from gym_passive_walker.engine.jit import Found
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import NARROW, Layout, record_for
 from gym_passive_walker.engine.run import OPTIONS
@@ -156,36 +155,21 @@ def kind_of(array: BatchArray, layout: Layout) -> np.dtype:
     return np.dtype(kind)
 
 
-def reader(
-    arrays: Mapping[str, BatchArray],
-    layout: Layout,
-    head: str,
-    names: Mapping[str, Any],
-    address: Callable[[str], str],
-    length: Callable[[str], str],
-    given: Iterable[str] = (),
-) -> Any:
-    """Return a function for compiled code that returns arrays at addresses, as `here`.
-
-    Its parameters are `where`, an address, and the given arrays.
+def found_in(
+    array: BatchArray, layout: Layout, place: int, lengths: Mapping[str, int], *, apart: bool
+) -> Found:
+    """Return where compiled code finds an array.
 
     Args:
-        arrays: Declarations of the arrays.
+        array: Its declaration.
         layout: Layout of the records.
-        head: First statement of the function.
-        names: What the statement and the expressions refer to.
-        address: Returns the expression for an array's address.
-        length: Returns the expression for the length of an axis.
-        given: Names of arrays that the caller gives.
+        place: Offset in bytes of the array, or of a word with its address.
+        lengths: Offsets of words with the lengths of axes, by name; other names are of length 1.
+        apart: Whether the place is that of a word.
     """
-    parts = []
-    for name, array in arrays.items():
-        axes = [re.sub("[a-z]+", lambda axis: length(axis[0]), axis) for axis in array.axes.split()]
-        read = f"view({address(name)}, ({', '.join(axes)},), kind_{name})"
-        parts.append(name if name in given else read)
-    kinds = {f"kind_{name}": kind_of(array, layout) for name, array in arrays.items()}
-    known = {"__name__": __name__, "view": view, "Here": named_arrays(tuple(arrays)), **kinds}
-    scope = known | dict(names)
-    text = f"def found({', '.join(('where', *given))}):\n {head}\n return Here({', '.join(parts)})"
-    exec(text, scope)
-    return merged(scope["found"])
+    axes = [axis.split("*") for axis in array.axes.split()]
+    found = tuple(
+        (prod(int(x) for x in axis if x.isdigit()), tuple(lengths[x] for x in axis if x in lengths))
+        for axis in axes
+    )
+    return Found(kind_of(array, layout), place, apart, found)

@@ -15,7 +15,7 @@ from functools import cache
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import address, call, jitted, merged
+from gym_passive_walker.engine.jit import address, call, copy, entry, jitted, merged
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import NARROW, Layout
 from gym_passive_walker.engine.run import integrate
@@ -145,7 +145,8 @@ def begin(here, lanes, slopes, gaits, draws):
     scale = here.rules[0].reset_noise_scale
     for j in range(len(lanes)):
         i = lanes[j]
-        here.records[i, 0], here.ledger[i] = here.blank[0], here.blank_row[0]
+        copy(entry(here.records, i), address(here.blank), here.blank.itemsize)
+        copy(entry(here.ledger, i), address(here.blank_row), here.blank_row.itemsize)
         record, row = here.records[i, 0], here.ledger[i]
         row.slope = slopes[j if len(slopes) > 1 else 0]
         record.ground[0], record.ground[1] = math.sin(row.slope), math.cos(row.slope)
@@ -194,6 +195,7 @@ def apply_action(here, first, last, actions):
         record.end = step_end(record.time, rules.tick, rules.max_stride_time)
 
 
+@merged
 def integrate_step(here, first, last, tiles, histories):
     """Integrate each walker to the end of its step; see `run.integrate`."""
     bodies = here.bodies

@@ -15,7 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine.jit import (
+    Arrays,
     Kernel,
+    address,
+    arrays_at,
+    copy,
     draw_uniform,
     draw_word,
     merged,
@@ -45,6 +49,9 @@ ADDRESSES = np.dtype(
 """Addresses of a batch's arrays, of those of its random generators, and of the working memory of
 one thread; lengths of axes."""
 
+_AT: dict[str, int] = {name: place for name, (_, place) in (ADDRESSES.fields or {}).items()}
+_LENGTHS = {axis: _AT[f"of_{axis}"] for axis in AXES}
+_WORDS = len(_AT)
 _NUMBER, _WORD, _KEY = np.dtype("f8"), np.dtype("i8"), np.dtype("u8")
 _HALF = 32
 FEW = 64  # walkers that begin together: their draws and gaits are on the stack
@@ -92,25 +99,27 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         disturbed: Whether the scene has any disturbance of `disturbance_kernels`.
         custom: Whether the scene has users' functions.
     """
-    arrays = memory.present("disturbed" * disturbed, "custom" * custom)
+    kind = "wide" * (layout != NARROW) + "disturbed" * disturbed + "custom" * custom
+    present = memory.present("disturbed" * disturbed, "custom" * custom)
+    arrays = Arrays(kind, {
+        name: memory.found_in(array, layout, _AT[name], _LENGTHS, apart=True)
+        for name, array in present.items()
+    })  # fmt: skip
     history, tile = history_for(layout), tile_for(PAIR, layout=layout)
     size, row_words = 2 * layout.links, task.ledger_for(layout).itemsize // 8
     drawn, numbers = FEW * DRAWS, FEW * size
 
     def within(compiler: Callable[..., Any]) -> Callable[..., Any]:
-        kind = "wide" * (layout != NARROW) + "disturbed" * disturbed + "custom" * custom
         return lambda function: compiler(named(function, kind))
 
-    def with_given(*given: str) -> Callable[..., Any]:
-        return memory.reader(
-            arrays, layout, "here = view(where, (1,), ADDRESSES)[0]", {"ADDRESSES": ADDRESSES},
-            "here.{}".format, "here.of_{}".format, given,
-        )  # fmt: skip
+    @within(merged)
+    def copied(where):
+        """Return a copy of the addresses on the stack, to replace some in this call alone."""
+        places = view(stack(_WORDS), (1,), ADDRESSES)
+        copy(address(places), where, places.itemsize)
+        return places
 
-    at, observing = with_given(), with_given("observations")
-    entering = with_given("rewards", "terminated")
-    stepping = with_given("observations", "rewards", "terminated", "truncated")
-
+    @within(merged)
     def begin_near(here, lanes, slopes, gaits, draws, keys):
         """Begin episodes of some walkers, with disturbances of these keys; see `task.begin`."""
         task.begin(here, lanes, slopes, gaits, draws)
@@ -126,7 +135,9 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     @within(Kernel)
     def begin(where, lanes, slopes, gaits, draws, keys, observations):
         """Begin episodes of some walkers, at given slopes and gaits."""
-        begin_near(observing(where, observations), lanes, slopes, gaits, draws, keys)
+        places = copied(where)
+        places[0].observations = address(observations)
+        begin_near(arrays_at(address(places), arrays), lanes, slopes, gaits, draws, keys)
 
     @within(merged)
     def begin_few(where, here, lanes):
@@ -149,7 +160,9 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     @within(Kernel)
     def begin_alike(where, lanes, observations):
         """Begin episodes of some walkers, each with new draws; fills the flat observations."""
-        here = observing(where, observations)
+        places = copied(where)
+        places[0].observations = address(observations)
+        here = arrays_at(address(places), arrays)
         for first in range(0, len(lanes), FEW):
             begin_few(where, here, lanes[first : first + FEW])
 
@@ -187,7 +200,10 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         With `again`, those that rest begin another episode. Tiles and histories are addresses of
         the working memory of a thread. Arrays of all walkers are filled, observations flat.
         """
-        here = stepping(where, observations, rewards, terminated, truncated)
+        places = copied(where)
+        places[0].observations, places[0].rewards = address(observations), address(rewards)
+        places[0].terminated, places[0].truncated = address(terminated), address(truncated)
+        here = arrays_at(address(places), arrays)
         answer = tick(here, first, last, tiles, histories)
         if again and answer >= 0:
             lane = view(stack(1), (1,), _WORD)
@@ -200,13 +216,16 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     @within(Kernel)
     def step_here(where):
         """Step a single walker; results go to the arrays of the batch."""
-        places = view(where, (1,), ADDRESSES)[0]
-        return tick(at(where), 0, 1, places.tiles, places.histories)
+        places, first = view(where, (1,), ADDRESSES)[0], np.int64(0)  # 0 is of another type
+        here, last = arrays_at(where, arrays), places.of_walkers
+        return tick(here, first, last, places.tiles, places.histories)
 
     @within(Kernel)
     def observe(where, observations):
         """Fill the observations of all walkers, flat."""
-        here = observing(where, observations)
+        places = copied(where)
+        places[0].observations = address(observations)
+        here = arrays_at(address(places), arrays)
         for i in range(len(here.ledger)):
             task.write_observation(here, i)
             if disturbed:
@@ -217,7 +236,9 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         """Apply rewards and terminations in the notes of all walkers; see `transitions.enter`."""
         endings = 0
         if custom:
-            here = entering(where, rewards, terminated)
+            places = copied(where)
+            places[0].rewards, places[0].terminated = address(rewards), address(terminated)
+            here = arrays_at(address(places), arrays)
             endings = transitions.enter(here, 0, len(here.ledger), pays, stops)
         return endings
 
@@ -234,8 +255,8 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
                 outcome is 0 if no stride or episode ends.
             measures: Filled with EVERY_STRIDE of the walkers in `ended`, (walkers, entries).
         """
-        ledger, places, first = at(where).ledger, view(where, (1,), ADDRESSES)[0], len(steps)
-        words = view(places.ledger, (len(ledger), row_words), _NUMBER)  # EVERY_STEP, EVERY_STRIDE
+        ledger, first = arrays_at(where, arrays).ledger, len(steps)
+        words = view(address(ledger), (len(ledger), row_words), _NUMBER)  # EVERY_STEP, EVERY_STRIDE
         for i in range(len(ledger)):
             for k in range(first):
                 steps[k, i] = words[i, k] if asked[i] else 0.0

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gym_passive_walker.engine.counter_rng import uniform
-from gym_passive_walker.engine.jit import view
+from gym_passive_walker.engine.jit import Arrays, arrays_at, view
 from gym_passive_walker.engine.layout import HISTORY, NARROW, PAIR, RECORD, tile_for
 from gym_passive_walker.envs import disturbance_kernels, memory, task
 from gym_passive_walker.envs.constraints import ROOM
@@ -77,7 +77,7 @@ def _in_block() -> Iterator[tuple]:
 WALK = np.dtype([
     # Addresses of the phases and of their native functions, and how many phases there are.
     ("phases", "i8"), ("hooks", "i8"), ("count", "i8"),
-    ("constants", "i8"),  # of the body, without the notes behind them
+    ("constants", "i8"),  # of the body, with the notes behind them
     ("seen", "i8"),  # numbers in an observation
     ("late", "i8"),  # steps by which actions come late
     ("table", "i8"), ("footholds", "i8"),  # address and number of a terrain's footholds
@@ -102,20 +102,15 @@ _KEYS, _LANES, _SLOPES, _GAITS, _DRAWS, _TILE, _HISTORY = (
     _AT[name] for name in ("key", "lanes", "slopes", "gaits", "draws", "tile", "history")
 )
 _HEAD = np.dtype([(name, WALK[name]) for name in WALK.names[: WALK.names.index("key")]])  # type: ignore[index]
+_ACTIONS: Any = task.RULES.fields
 _LENGTHS = {
-    "walkers": "1", "rows": "1", "constants": "head.constants + ROOM", "parts": "head.count",
-    "channels": f"view(where + {_AT['rules']}, (1,), kind_rules)[0].actions", "delay": "head.late",
-    "seen": "head.seen", "footholds": "head.footholds",
+    "constants": _AT["constants"], "parts": _AT["count"], "delay": _AT["late"], "seen": _AT["seen"],
+    "footholds": _AT["footholds"], "channels": _AT["rules"] + _ACTIONS["actions"][1],
 }  # fmt: skip
-_here = memory.reader(
-    {name: array for at, (name, array) in _ARRAYS.items() if at in _AT}, NARROW,
-    "head = view(where, (1,), HEAD)[0]", {"HEAD": _HEAD, "ROOM": ROOM},
-    {
-        name: f"head.{at}" if at in (_HEAD.names or ()) else f"where + {_AT[at]}"
-        for at, (name, _) in _ARRAYS.items() if at in _AT
-    }.__getitem__,
-    _LENGTHS.__getitem__,
-)  # fmt: skip
+_WALK = Arrays("page", {
+    name: memory.found_in(array, NARROW, _AT[at], _LENGTHS, apart=at in (_HEAD.names or ()))
+    for at, (name, array) in _ARRAYS.items() if at in _AT
+})  # fmt: skip
 
 ADVANCE, BEGIN, STEP = range(3)
 """Numbers of the kernels, for `run`."""
@@ -124,12 +119,12 @@ ADVANCE, BEGIN, STEP = range(3)
 def advance(base):
     """Integrate the record to heelstrike, a fall, or its time limit; see `run.integrate`."""
     tiles, histories = view(base + _TILE, (1,), _ONE_TILE), view(base + _HISTORY, (1,), HISTORY)
-    task.integrate_step(_here(base), 0, 1, tiles, histories)
+    task.integrate_step(arrays_at(base, _WALK), 0, 1, tiles, histories)
 
 
 def begin(base):
     """Begin an episode near the given state, with the disturbances of the given key."""
-    here, key = _here(base), view(base + _KEYS, (1,), _KEY)[0]
+    here, key = arrays_at(base, _WALK), view(base + _KEYS, (1,), _KEY)[0]
     draws = view(base + _DRAWS, (1, DRAWS), _NUMBER)
     for k in range(DRAWS):
         if view(base, (1,), _HEAD)[0].drawn:
@@ -142,7 +137,7 @@ def begin(base):
 def step(base):
     """Take a control step by the actions in the block; see `disturbance_kernels.step`."""
     tiles, histories = view(base + _TILE, (1,), _ONE_TILE), view(base + _HISTORY, (1,), HISTORY)
-    disturbance_kernels.step(_here(base), 0, 1, tiles, histories)
+    disturbance_kernels.step(arrays_at(base, _WALK), 0, 1, tiles, histories)
 
 
 def run(what, base):
