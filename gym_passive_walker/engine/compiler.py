@@ -149,8 +149,8 @@ class _Here(types.Type):
         super().__init__(f"Here_{arrays.name}")
         self.found = arrays.found
         self.kinds = {
-            name: types.Array(numpy_support.from_dtype(array.kind), len(array.axes), "C")
-            for name, array in arrays.found.items()
+            name: types.Array(numpy_support.from_dtype(kind), len(axes), "C")
+            for name, (kind, _, _, axes) in arrays.found.items()
         }
 
 
@@ -175,7 +175,7 @@ class _(AttributeTemplate):
 @lower_getattr_generic(_Here)
 def _(context: Any, builder: Any, here: _Here, address: Any, name: str) -> Any:
     """Read an array's address and lengths; LLVM merges these loads, as they are invariant."""
-    array = here.found[name]
+    _, first, apart, axes = here.found[name]
 
     def at(place: int) -> Any:
         return builder.add(address, ir.Constant(_WORD, place))
@@ -185,11 +185,8 @@ def _(context: Any, builder: Any, here: _Here, address: Any, name: str) -> Any:
         loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
         return loaded
 
-    lengths = [
-        reduce(builder.mul, map(word, words), ir.Constant(_WORD, number))
-        for number, words in array.axes
-    ]
-    data = word(array.place) if array.apart else at(array.place)
+    lengths = [reduce(builder.mul, map(word, of), ir.Constant(_WORD, by)) for by, of in axes]
+    data = word(first) if apart else at(first)
     return _array(context, builder, here.kinds[name], data, lengths)
 
 

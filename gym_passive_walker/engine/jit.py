@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import CodeType
-from typing import Any, NamedTuple, NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
@@ -76,37 +76,23 @@ def view(address: int, shape: tuple[int, ...], dtype: np.dtype) -> Any:
     _compiled_only()
 
 
-class Found(NamedTuple):
-    """Where compiled code finds an array.
-
-    Attributes:
-        kind: Data type of its entries.
-        place: Offset in bytes of the array, or of a word with its address.
-        apart: Whether it is the word.
-        axes: Of each axis a number, and offsets of words; their product is its length.
-    """
-
-    kind: np.dtype
-    place: int
-    apart: bool
-    axes: tuple[tuple[int, tuple[int, ...]], ...]
-
-
 @dataclass(frozen=True, eq=False)
 class Arrays:
-    """Arrays of a block of memory, by name.
+    """Arrays in a block of memory; compiled code finds them by the address of the block.
 
     Attributes:
         name: Name of their type in compiled code, which no other has.
-        found: Where each is; a kernel does not change these words.
+        found: Data type and offset in bytes of each array; whether a word with its address is there
+            instead; and of each axis a number and offsets of words: their product is its length.
+            A kernel does not change these words.
     """
 
     name: str
-    found: Mapping[str, Found]
+    found: Mapping[str, tuple[np.dtype, int, bool, list[tuple[int, list[int]]]]]
 
 
 def arrays_at(address: int, arrays: Arrays) -> Any:
-    """Return what has the arrays of a block at an address as attributes; it is a single word."""
+    """Return what has the arrays of a block as attributes: in compiled code, its address alone."""
     _compiled_only()
 
 

@@ -8,7 +8,7 @@ with their limits, and the arrays on a GPU and in a page come from this declarat
 from __future__ import annotations
 
 from collections import namedtuple
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from functools import cache
 from math import inf, prod
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine.compiled import PHASE
-from gym_passive_walker.engine.jit import Found
+from gym_passive_walker.engine.jit import Arrays
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import NARROW, Layout, record_for
 from gym_passive_walker.engine.run import OPTIONS
@@ -155,21 +155,31 @@ def kind_of(array: BatchArray, layout: Layout) -> np.dtype:
     return np.dtype(kind)
 
 
-def found_in(
-    array: BatchArray, layout: Layout, place: int, lengths: Mapping[str, int], *, apart: bool
-) -> Found:
-    """Return where compiled code finds an array.
+def arrays_in(
+    kind: str,
+    arrays: Mapping[str, BatchArray],
+    layout: Layout,
+    places: Mapping[str, int],
+    lengths: Mapping[str, int],
+    apart: Container[str],
+) -> Arrays:
+    """Return arrays of a block of memory for compiled code, by offsets in bytes.
 
     Args:
-        array: Its declaration.
+        kind: Name of their type in compiled code.
+        arrays: Their declarations.
         layout: Layout of the records.
-        place: Offset in bytes of the array, or of a word with its address.
-        lengths: Offsets of words with the lengths of axes, by name; other names are of length 1.
-        apart: Whether the place is that of a word.
+        places: Offset of each array, or of a word with its address.
+        lengths: Offsets of words with the lengths of axes; other axes have length 1.
+        apart: Names of the arrays that have such words.
     """
-    axes = [axis.split("*") for axis in array.axes.split()]
-    found = tuple(
-        (prod(int(x) for x in axis if x.isdigit()), tuple(lengths[x] for x in axis if x in lengths))
-        for axis in axes
-    )
-    return Found(kind_of(array, layout), place, apart, found)
+
+    def length(axis: str) -> tuple[int, list[int]]:
+        number = int(axis) if axis.isdigit() else 1
+        return number, [lengths[name] for name in axis.split("*") if name in lengths]
+
+    return Arrays(kind, {
+        name: (kind_of(array, layout), places[name], name in apart,
+               [length(axis) for axis in array.axes.split()])
+        for name, array in arrays.items()
+    })  # fmt: skip

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine.jit import (
-    Arrays,
     Kernel,
     address,
     arrays_at,
@@ -100,11 +99,8 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         custom: Whether the scene has users' functions.
     """
     kind = "wide" * (layout != NARROW) + "disturbed" * disturbed + "custom" * custom
-    present = memory.present("disturbed" * disturbed, "custom" * custom)
-    arrays = Arrays(kind, {
-        name: memory.found_in(array, layout, _AT[name], _LENGTHS, apart=True)
-        for name, array in present.items()
-    })  # fmt: skip
+    declared = memory.present("disturbed" * disturbed, "custom" * custom)
+    arrays = memory.arrays_in(kind, declared, layout, _AT, _LENGTHS, ARRAYS)
     history, tile = history_for(layout), tile_for(PAIR, layout=layout)
     size, row_words = 2 * layout.links, task.ledger_for(layout).itemsize // 8
     drawn, numbers = FEW * DRAWS, FEW * size
@@ -216,8 +212,8 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     @within(Kernel)
     def step_here(where):
         """Step a single walker; results go to the arrays of the batch."""
-        places, first = view(where, (1,), ADDRESSES)[0], np.int64(0)  # 0 is of another type
-        here, last = arrays_at(where, arrays), places.of_walkers
+        places, first = view(where, (1,), ADDRESSES)[0], np.int64(0)  # literals have other types
+        last, here = places.of_walkers, arrays_at(where, arrays)
         return tick(here, first, last, places.tiles, places.histories)
 
     @within(Kernel)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gym_passive_walker.engine.counter_rng import uniform
-from gym_passive_walker.engine.jit import Arrays, arrays_at, view
+from gym_passive_walker.engine.jit import arrays_at, view
 from gym_passive_walker.engine.layout import HISTORY, NARROW, PAIR, RECORD, tile_for
 from gym_passive_walker.envs import disturbance_kernels, memory, task
 from gym_passive_walker.envs.constraints import ROOM
@@ -107,10 +107,11 @@ _LENGTHS = {
     "constants": _AT["constants"], "parts": _AT["count"], "delay": _AT["late"], "seen": _AT["seen"],
     "footholds": _AT["footholds"], "channels": _AT["rules"] + _ACTIONS["actions"][1],
 }  # fmt: skip
-_WALK = Arrays("page", {
-    name: memory.found_in(array, NARROW, _AT[at], _LENGTHS, apart=at in (_HEAD.names or ()))
-    for at, (name, array) in _ARRAYS.items() if at in _AT
-})  # fmt: skip
+_WALK = memory.arrays_in(
+    "page", {name: array for at, (name, array) in _ARRAYS.items() if at in _AT}, NARROW,
+    {name: _AT[at] for at, (name, _) in _ARRAYS.items() if at in _AT}, _LENGTHS,
+    _HEAD.names or (),
+)  # fmt: skip
 
 ADVANCE, BEGIN, STEP = range(3)
 """Numbers of the kernels, for `run`."""
