@@ -48,7 +48,7 @@ ADDRESSES = np.dtype(
 """Addresses of a batch's arrays, of those of its random generators, and of the working memory of
 one thread; lengths of axes."""
 
-_AT: dict[str, int] = {name: place for name, (_, place) in (ADDRESSES.fields or {}).items()}
+_AT: dict[str, int] = {name: place[1] for name, place in (ADDRESSES.fields or {}).items()}
 _LENGTHS = {axis: _AT[f"of_{axis}"] for axis in AXES}
 _WORDS = len(_AT)
 _NUMBER, _WORD, _KEY = np.dtype("f8"), np.dtype("i8"), np.dtype("u8")
