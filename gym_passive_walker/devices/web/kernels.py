@@ -77,7 +77,7 @@ def _in_block() -> Iterator[tuple]:
 WALK = np.dtype([
     # Addresses of the phases and of their native functions, and how many phases there are.
     ("phases", "i8"), ("hooks", "i8"), ("count", "i8"),
-    ("constants", "i8"),  # of the body, with the notes behind them
+    ("constants", "i8"),  # of the body, and readings behind them
     ("seen", "i8"),  # numbers in an observation
     ("late", "i8"),  # steps by which actions come late
     ("table", "i8"), ("footholds", "i8"),  # address and number of a terrain's footholds

@@ -68,7 +68,8 @@ def of_module(kind: System, variants: tuple[str, ...], end: int) -> bytes:
     content = {
         "kind": kind.name,
         "variants": variants,
-        "constants": len(kind.Body._fields) + ROOM,  # type: ignore[attr-defined]
+        "constants": len(kind.Body._fields),  # type: ignore[attr-defined]
+        "readings": ROOM,
         "rules": _rules(kind),
         "points": kernels.POINTS,
     }

@@ -652,7 +652,7 @@ export class PassiveWalker {
     block.set("phases", block.functions.phases(variant));
     block.set("hooks", block.functions.hooks(variant));
     block.set("count", notes.links.length);
-    block.set("constants", notes.constants);
+    block.set("constants", notes.constants + notes.readings);
     block.set("radii", walker.foot_radius / this.legLength);
     this.seen = 8 + (scene.command !== null) + 2 * scene.terrain_lookahead;
     block.set("seen", this.seen);
