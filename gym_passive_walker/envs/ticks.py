@@ -265,6 +265,12 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
             for k in range(measures.shape[1]):
                 measures[row, k] = words[i, first + k]
 
+    if custom:  # these kernels are the same for several kinds of scenes
+        observe = kernels_for(layout, disturbed, False).observe
+    if disturbed:
+        enter = kernels_for(layout, False, custom).enter
+    if disturbed or custom:
+        write_info = kernels_for(layout, False, False).write_info
     return Kernels(begin, begin_alike, step, step_here, observe, enter, write_info)
 
 
