@@ -146,12 +146,12 @@ def ticks() -> None:
 def _tick(there: DeviceBatch) -> float:
     """Seconds for a control step of a batch on the GPU."""
     random = np.random.default_rng(0)
-    few = [device.upload(random.uniform(-1.0, 1.0, len(there.buffers.actions))) for _ in range(4)]
+    few = [device.upload(random.uniform(-1.0, 1.0, len(there.arrays.actions))) for _ in range(4)]
     there.reset()
 
     def job() -> None:
         for actions in few:
-            _copied(there.buffers.actions, actions)
+            _copied(there.arrays.actions, actions)
             there.step()
 
     for _ in range(2 if SIMULATED else 100):  # until walkers are spread over all phases

@@ -59,11 +59,12 @@ WITHIN = {
         _DISTURBED,
     ),
     "envs/disturbance_kernels": _TICKS,
-    "gaits/scenes/rules": ("task.*", *_DISTURBED),
+    "envs/memory": _TICKS,
+    "gaits/scenes/rules": _DISTURBED,
     "gaits/scenes/starts": _TICKS,
-    "envs/task": _DISTURBED,
+    "envs/task": _TICKS,
     "envs/transitions": _TICKS,
-    "models/math": ("task.*", *_DISTURBED),
+    "models/math": _DISTURBED,
 }
 """Patterns of compiled code, besides a file's own, that depends on the file."""
 CHANGED_BY_COPY = "tests/engine/test_cache.py::test_a_source_that_changes_has_another_fingerprint"

@@ -74,6 +74,7 @@ _CONCERNING = {
     "envs/interface": "arguments actions walker_env vector_env explain",
     "envs/one_thread": "one_thread",
     "envs/registration": "walker_env arguments",
+    "envs/memory": "saved_states disturbances own_functions batches",
     "envs/saved": "saved_states batches vector_env walker_env",
     "envs/constraints": "constraints disturbances",
     "gaits/scenes/rules": "task actions batches walker_env disturbances",

@@ -26,7 +26,7 @@ SHARED = {
          "video"), _COMMAND,
     ),
     **dict.fromkeys(("lay_ground", "push", "run"), _PAGE),
-    **dict.fromkeys(("begin", "observe", "step"), _TASK),
+    **dict.fromkeys(("begin", "step"), _TASK),
     **dict.fromkeys(
         ("advance", "entry", "integrate_past_events", "integrate_phase", "sqrt"), _DEVICE
     ),

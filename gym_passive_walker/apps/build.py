@@ -59,33 +59,21 @@ def compile_piece(number: int) -> None:
 
 
 def _kernels(layout: Layout) -> Iterator[Callable[[], object]]:
-    records, notes = (
-        np.zeros((0, 1), record_for(layout)),
-        np.zeros(0, transitions.note_for(layout)),
-    )
+    records = np.zeros((0, 1), record_for(layout))
     ledger, phases = np.zeros(0, task.ledger_for(layout)), np.zeros(0, PHASE)
-    numbers, singles, truths = np.zeros(0), np.zeros(0, np.float32), np.zeros(0, bool)
+    numbers, singles = np.zeros(0), np.zeros(0, np.float32)
     lanes, table, keys = np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0, np.uint64)
     cube = np.zeros((0, 1, 1))
     disturbances = np.zeros(0, disturbance_kernels.DISTURBANCE)
-    settings = np.zeros(1, disturbance_kernels.SETTINGS)
-    ground = table, numbers
     given = [
         (run.integrate, records, cube, phases, run.options(1e-8), *run.workspace(layout=layout)),
-        (disturbance_kernels.observe, disturbances, ledger, settings, *ground, lanes, singles),
         (disturbance_kernels.add_noise, disturbances, ledger, numbers, lanes, singles),
-        (
-            disturbance_kernels.begin, disturbances, settings, lanes, keys, cube, records, ledger,
-            *ground,
-        ),
-        (transitions.begin, records, ledger, phases, lanes, notes),
-        (transitions.enter, records, ledger, notes, True, True, numbers, truths),
-        (transitions.look, notes, 0, table),
-        (ticks.draw_numbers, 0, lanes, table),
+        (transitions.look, np.zeros(0, transitions.note_for(layout)), 0, table),
+        (ticks.draw_numbers, 0, lanes, table, keys),
         (newton.eliminate, cube, table),
         (starts.between, numbers, table, numbers, table),
-        (terrain.grounds, *ground, keys, lanes, table),
-    ]  # fmt: skip
+        (terrain.grounds, table, numbers, keys, lanes, table),
+    ]
     for kernel, *arguments in given:
         yield partial(kernel.native, *arguments)
     for switches in product((False, True), repeat=2):
@@ -96,13 +84,14 @@ def _of_batches(layout: Layout, pushed: bool, custom: bool) -> Iterator[Callable
     """Yield the kernels of batches, those of steps last."""
     numbers, singles, truths = np.zeros(0), np.zeros(0, np.float32), np.zeros(0, bool)
     lanes, table, words = np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 1), np.int64)
-    ledger, phases = np.zeros(0, task.ledger_for(layout)), np.zeros(0, PHASE)
     of = ticks.kernels_for(layout, pushed, custom)
-    records = np.zeros((0, 1), record_for(layout))
-    yield partial(of.begin.native, 0, lanes, numbers, table, table, singles)
-    yield partial(task.observe.native, records, ledger, phases, singles)
+    keys = np.zeros(0, np.uint64)
+    yield partial(of.begin.native, 0, lanes, numbers, table, table, keys, singles)
+    yield partial(of.observe.native, 0, singles)
     yield partial(of.begin_alike.native, 0, lanes, singles)
     yield partial(of.write_info.native, 0, truths, lanes, table, words, table)
+    if custom:
+        yield partial(of.enter.native, 0, True, True, numbers, truths)
     yield partial(of.step.native, 0, 0, 0, 0, 0, False, singles, numbers, truths, truths)
     yield partial(of.step_here.native, 0)
 

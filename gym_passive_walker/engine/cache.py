@@ -31,6 +31,7 @@ _SOURCES = (
     "envs/task",
     "envs/disturbance_kernels",
     "envs/constraints",
+    "envs/memory",
     "envs/ticks",
     "envs/rule",
     "envs/transitions",

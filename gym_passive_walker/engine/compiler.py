@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from functools import cache
+from functools import cache, reduce
 from types import FunctionType
 from typing import Any
 
@@ -16,7 +16,18 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils, config
 from numba.core.compiler_lock import global_compiler_lock
-from numba.extending import intrinsic, lower_builtin, type_callable
+from numba.core.imputils import lower_constant
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import (
+    infer_getattr,
+    intrinsic,
+    lower_builtin,
+    lower_getattr_generic,
+    models,
+    register_model,
+    type_callable,
+    typeof_impl,
+)
 from numba.np import numpy_support
 from numba.np.arrayobj import populate_array
 
@@ -42,6 +53,7 @@ _WAYS: dict[str, dict[str, Any]] = {
     "merged": {"inline": "always"},
 }
 _WORD, _NUMBER = ir.IntType(64), ir.DoubleType()
+_OBJECT = ir.IntType(8).as_pointer()
 
 
 def _part(function: FunctionType) -> Any:
@@ -97,6 +109,17 @@ def _address(typing_context, array):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
+def _copy(typing_context, target, source, size):  # type: ignore[no-untyped-def]
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        *places, count = arguments
+        target, source = (builder.inttoptr(place, _OBJECT) for place in places)
+        cgutils.raw_memcpy(builder, target, source, count, ir.Constant(_WORD, 1))
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64, types.int64), code
+
+
+@intrinsic
 def _view(typing_context, address, shape, dtype):  # type: ignore[no-untyped-def]
     kind = types.Array(dtype.dtype, len(shape), "C")
 
@@ -119,6 +142,64 @@ def _array(context: Any, builder: Any, kind: Any, address: Any, lengths: list[An
     return array._getvalue()
 
 
+class _Here(types.Type):
+    """Type of arrays in a block of memory, and of what has them as attributes: an address."""
+
+    def __init__(self, arrays: jit.Arrays) -> None:
+        super().__init__(f"Here_{arrays.name}")
+        self.found = arrays.found
+        self.kinds = {
+            name: types.Array(numpy_support.from_dtype(kind), len(axes), "C")
+            for name, (kind, _, _, axes) in arrays.found.items()
+        }
+
+
+typeof_impl.register(jit.Arrays)(cache(lambda arrays, _: _Here(arrays)))
+lower_constant(_Here)(lambda *_: ir.Constant(_WORD, 0))
+
+
+@register_model(_Here)
+class _(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: _Here) -> None:
+        super().__init__(manager, kind, _WORD)
+
+
+@infer_getattr
+class _(AttributeTemplate):
+    key = _Here
+
+    def generic_resolve(self, here: _Here, name: str) -> Any:
+        return here.kinds.get(name)
+
+
+@lower_getattr_generic(_Here)
+def _(context: Any, builder: Any, here: _Here, address: Any, name: str) -> Any:
+    """Read an array's address and lengths; LLVM merges these loads, as they are invariant."""
+    _, first, apart, axes = here.found[name]
+
+    def at(place: int) -> Any:
+        return builder.add(address, ir.Constant(_WORD, place))
+
+    def word(place: int) -> Any:
+        loaded = builder.load(builder.inttoptr(at(place), _WORD.as_pointer()))
+        loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
+        return loaded
+
+    lengths = [reduce(builder.mul, map(word, of), ir.Constant(_WORD, by)) for by, of in axes]
+    data = word(first) if apart else at(first)
+    return _array(context, builder, here.kinds[name], data, lengths)
+
+
+@intrinsic
+def _arrays_at(typing_context, address, arrays):  # type: ignore[no-untyped-def]
+    def code(context, builder, signature, given):  # type: ignore[no-untyped-def]
+        # LLVM moves no invariant load before this, to where the words may have been written.
+        kind = ir.FunctionType(_WORD, [_WORD])
+        return builder.asm(kind, "", "=r,0,~{memory}", given[:1], side_effect=True)
+
+    return arrays(types.int64, arrays), code
+
+
 @intrinsic(prefer_literal=True)
 def _stack(typing_context, count):  # type: ignore[no-untyped-def]
     def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
@@ -128,18 +209,22 @@ def _stack(typing_context, count):  # type: ignore[no-untyped-def]
     return types.int64(count), code
 
 
-@intrinsic
-def _uniform(typing_context, generator):  # type: ignore[no-untyped-def]
-    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        members = builder.inttoptr(arguments[0], _WORD.as_pointer())  # state, then functions
+def _drawing(kind: Any, result: Any, place: int) -> Any:
+    """Return the primitive that calls a function of a generator, by its place in `bitgen_t`."""
 
-        def member(i: int) -> Any:
-            return builder.load(builder.gep(members, [ir.Constant(_WORD, i)]))
+    def draw(typing_context, generator):  # type: ignore[no-untyped-def]
+        def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+            members = builder.inttoptr(arguments[0], _WORD.as_pointer())  # state, then functions
 
-        draws = builder.inttoptr(member(3), ir.FunctionType(_NUMBER, [_WORD]).as_pointer())
-        return builder.call(draws, [member(0)])
+            def member(i: int) -> Any:
+                return builder.load(builder.gep(members, [ir.Constant(_WORD, i)]))
 
-    return types.float64(types.int64), code
+            draws = builder.inttoptr(member(place), ir.FunctionType(result, [_WORD]).as_pointer())
+            return builder.call(draws, [member(0)])
+
+        return kind(types.int64), code
+
+    return intrinsic(draw)
 
 
 @intrinsic
@@ -160,7 +245,10 @@ def _number_of(typing_context, bits):  # type: ignore[no-untyped-def]
 
 PRIMITIVES: dict[Any, Any] = {
     jit.call: _call, jit.fma: _fma, jit.address: _address, jit.view: _view, jit.stack: _stack,
-    jit.draw_uniform: _uniform, jit.bits_of: _bits_of, jit.number_of: _number_of,
+    jit.arrays_at: _arrays_at, jit.copy: _copy,
+    jit.draw_uniform: _drawing(types.float64, _NUMBER, 3),
+    jit.draw_word: _drawing(types.uint64, _WORD, 1), jit.bits_of: _bits_of,
+    jit.number_of: _number_of,
 }  # fmt: skip
 """The primitives of `jit` on a CPU."""
 
@@ -172,7 +260,6 @@ def linker() -> DeviceLinker:
 
 
 _SCALARS = {int: types.int64, bool: types.boolean, float: types.float64}
-_OBJECT = ir.IntType(8).as_pointer()
 _KINDS = {"word": _WORD, "number": _NUMBER, "object": _OBJECT, "nothing": ir.VoidType()}
 
 

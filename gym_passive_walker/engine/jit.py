@@ -9,7 +9,8 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import CodeType
@@ -65,8 +66,33 @@ def address(array: Any) -> int:
     _compiled_only()
 
 
+def copy(target: int, source: int, size: int) -> None:
+    """Copy bytes from one address to another; a record that is assigned compiles for longer."""
+    _compiled_only()
+
+
 def view(address: int, shape: tuple[int, ...], dtype: np.dtype) -> Any:
     """Return the contiguous array at an address; compiles no further functions."""
+    _compiled_only()
+
+
+@dataclass(frozen=True, eq=False)
+class Arrays:
+    """Arrays in a block of memory; compiled code finds them by the address of the block.
+
+    Attributes:
+        name: Name of their type in compiled code, which no other has.
+        found: Data type and offset in bytes of each array; whether a word with its address is there
+            instead; and of each axis a number and offsets of words: their product is its length.
+            A kernel does not change these words.
+    """
+
+    name: str
+    found: Mapping[str, tuple[np.dtype, int, bool, list[tuple[int, list[int]]]]]
+
+
+def arrays_at(address: int, arrays: Arrays) -> Any:
+    """Return what has the arrays of a block as attributes: in compiled code, its address alone."""
     _compiled_only()
 
 
@@ -87,6 +113,11 @@ def number_of(bits: np.uint64) -> float:
 
 def draw_uniform(generator: int) -> float:
     """Draw a number in [0, 1) from the NumPy generator with its `bitgen_t` at an address."""
+    _compiled_only()
+
+
+def draw_word(generator: int) -> np.uint64:
+    """Draw 64 random bits from the NumPy generator with its `bitgen_t` at an address."""
     _compiled_only()
 
 

@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker._tools.arguments import check_slope, check_state, whole
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.lanes import RESTING
-from gym_passive_walker.engine.layout import layout_of, record_for
-from gym_passive_walker.engine.run import in_parts, options, states_in, thread_workspace, workspace
-from gym_passive_walker.envs import saved, task, ticks
+from gym_passive_walker.engine.layout import layout_of
+from gym_passive_walker.engine.run import in_parts, options, states_in, thread_workspace
+from gym_passive_walker.envs import memory, saved, task, ticks
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import Custom, is_custom
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
@@ -52,6 +52,7 @@ def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
     rules["energy_weight"] = scene.energy_weight
     rules["charged"] = ENERGIES.index(scene.energy)
     rules["step_limit"] = step_limit
+    rules["reset_noise_scale"] = scene.reset_noise_scale
     rules["weight"] = scene.walker.weight / scene.walker.units.force
     rules["works"][0, : len(system.works)] = np.divide(system.works, rules["weight"])
     rules["works"][0, -1] = 1.0
@@ -163,12 +164,12 @@ class Batch:
             self.bodies = np.pad(self.bodies, ((0, 0), (0, 0), (0, ROOM)))
         self._radii = _radii(shown)
         self.layout = layout_of(self.system)
-        self.records = np.zeros((count, 1), record_for(self.layout))
-        self.ledger = np.zeros(count, task.ledger_for(self.layout))
         self.rules = rules_of(scene, self.system, step_limit)
         self.randoms: list[np.random.Generator] = []
         self.unfinished = True
+        self.arrays: dict[str, NDArray] = {}
         self._connect()
+        self.records, self.ledger = self.arrays["records"], self.arrays["ledger"]
 
     def changed(self, scene: Scene) -> Batch:
         """Return a batch of equal size in another scene, before its episodes; see `become`.
@@ -194,22 +195,26 @@ class Batch:
     def starts_alike(self) -> bool:
         """Whether compiled code can begin episodes: all start alike, and all rules are compiled."""
         alike = self._alike_starts and not self.scene.domain_randomization
-        native = not self.custom or self.custom.native
-        return alike and native and not self.disturbances
+        return alike and (not self.custom or self.custom.native)
 
     def _connect(self) -> None:
-        """Set compiled phases, engine options, one thread's workspace, and the entry point."""
-        here, name = self.disturbances, self.system.name  # `system` registers its name
-        phases = here.hooks[0] if here else compiled(name)
-        chosen = options(self.scene.tolerance, scuff=bool(self.scene.end_on_toe_stub))
-        tiles, histories = workspace(layout=self.layout)
-        self.machinery = phases, chosen, tiles, histories
-        self.entry_point = ticks.EntryPoint(
-            self.scene, self.count, self.observation_size, self.custom, records=self.records,
-            bodies=self.bodies, radii=self._radii, ledger=self.ledger, rules=self.rules,
-            phases=phases, options=chosen, tiles=tiles, histories=histories,
-            **(here.arrays() if here else {}),
-        )  # fmt: skip
+        """Make the arrays that are not there, set compiled code in them, and the entry point."""
+        name, scene = self.system.name, self.scene  # `system` registers its name
+        lengths = {
+            "walkers": self.count, "channels": len(scene.actions), "delay": scene.action_delay,
+            "seen": self.observation_size,
+        }  # fmt: skip
+        parts = {"disturbed": self.disturbances, "custom": self.custom}
+        given = {"bodies": self.bodies, "radii": self._radii, "rules": self.rules} | self.arrays
+        given["options"] = options(scene.tolerance, scuff=bool(scene.end_on_toe_stub))
+        given["phases"] = compiled(name)
+        if self.disturbances:
+            given["phases"], given["hooks"] = self.disturbances.hooks
+        for part in filter(None, parts.values()):
+            given |= part.arrays()
+        declared = memory.present(*(feature for feature, part in parts.items() if part))
+        self.arrays = memory.made(declared, self.layout, lengths, given)
+        self.entry_point = ticks.EntryPoint(self.arrays, **lengths)
 
     @property
     def system(self) -> System:
@@ -263,17 +268,16 @@ class Batch:
             found = [walker.checked_state(state) for state, walker in given]
             gaits = as_recorded(self.walkers[0], found)
             draws[:] = 0.5  # no change
+        keys = np.zeros(len(where) if self.disturbances else 0, np.uint64)
+        for j in range(len(keys)):
+            keys[j] = self.randoms[where[j]].integers(2**64, dtype=np.uint64)
         self.unfinished = True
         if varied:
             self._embody(where, list(varied.values()))
-        self.entry_point.kernels.begin(self.entry_point.address, where, slopes, gaits, draws, plain)
-        if self.disturbances:
-            self.disturbances.begin(where, self.randoms, self.records, self.ledger, self.bodies)
-            self.disturbances.observe(self.ledger, where, plain)
+        given = where, slopes, gaits, draws, keys, plain
+        self.entry_point.kernels.begin(self.entry_point.address, *given)
         self._write_proportions(plain)
-        if self.custom:
-            self.custom.begin(self, where)
-            self._write_observations(observations, where)
+        self._write_observations(observations, where)
 
     def _embody(self, lanes: NDArray[np.int64], walkers: Sequence[Walker]) -> None:
         """Replace some of the walkers."""
@@ -290,7 +294,7 @@ class Batch:
             observations.reshape(self.count, -1)[:, -size:] = self._proportions
 
     def _prepare(self) -> None:
-        """Set the generators and starts of walkers without disturbances."""
+        """Set the generators and starts for compiled code that begins episodes."""
         self.entry_point.draw_from(self.randoms)
         self.entry_point.begin_at(self._starts[0])
 
@@ -298,7 +302,7 @@ class Batch:
         """Return the random numbers of some walkers' starts, (lanes, DRAWS)."""
         draws = np.empty((len(where), DRAWS))
         self.entry_point.draw_from(self.randoms)
-        ticks.draw_numbers(self.entry_point.address, where, draws)
+        ticks.draw_numbers(self.entry_point.address, where, draws, np.zeros(0, np.uint64))
         return draws
 
     def _slopes(self, where: NDArray, shares: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -424,9 +428,7 @@ class Batch:
         if self.custom and self.custom.observation_size:
             self._write_observations(observations)
             return
-        task.observe(self.records, self.ledger, self.machinery[0], observations)
-        if self.disturbances:
-            self.disturbances.observe(self.ledger, np.arange(self.count), observations)
+        self.entry_point.kernels.observe(self.entry_point.address, observations)
         self._write_proportions(observations)
 
     def _write_observations(
@@ -524,7 +526,7 @@ class Batch:
         self, observations: NDArray[np.float32], *results: NDArray
     ) -> tuple[int, int]:
         """Step many walkers by several threads; see `step`."""
-        entry_point, ended, size = self.entry_point, [], len(observations) // self.count
+        entry_point, ended = self.entry_point, []
         finite = np.isfinite(entry_point.actions.reshape(self.count, -1)).all(axis=1)
         for wrong in np.flatnonzero(~finite & ~self.over):  # before any walker steps
             self.refuse(int(wrong))
@@ -532,8 +534,7 @@ class Batch:
 
         def job(a: int, b: int) -> None:
             at = [part.ctypes.data for part in thread_workspace(layout=self.layout)]
-            seen, theirs = observations[a * size : b * size], [part[a:b] for part in results]
-            given = entry_point.address, a, b, *at, False, seen, *theirs
+            given = entry_point.address, a, b, *at, False, observations, *results
             ended.append(ticks.counts(entry_point.step(*given)))
 
         in_parts(job, self.count, self.threads)
@@ -558,7 +559,8 @@ class Batch:
         refuse(self.entry_point.actions.reshape(self.count, -1)[wrong], self.scene.actions, lane)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "machinery": None, "entry_point": None}  # compiled code
+        kept = {name: array for name, array in self.arrays.items() if name not in memory.COMPILED}
+        return {**self.__dict__, "arrays": kept, "entry_point": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -590,15 +592,10 @@ class Batch:
         return Contact(float(self.ledger["origin"][lane] - rolled) * length)
 
     @property
-    def _arrays(self) -> dict[str, NDArray]:
+    def saved_arrays(self) -> dict[str, NDArray]:
         """Arrays of a saved state, by name."""
-        found = {"records": self.records, "ledger": self.ledger}
-        if self.disturbances:
-            found |= {"disturbances": self.disturbances.states}
-            found |= {"pending": self.disturbances.pending}
-        if self.custom:
-            found |= {"transitions": self.custom.notes}
-        return found
+        arrays = self.arrays.items()
+        return {name: array for name, array in arrays if memory.ARRAYS[name].limits is not None}
 
     def get_state(self) -> dict[str, Any]:
         """Return a copy of everything that determines later steps."""
@@ -606,11 +603,11 @@ class Batch:
             "scene": self._described,
             "walkers": [saved.kept(walker) for walker in self.walkers],
             "random": [deepcopy(r.bit_generator.state) for r in self.randoms],
-            **{name: array.copy() for name, array in self._arrays.items()},
+            **{name: array.copy() for name, array in self.saved_arrays.items()},
         }
 
     @cached_property
-    def _limits(self) -> dict[str, saved.Limits]:
+    def _limits(self) -> list[saved.Limits]:
         return saved.limits_of(self)
 
     @cached_property
@@ -630,7 +627,7 @@ class Batch:
         """
         if isinstance(state, Mapping) and "scene" in state:  # the most informative error
             saved.check_scene(state["scene"], self._described)
-        arrays = self._arrays
+        arrays = self.saved_arrays
         given = saved.entries(state, ["scene", "walkers", "random", *arrays, *flags])
         found: dict[str, Any] = {
             name: saved.like(given[name], name, own) for name, own in arrays.items()
@@ -647,7 +644,7 @@ class Batch:
     def put_back(self, found: Mapping[str, Any]) -> None:
         """Restore a state from `checked`."""
         self.unfinished = True
-        for name, array in self._arrays.items():
+        for name, array in self.saved_arrays.items():
             array[:] = found[name]
         if not self._alike:
             self._embody(np.arange(self.count), found["walkers"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -67,20 +68,22 @@ class Custom:
             weighted = isinstance(rule.function, Weighted)  # `terms` reads the ledger's fields
             self.noted |= rule.noted | int(weighted)
 
-    def address(self, name: str) -> int:
-        """Return the address of a compiled function; 0 if there is none."""
-        return self.rules[name].native if name in self.rules else 0
+    def arrays(self, functions: Mapping[str, int] | None = None) -> dict[str, NDArray]:
+        """Return the arrays with content, by their names in `memory`.
+
+        Args:
+            functions: Addresses of compiled functions by name; those on this CPU when None.
+        """
+        if functions is None:
+            functions = {name: rule.native for name, rule in self.rules.items()}
+        addresses = [functions.get(name, 0) for name in ("reward", "terminated", "observation")]
+        own = np.array([(self.noted, *addresses, self.native)], transitions.USER_RULES)
+        return {"notes": self.notes, "own": own}
 
     def look_again(self) -> None:
         """Compare the functions with what they were, as all walkers begin; see `Rule`."""
         for rule in self.rules.values():
             rule.look_again()
-
-    def begin(self, batch: Any, lanes: NDArray[np.int64]) -> None:
-        """Clear the transitions of walkers at the beginning of their episodes."""
-        transitions.begin(batch.records, batch.ledger, batch.machinery[0], lanes, self.notes)
-        if batch.disturbances:
-            self.notes["command"][lanes] = batch.disturbances.states["command"][lanes]
 
     def evaluate(
         self, batch: Any, rewards: NDArray[np.float64], terminated: NDArray[np.bool_]
@@ -89,9 +92,8 @@ class Custom:
         for name in self._slow:
             self.notes["paid" if name == "reward" else "ends"] = self.rules[name](self.notes)[:, 0]
         pays, stops = (name in self._given for name in ("reward", "terminated"))
-        return transitions.enter(
-            batch.records, batch.ledger, self.notes, pays, stops, rewards, terminated
-        )
+        entry_point = batch.entry_point
+        return entry_point.kernels.enter(entry_point.address, pays, stops, rewards, terminated)
 
     def observe(self, observations: NDArray[np.float32], lanes: Any = slice(None)) -> None:
         """Write the observations of some walkers into the flat array of all."""

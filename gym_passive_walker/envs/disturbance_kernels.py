@@ -16,7 +16,6 @@ import numpy as np
 from gym_passive_walker.engine.counter_rng import normal, uniform
 from gym_passive_walker.engine.jit import Kernel, address, call, jitted, merged
 from gym_passive_walker.engine.lanes import RESTING
-from gym_passive_walker.engine.run import integrate
 from gym_passive_walker.envs import constraints, task
 from gym_passive_walker.gaits.scenes.checks import CHECKS
 from gym_passive_walker.gaits.scenes.rules import (
@@ -91,8 +90,10 @@ _WHEN, _HOW_HARD, _SENSOR, _MOTOR, _COMMAND = range(5)
 
 
 @jitted
-def add_observation_noise(disturbance, row, settings, table, spread, observations, first):
+def add_observation_noise(here, i):
     """Add noise to a walker's observation; append its command and the footholds ahead."""
+    disturbance, row, settings = here.disturbances[i], here.ledger[i], here.settings[0]
+    observations, first = here.observations, i * (len(here.observations) // len(here.ledger))
     if settings.noisy:
         for k in range(SIZE):
             if settings.noise[k] > 0.0:
@@ -104,19 +105,10 @@ def add_observation_noise(disturbance, row, settings, table, spread, observation
         observations[first + SIZE] = disturbance.command
     first += SIZE + settings.commanded
     for ahead in range(settings.terrain_lookahead):
-        _, rise, turn = ground_at(table, spread, disturbance.key, row.strides + ahead)
+        place = row.strides + ahead
+        _, rise, turn = ground_at(here.table, here.spread, disturbance.key, place)
         seen = foothold(rise, turn)
         observations[first + 2 * ahead], observations[first + 2 * ahead + 1] = seen
-
-
-@Kernel
-def observe(disturbances, ledger, settings, table, spread, lanes, observations):
-    """Apply `add_observation_noise` to observations of some walkers from `task.observe`."""
-    size = len(observations) // len(ledger)
-    for i in lanes:
-        add_observation_noise(
-            disturbances[i], ledger[i], settings[0], table, spread, observations, i * size
-        )
 
 
 @Kernel
@@ -131,18 +123,20 @@ def add_noise(disturbances, ledger, noise, lanes, observations):
 
 
 @jitted
-def lay_ground(record, row, disturbance, table, spread):
+def lay_ground(here, i):
     """Set the ground of the stride that begins."""
-    disturbance.tilt, rise, turn = ground_at(table, spread, disturbance.key, row.strides)
-    row.slope = disturbance.slope + disturbance.tilt
+    record, row, disturbance = here.records[i, 0], here.ledger[i], here.disturbances[i]
+    tilt, rise, turn = ground_at(here.table, here.spread, disturbance.key, row.strides)
+    disturbance.tilt, row.slope = tilt, disturbance.slope + tilt
     record.ground[0], record.ground[1] = math.sin(row.slope), math.cos(row.slope)
     record.ground[2], record.ground[3] = rise, turn
 
 
 @jitted
-def step_over(record, row, disturbance, radius, table, spread):
+def step_over(here, i):
     """Set the contact point of the new stance foot, and the ground of its stride."""
-    here, rise, turn = ground_at(table, spread, disturbance.key, row.strides - 1)
+    row, disturbance = here.ledger[i], here.disturbances[i]
+    slope, rise, turn = ground_at(here.table, here.spread, disturbance.key, row.strides - 1)
     rise, disturbance.extra_height = rise + disturbance.extra_height, 0.0
     for k in range(PASSED - 1, 0, -1):
         for axis in range(2):
@@ -150,11 +144,11 @@ def step_over(record, row, disturbance, radius, table, spread):
     disturbance.passed[0, 0], disturbance.passed[0, 1] = disturbance.x, disturbance.y
     along = row.step_length
     # The slope changes at impact, so the contact point lies higher than the foothold.
-    off = rise + radius * (1.0 - math.cos(turn))
-    sine, cosine = math.sin(here), math.cos(here)
+    off = rise + here.bodies[i, 0, RADIUS] * (1.0 - math.cos(turn))
+    sine, cosine = math.sin(slope), math.cos(slope)
     disturbance.x += along * cosine + off * sine
     disturbance.y += off * cosine - along * sine
-    lay_ground(record, row, disturbance, table, spread)
+    lay_ground(here, i)
 
 
 @jitted
@@ -165,77 +159,84 @@ def time_to_push(disturbance, settings):
     return -math.log(1.0 - uniform(disturbance.key, disturbance.pushes, _WHEN)) / settings.rate
 
 
-@Kernel
-def begin(disturbances, settings, lanes, keys, pending, records, ledger, table, spread):
-    """Draw the disturbances of some walkers by their keys, and clear delayed actions `pending`."""
-    for j in range(len(lanes)):
-        i = lanes[j]
-        disturbance = disturbances[i]
-        disturbance.key, disturbance.pushes, disturbance.episode_push_work = keys[j], 0, 0.0
-        low, high = settings[0].command[0], settings[0].command[1]
-        disturbance.command = low + (high - low) * uniform(disturbance.key, 0, _COMMAND)
-        disturbance.due = time_to_push(disturbance, settings[0])
-        disturbance.impulse, pending[i] = 0.0, 0.0
-        disturbance.slope = ledger[i].slope
-        disturbance.tilt, disturbance.x, disturbance.y = 0.0, 0.0, 0.0
-        disturbance.known, disturbance.extra_height = 0.0, 0.0
-        if settings[0].uneven:
-            lay_ground(records[i, 0], ledger[i], disturbance, table, spread)
+def clear_readings(here, i):
+    """Set the readings of a walker's checks to those before any check."""
+    for k in range(len(_BLANK)):
+        here.bodies[i, 0, k - _ROOM] = _BLANK[k]
 
 
 @jitted
-def disturb_actions(disturbances, ledger, settings, pending, actions):
-    """Apply delay and noise to actions, in place."""
-    late = pending.shape[1]
-    count = len(actions) // len(disturbances)
-    for i in range(len(disturbances)):
-        disturbance, step = disturbances[i], ledger[i].steps
+def begin(here, i, key):
+    """Draw a walker's disturbances by its key, and add them to its observation."""
+    disturbance, settings = here.disturbances[i], here.settings[0]
+    clear_readings(here, i)
+    disturbance.key, disturbance.pushes = key, 0
+    disturbance.push_work, disturbance.episode_push_work = 0.0, 0.0
+    low, high = settings.command[0], settings.command[1]
+    disturbance.command = low + (high - low) * uniform(disturbance.key, 0, _COMMAND)
+    disturbance.due = time_to_push(disturbance, settings)
+    disturbance.impulse, here.pending[i] = 0.0, 0.0
+    disturbance.slope = here.ledger[i].slope
+    disturbance.tilt, disturbance.x, disturbance.y = 0.0, 0.0, 0.0
+    disturbance.known, disturbance.extra_height = 0.0, 0.0
+    if settings.uneven:
+        lay_ground(here, i)
+    add_observation_noise(here, i)
+
+
+@jitted
+def disturb_actions(here, first, last):
+    """Apply delay and noise to actions; the results are in `acted`."""
+    late, count = here.pending.shape[1], here.rules[0].actions
+    noise = here.settings[0].action_noise
+    for i in range(first, last):
+        disturbance, step = here.disturbances[i], here.ledger[i].steps
         for j in range(count):
-            share = clip(actions[i * count + j], -1.0, 1.0)
+            share = clip(here.actions[i * count + j], -1.0, 1.0)
             if late > 0:
-                share, pending[i, step % late, j] = pending[i, step % late, j], share
-            if settings.action_noise > 0.0:
-                share += settings.action_noise * normal(disturbance.key, step * count + j, _MOTOR)
-            actions[i * count + j] = share
+                sent, here.pending[i, step % late, j] = here.pending[i, step % late, j], share
+                share = sent
+            if noise > 0.0:
+                share += noise * normal(disturbance.key, step * count + j, _MOTOR)
+            here.acted[i * count + j] = share
 
 
 @jitted
-def apply_due_events(records, bodies, i, disturbance, settings, hooks):
+def apply_due_events(here, i):
     """Check a walker, apply the pushes that are due, and set the end of the integration."""
-    record = records[i, 0]
-    native = hooks[record.phase]
+    record, disturbance, settings = here.records[i, 0], here.disturbances[i], here.settings[0]
+    native = here.hooks[record.phase]
     if native.look != 0:
-        call(native.look, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
+        call(native.look, address(here.records[i]), address(here.bodies[i]), 0, 0, 0.0, 0.0)
     while disturbance.due <= record.time + _INSTANT:
         low, high = settings.push[0], settings.push[1]
         impulse = low + (high - low) * uniform(disturbance.key, disturbance.pushes, _HOW_HARD)
         if disturbance.known != 0.0:
             impulse, disturbance.known = disturbance.known, 0.0
-        call(native.push, address(records[i]), address(bodies[i]), 0, 0, -impulse, 0.0)
+        call(native.push, address(here.records[i]), address(here.bodies[i]), 0, 0, -impulse, 0.0)
         disturbance.impulse += impulse
         disturbance.pushes += 1
         disturbance.due += time_to_push(disturbance, settings)
         if native.look != 0:
-            call(native.look, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
+            call(native.look, address(here.records[i]), address(here.bodies[i]), 0, 0, 0.0, 0.0)
     end = min(disturbance.until, disturbance.due, record.time + settings.interval)
     record.end = disturbance.until if disturbance.until - end < _INSTANT else end
 
 
 @jitted
-def integrate_past_events(
-    records, bodies, disturbances, phases, options, tiles, histories, settings, hooks
-):
+def integrate_past_events(here, first, last, tiles, histories):
     """Integrate walkers to the end of their step, with all pushes and checks on the way."""
-    for i in range(len(records)):
-        disturbances[i].until, disturbances[i].impulse = records[i, 0].end, 0.0
+    disturbances = here.disturbances
+    for i in range(first, last):
+        disturbances[i].until, disturbances[i].impulse = here.records[i, 0].end, 0.0
         if not disturbances[i].idle:
-            apply_due_events(records, bodies, i, disturbances[i], settings, hooks)
-    integrate(records, bodies, phases, options, tiles, histories)
-    while apply_later_events(records, bodies, disturbances, settings, hooks):
-        integrate(records, bodies, phases, options, tiles, histories)
-        for i in range(len(records)):
+            apply_due_events(here, i)
+    task.integrate_step(here, first, last, tiles, histories)
+    while apply_later_events(here, first, last):
+        task.integrate_step(here, first, last, tiles, histories)
+        for i in range(first, last):
             if disturbances[i].idle >= _ASIDE:
-                records[i, 0].outcome = disturbances[i].idle - _ASIDE
+                here.records[i, 0].outcome = disturbances[i].idle - _ASIDE
                 disturbances[i].idle = 0
 
 
@@ -245,20 +246,20 @@ def goes_on(record, disturbance):
 
 
 @jitted
-def apply_later_events(records, bodies, disturbances, settings, hooks):
+def apply_later_events(here, first, last):
     """Apply the events of walkers that go on with their step, and put the others aside.
 
     Returns whether there are any; else nothing has changed.
     """
     going = False
-    for i in range(len(records)):
-        going |= goes_on(records[i, 0], disturbances[i])
+    for i in range(first, last):
+        going |= goes_on(here.records[i, 0], here.disturbances[i])
     if not going:
         return False
-    for i in range(len(records)):
-        record, disturbance = records[i, 0], disturbances[i]
+    for i in range(first, last):
+        record, disturbance = here.records[i, 0], here.disturbances[i]
         if goes_on(record, disturbance):
-            apply_due_events(records, bodies, i, disturbance, settings, hooks)
+            apply_due_events(here, i)
         elif not disturbance.idle:
             disturbance.idle, record.outcome = _ASIDE + record.outcome, RESTING
     return True
@@ -284,60 +285,49 @@ def violated_constraint(notes, settings):
 
 
 @jitted
-def check_step(records, bodies, i, row, disturbance, settings, phases, hooks):
+def check_step(here, i):
     """Check the constraints of a walker after its step; a violated one ends its episode."""
-    record = records[i, 0]
-    look = hooks[record.phase].look
+    record, row = here.records[i, 0], here.ledger[i]
+    look = here.hooks[record.phase].look
     if look != 0 and record.outcome == 0:
-        call(look, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
+        call(look, address(here.records[i]), address(here.bodies[i]), 0, 0, 0.0, 0.0)
     struck = record.outcome == _HEELSTRIKE
     if record.outcome == 0 or struck:
-        row.violated = violated_constraint(bodies[i, 0, -_ROOM:], settings)
+        row.violated = violated_constraint(here.bodies[i, 0, -_ROOM:], here.settings[0])
     if struck:
-        disturbance.due -= record.time
+        here.disturbances[i].due -= record.time
         if row.violated != 0:  # the record already has the legs exchanged
-            call(phases[0].place, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
+            task.place_hip(here, i)
             row.origin -= record.place - record.passed
 
 
 @merged
-def step(
-    records, bodies, ledger, rules, phases, options, tiles, histories, disturbances, pending,
-    settings, hooks, table, spread, actions, observations, rewards, terminated, truncated,
-):  # fmt: skip
-    """Step every walker by finite actions, which delay and noise change in place.
-
-    Returns the result of `task.finish_step`.
-    """
-    disturb_actions(disturbances, ledger, settings[0], pending, actions)
-    task.apply_action(records, ledger, rules[0], actions)
-    for i in range(len(records)):
-        disturbances[i].idle = task.over(ledger[i])
-        for k in range(len(_BLANK)):
-            bodies[i, 0, k - _ROOM] = _BLANK[k]
-    integrate_past_events(
-        records, bodies, disturbances, phases, options, tiles, histories, settings[0], hooks
-    )
-    for i in range(len(records)):
+def step(here, first, last, tiles, histories):
+    """Step every walker by finite actions, with its disturbances; see `task.step`."""
+    settings, disturbances = here.settings[0], here.disturbances
+    disturb_actions(here, first, last)
+    task.apply_action(here, first, last, here.acted)
+    for i in range(first, last):
+        disturbances[i].idle = task.over(here.ledger[i])
+        clear_readings(here, i)
+    integrate_past_events(here, first, last, tiles, histories)
+    for i in range(first, last):
         if not disturbances[i].idle:
-            check_step(records, bodies, i, ledger[i], disturbances[i], settings[0], phases, hooks)
-    strides, endings = task.finish_step(
-        records, bodies, ledger, rules[0], phases, observations, rewards, terminated, truncated
-    )
-    size = len(observations) // len(records)
-    for i in range(len(records)):
-        row, disturbance = ledger[i], disturbances[i]
+            check_step(here, i)
+    strides, endings = task.finish_step(here, first, last)
+    for i in range(first, last):
+        row, disturbance = here.ledger[i], disturbances[i]
         if not disturbance.idle:
-            disturbance.push_work = bodies[i, 0, _WORK - _ROOM] / rules[0].weight
+            disturbance.push_work = here.bodies[i, 0, _WORK - _ROOM] / here.rules[0].weight
             disturbance.episode_push_work += disturbance.push_work
-            if settings[0].commanded and row.outcome == _HEELSTRIKE:
-                command, weight = disturbance.command, settings[0].command_weight
+            if settings.commanded and row.outcome == _HEELSTRIKE:
+                command, weight = disturbance.command, settings.command_weight
                 lost = command_penalty(row.step_length, row.step_period, command, weight)
                 row.reward -= lost
                 row.total -= lost
-                rewards[i] -= lost
-            if settings[0].uneven and row.outcome == _HEELSTRIKE:
-                step_over(records[i, 0], row, disturbance, bodies[i, 0, RADIUS], table, spread)
-                task.write_observation(records[i, 0], row, phases, observations, i * size)
-        add_observation_noise(disturbance, row, settings[0], table, spread, observations, i * size)
+                here.rewards[i] -= lost
+            if settings.uneven and row.outcome == _HEELSTRIKE:
+                step_over(here, i)
+                task.write_observation(here, i)
+        add_observation_noise(here, i)
     return strides, endings

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.envs import constraints, disturbance_kernels
-from gym_passive_walker.envs.constraints import BLANK
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.checks import CHECKS
 from gym_passive_walker.gaits.scenes.scene import UNDISTURBED, Scene
@@ -52,7 +51,7 @@ class Disturbances:
     Attributes:
         states: Disturbance states, (count,) of `disturbance_kernels.DISTURBANCE`.
         settings: Settings of the scene, (1,) of `disturbance_kernels.SETTINGS`.
-        pending: Delayed actions, (count, action_delay, actions).
+        terrain: Footholds and standard deviations of the terrain; see `Terrain.arrays`.
         noise: Standard deviation of the noise on each number of a `System`'s observation.
     """
 
@@ -60,7 +59,6 @@ class Disturbances:
         self.scene, self._system = scene, system
         self.states = np.zeros(count, disturbance_kernels.DISTURBANCE)
         self.settings = _settings(scene)
-        self.pending = np.zeros((count, scene.action_delay, len(scene.actions)))
         self.terrain = (scene.terrain or Terrain()).arrays()
         self.noise = _noise(scene)
 
@@ -71,36 +69,10 @@ class Disturbances:
         return constraints.hooks(self._system, pushed=pushed, watched=watched)
 
     def arrays(self) -> dict[str, NDArray]:
-        """Return the arrays that `disturbance_kernels.step` reads, named as in `ticks.STAYS`."""
+        """Return the arrays with content but `hooks`, by their names in `memory`."""
         table, spread = self.terrain
-        return {
-            "disturbances": self.states, "pending": self.pending, "settings": self.settings,
-            "hooks": self.hooks[1], "table": table, "spread": spread,
-        }  # fmt: skip
-
-    def begin(
-        self,
-        lanes: NDArray[np.int64],
-        randoms: list[np.random.Generator],
-        records: NDArray,
-        ledger: NDArray,
-        bodies: NDArray,
-    ) -> None:
-        """Draw the disturbances of some walkers from a key of each walker's random generator."""
-        bodies[lanes, 0, -constraints.ROOM : -constraints.ROOM + len(BLANK)] = BLANK
-        self.states["push_work"][lanes] = 0.0
-        keys = np.empty(len(lanes), np.uint64)
-        for j, i in enumerate(lanes.tolist()):
-            keys[j] = randoms[i].integers(2**64, dtype=np.uint64)
-        disturbance_kernels.begin(
-            self.states, self.settings, lanes, keys, self.pending, records, ledger, *self.terrain
-        )
-
-    def observe(self, ledger: NDArray, lanes: NDArray, observations: NDArray[np.float32]) -> None:
-        """Add sensor noise, command and terrain lookahead to observations of some walkers."""
-        disturbance_kernels.observe(
-            self.states, ledger, self.settings, *self.terrain, lanes, observations
-        )
+        found = {"disturbances": self.states, "settings": self.settings}
+        return found | {"table": table, "spread": spread}
 
     def add_noise(self, ledger: NDArray, lanes: NDArray, observations: NDArray[np.float32]) -> None:
         """Add sensor noise to observations of some walkers of a `System`."""

@@ -10,24 +10,20 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import shown
 from gym_passive_walker._tools.loading import parse_json, reason
-from gym_passive_walker.engine.lanes import RESTING
-from gym_passive_walker.engine.layout import record_for
-from gym_passive_walker.envs import disturbance_kernels, task
+from gym_passive_walker.envs.memory import ARRAYS, COUNTER, FINITE
 from gym_passive_walker.envs.transitions import STOPPED
 from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.model import Model
 from gym_passive_walker.models.walkers import Walker, name_of
 
-_MANY = 2**53  # upper limit of counters
-_FINITE = float(np.finfo(float).max)
 _LATE = 1e-6  # largest delay of a push that is due, in sqrt(l/g)
 _ROUNDING = 1e-9
 
@@ -247,96 +243,60 @@ def require(name: str, holds: NDArray[np.bool_], allowed: str) -> None:
         raise StateError(f"the state's {name} of environment {place} must be {allowed}")
 
 
-class Limits:
-    """Limits of the fields of a structured array.
+class Limits(NamedTuple):
+    """Limits of those numbers in the rows of an array that have one type, each of 8 bytes.
+
+    Attributes:
+        array: Name of the array.
+        kind: The type, "f8" or "i8".
+        places: Places of the numbers in a row, (k,).
+        names: The numbers' names in messages, (k,).
+        low: Their smallest values, (k,).
+        high: Their largest values, (k,).
+    """
+
+    array: str
+    kind: str
+    places: list[int]
+    names: list[str]
+    low: NDArray
+    high: NDArray
+
+
+def limits_of(batch: Any) -> list[Limits]:
+    """Return the limits of the arrays in a state of a batch; see `memory.ARRAYS`."""
+    rules, arrays, found = batch.rules[0], batch.arrays, []
+    *largest, push_off = rules["largest"]
+    bounds = {
+        "phase": len(arrays["phases"]) - 1, "max_stride_time": rules["max_stride_time"],
+        "lowest": np.negative(largest), "largest": largest, "push_off": push_off,
+        "steps": min(rules["step_limit"], COUNTER[1]),
+        "reason": STOPPED - (batch.scene.terminated is None),
+    }  # fmt: skip
+    if batch.disturbances:
+        bounds["slowest"], bounds["fastest"] = arrays["settings"]["command"][0]
+    for array, own in batch.saved_arrays.items():
+        row = own.dtype if own.dtype.names else np.dtype([(array, own.dtype, own.shape[1:])])
+        low, high, given = np.zeros(1, row), np.zeros(1, row), ARRAYS[array].limits or {}
+        words = [name for name in row.names or () for _ in range(row[name].itemsize // 8)]
+        for kind in ("f8", "i8") if words else ():
+            of = {name: given.get(name, FINITE) for name in words if row[name].base == kind}
+            places = [i for i, name in enumerate(words) if of.get(name) is not None]
+            for i in places:
+                for end, limit in zip((low, high), of[words[i]] or FINITE, strict=True):
+                    end[words[i]] = bounds[limit] if isinstance(limit, str) else limit
+            names = [array if words[i] == array else f"{array}[{words[i]!r}]" for i in places]
+            ends = [end.view(kind)[places] for end in (low, high)]
+            found.append(Limits(array, kind, places, names, *ends))
+    return found
+
+
+def check_arrays(found: Mapping[str, NDArray], limits: Sequence[Limits], *, begun: bool) -> None:
+    """Raise an error for arrays of a state that are outside their limits or inconsistent.
 
     Integers are checked for every walker, because compiled code uses them as indices. Floats are
     checked only while an episode is running. After its end they are not read again, and they are
     infinite if the motion diverged.
-
-    Args:
-        name: Name of the array in a state.
-        layout: Data type of a row; the size of each field is a multiple of 8 bytes.
-        skip: Fields without limits.
-        **ranges: Smallest and largest value of a field, each a number or of the field's shape.
-            Other fields must be finite.
-    """
-
-    def __init__(
-        self, name: str, layout: np.dtype, skip: Sequence[str] = (), **ranges: tuple[Any, Any]
-    ) -> None:
-        self.name, self._parts = name, []
-        low, high = np.zeros(1, layout), np.zeros(1, layout)
-        fields: list[str] = []
-        for field in layout.names or ():
-            fields += [field] * (layout[field].itemsize // 8)
-            if field not in skip and layout[field].base.kind in "fi":
-                low[field], high[field] = ranges.get(field, (-_FINITE, _FINITE))
-        for kind, letter in ((np.float64, "f"), (np.int64, "i")):
-            words = [
-                i for i, f in enumerate(fields) if layout[f].base.kind == letter and f not in skip
-            ]
-            names = [fields[i] for i in words]
-            self._parts.append((kind, words, names, low.view(kind)[words], high.view(kind)[words]))
-
-    def check(self, rows: NDArray, going: NDArray[np.bool_]) -> None:
-        """Raise an error for rows outside the limits.
-
-        Args:
-            rows: Contiguous rows, (count,).
-            going: Whether each episode is running, (count,).
-
-        Raises:
-            StateError: if a number is outside its limits; the message names both.
-        """
-        for kind, words, names, low, high in self._parts:
-            found = rows.view(kind).reshape(len(rows), -1)[:, words]
-            holds = (low <= found) & (found <= high)  # false for NaN
-            if holds.all():
-                continue
-            if kind is np.float64:
-                holds |= ~going[:, None]
-            for k in np.flatnonzero(~holds.all(axis=0)):
-                allowed = "a finite number"
-                if (low[k], high[k]) != (-_FINITE, _FINITE):
-                    allowed = f"from {low[k]:g} to {high[k]:g}"
-                require(f"{self.name}[{names[k]!r}]", holds[:, k], allowed)
-
-
-def limits_of(batch: Any) -> dict[str, Limits]:
-    """Return the limits of the structured arrays in a state of a batch, by name."""
-    rules, layout = batch.rules[0], batch.layout
-    time, torque = (0.0, float(rules["max_stride_time"])), rules["largest"][:-1]
-    steps = 0, min(float(rules["step_limit"]), _MANY)
-    reason = 0, STOPPED - (batch.scene.terminated is None)
-    found = [
-        Limits(
-            "records", record_for(layout),
-            phase=(0, len(batch.machinery[0]) - 1), outcome=(RESTING, len(Outcome) - 1),
-            steps=(0, _MANY), time=time, knee_time=time, end=time, step=(0.0, _FINITE),
-            control=(-torque, torque), push_off=(0.0, rules["largest"][-1]),
-        ),
-        Limits(
-            "ledger", task.ledger_for(layout), skip=task.EVERY_STRIDE,
-            outcome=reason, ending=reason, violated=reason, truncated=(0, 1),
-            steps=steps, strides=steps,
-        ),
-    ]  # fmt: skip
-    if batch.disturbances:
-        low, high = batch.disturbances.settings["command"][0]
-        found += [
-            Limits(
-                "disturbances", disturbance_kernels.DISTURBANCE, pushes=(0, _MANY), idle=(0, 1),
-                command=(low, high), due=(-np.inf, np.inf),
-            ),
-        ]  # fmt: skip
-    return {limits.name: limits for limits in found}
-
-
-def check_arrays(
-    found: Mapping[str, NDArray], limits: Mapping[str, Limits], *, begun: bool
-) -> None:
-    """Raise an error for arrays of a state that are outside their limits or inconsistent.
 
     Args:
         found: Arrays of the state by name, with the types and shapes of the batch's own.
@@ -348,8 +308,15 @@ def check_arrays(
     """
     here, ledger = found["records"][:, 0], found["ledger"]
     going = ~over_in(ledger) & begun
-    for name, limit in limits.items():
-        limit.check(here if name == "records" else found[name], going)
+    for array, kind, places, names, low, high in limits:
+        numbers = found[array].reshape(len(going), -1).view(kind)[:, places]
+        holds = (low <= numbers) & (numbers <= high)  # false for NaN
+        if kind == "f8" and not holds.all():
+            holds |= ~going[:, None]
+        for k in np.flatnonzero(~holds.all(axis=0)):
+            ends = f"from {low[k]:g} to {high[k]:g}"
+            finite = (low[k], high[k]) == FINITE
+            require(names[k], holds[:, k], "a finite number" if finite else ends)
     moves = (here["outcome"] == 0) | (here["outcome"] == int(Outcome.HEELSTRIKE))
     require("records['outcome']", moves | ~going, "0 or 1 while the episode goes on")
     slope = ledger["slope"][:, None]
@@ -360,4 +327,3 @@ def check_arrays(
         # Due pushes are applied one by one, so a time far in the past would take very long.
         fits = (found["disturbances"]["due"] >= here["time"] - _LATE) | ~going
         require("disturbances['due']", fits, "no earlier than the walker's time")
-        require("pending", np.abs(found["pending"]) <= 1.0, "shares from -1 to 1")

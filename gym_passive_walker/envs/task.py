@@ -15,7 +15,7 @@ from functools import cache
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import Kernel, address, call, jitted, merged
+from gym_passive_walker.engine.jit import address, call, copy, entry, jitted, merged
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import NARROW, Layout
 from gym_passive_walker.engine.run import integrate
@@ -102,6 +102,7 @@ def rules_for(layout: Layout) -> np.dtype:
         # Work / (m g l) of a unit of each control; 0 if it costs none, as on feet without mass.
         ("works", "f8", channels),
         ("weight", "f8"),  # weight of the walker, in the unit of its records
+        ("reset_noise_scale", "f8"),
     ])  # fmt: skip
 
 
@@ -117,29 +118,23 @@ def over(row):
 
 
 @jitted
-def write_observation(record, row, phases, observations, first):
-    """Write the observation of a walker into the flat array, from index `first` on."""
-    locked = 1.0 if phases[record.phase].links == 2 else 0.0
-    for i, value in enumerate(observation(record.state, locked, row.slope)):
-        observations[first + i] = value  # a user's system observes `custom.everything`
+def write_observation(here, i):
+    """Write the observation of a walker."""
+    record, first = here.records[i, 0], i * (len(here.observations) // len(here.records))
+    locked = 1.0 if here.phases[record.phase].links == 2 else 0.0
+    for k, value in enumerate(observation(record.state, locked, here.ledger[i].slope)):
+        here.observations[first + k] = value  # a user's system observes `custom.everything`
 
 
-@Kernel
-def observe(records, ledger, phases, observations):
-    """Write the observations of all walkers into a flat array."""
-    size = len(observations) // len(records)
-    for i in range(len(records)):
-        write_observation(records[i, 0], ledger[i], phases, observations, i * size)
+def place_hip(here, i):
+    """Set the place of a walker's hip."""
+    body = here.bodies[i if len(here.bodies) > 1 else 0]  # equal walkers share one row
+    call(here.phases[0].place, address(here.records[i]), address(body), 0, 0, 0.0, 0.0)
 
 
 @jitted
-def begin(
-    records, bodies, radii, ledger, phases, lanes, slopes, gaits, draws, reset_noise_scale,
-    observations,
-):  # fmt: skip
+def begin(here, lanes, slopes, gaits, draws):
     """Begin the episodes of some walkers, each near a state on the Poincaré section.
-
-    Their records and rows of the ledger must be all zero.
 
     Slopes and gaits have one row for each walker, or one row for all. One random factor scales the
     angles, one the angular velocity of the stance leg, one those of the swing leg. Each factor lies
@@ -147,43 +142,45 @@ def begin(
     1, give the factors. Thigh and shank share a factor, so that the knee of a leg that has just
     left the ground opens.
     """
-    size = len(observations) // len(records)
+    scale = here.rules[0].reset_noise_scale
     for j in range(len(lanes)):
         i = lanes[j]
-        own = i if len(bodies) > 1 else 0
-        record, row = records[i, 0], ledger[i]
+        copy(entry(here.records, i), address(here.blank), here.blank.itemsize)
+        copy(entry(here.ledger, i), address(here.blank_row), here.blank_row.itemsize)
+        record, row = here.records[i, 0], here.ledger[i]
         row.slope = slopes[j if len(slopes) > 1 else 0]
         record.ground[0], record.ground[1] = math.sin(row.slope), math.cos(row.slope)
         gait = gaits[j if len(gaits) > 1 else 0]
         links = len(record.start)
         for k in range(2 * links):
             which = 1 if k < links else (2 if k == links else 3)
-            record.state[k] = gait[k] * (1.0 + reset_noise_scale * (2.0 * draws[j, which] - 1.0))
+            record.state[k] = gait[k] * (1.0 + scale * (2.0 * draws[j, which] - 1.0))
         for k in range(links):
             record.start[k] = record.state[k]
-        row.origin = radii[own] * record.state[0]
-        call(phases[0].place, address(records[i]), address(bodies[own]), 0, 0, 0.0, 0.0)
+        row.origin = here.radii[i if len(here.radii) > 1 else 0] * record.state[0]
+        place_hip(here, i)
         row.place = record.place
-        write_observation(record, row, phases, observations, i * size)
+        write_observation(here, i)
 
 
 @jitted
-def first_invalid(ledger, count, actions):
+def first_invalid(here, first, last):
     """Return the index of the first walker in an episode with a non-finite action, or -1."""
-    for i in range(len(ledger)):
+    count = here.rules[0].actions
+    for i in range(first, last):
         for j in range(count):
-            if not math.isfinite(actions[i * count + j]) and not over(ledger[i]):
+            if not math.isfinite(here.actions[i * count + j]) and not over(here.ledger[i]):
                 return i
     return -1
 
 
 @jitted
-def apply_action(records, ledger, rules, actions):
+def apply_action(here, first, last, actions):
     """Set the torques, push-off and end time of each walker; it rests after its episode."""
-    count = rules.actions
-    for i in range(len(records)):
-        record = records[i, 0]
-        if over(ledger[i]):
+    rules, count = here.rules[0], here.rules[0].actions
+    for i in range(first, last):
+        record = here.records[i, 0]
+        if over(here.ledger[i]):
             record.outcome = RESTING
             continue
         for j in range(count):
@@ -196,6 +193,15 @@ def apply_action(records, ledger, rules, actions):
                 record.moved[channel] = 0.0
                 record.turned[channel] = 0.0
         record.end = step_end(record.time, rules.tick, rules.max_stride_time)
+
+
+@merged
+def integrate_step(here, first, last, tiles, histories):
+    """Integrate each walker to the end of its step; see `run.integrate`."""
+    bodies = here.bodies
+    if len(bodies) > 1:
+        bodies = bodies[first:last]
+    integrate(here.records[first:last], bodies, here.phases, here.options, tiles, histories)
 
 
 @jitted
@@ -258,23 +264,21 @@ def count_progress(record, row):
 
 
 @jitted
-def finish_step(
-    records, bodies, ledger, rules, phases, observations, rewards, terminated, truncated
-):
+def finish_step(here, first, last):
     """Compute the reward, observation and termination of each walker after integration.
 
     Returns:
         Number of strides that end, and number of episodes that end.
     """
-    strides, endings, size = 0, 0, len(observations) // len(records)
-    for i in range(len(records)):
-        record, row = records[i, 0], ledger[i]
+    strides, endings, rules = 0, 0, here.rules[0]
+    rewards, terminated, truncated = here.rewards, here.terminated, here.truncated
+    for i in range(first, last):
+        record, row = here.records[i, 0], here.ledger[i]
         if record.outcome == RESTING:
             rewards[i], terminated[i], truncated[i] = 0.0, False, False
-            write_observation(record, row, phases, observations, i * size)
+            write_observation(here, i)
             continue
-        body = bodies[i if len(bodies) > 1 else 0]
-        call(phases[0].place, address(records[i]), address(body), 0, 0, 0.0, 0.0)
+        place_hip(here, i)
         if row.outcome != 0:
             forget_stride(row)
         row.outcome = outcome_of(record.outcome, record.time, rules.max_stride_time)
@@ -297,7 +301,7 @@ def finish_step(
         rewards[i] = row.reward
         terminated[i], truncated[i] = row.ending != 0, row.truncated != 0
         endings += terminated[i] or truncated[i]
-        write_observation(record, row, phases, observations, i * size)
+        write_observation(here, i)
     return strides, endings
 
 
@@ -311,13 +315,16 @@ def forget_stride(row):
 
 
 @merged
-def step(
-    records, bodies, ledger, rules, phases, options, tiles, histories,
-    actions, observations, rewards, terminated, truncated,
-):  # fmt: skip
-    """Step each walker by its finite actions; returns the result of `finish_step`."""
-    apply_action(records, ledger, rules[0], actions)
-    integrate(records, bodies, phases, options, tiles, histories)
-    return finish_step(
-        records, bodies, ledger, rules[0], phases, observations, rewards, terminated, truncated
-    )
+def step(here, first, last, tiles, histories):
+    """Step each walker by its finite actions; returns the result of `finish_step`.
+
+    Args:
+        here: Arrays of the batch; see `memory`.
+        first: Index of the first walker.
+        last: Index after that of the last walker.
+        tiles: Working memory of the thread, from `run.workspace`.
+        histories: Working memory of the thread, from `run.workspace`.
+    """
+    apply_action(here, first, last, here.actions)
+    integrate_step(here, first, last, tiles, histories)
+    return finish_step(here, first, last)

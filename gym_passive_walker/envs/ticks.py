@@ -14,12 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.engine.compiled import PHASE
 from gym_passive_walker.engine.jit import (
     Kernel,
+    address,
+    arrays_at,
+    copy,
     draw_uniform,
-    entry,
-    jitted,
+    draw_word,
     merged,
     named,
     stack,
@@ -32,38 +33,26 @@ from gym_passive_walker.engine.layout import (
     Layout,
     history_for,
     layout_in,
-    record_for,
     tile_for,
 )
-from gym_passive_walker.engine.run import OPTIONS
-from gym_passive_walker.envs import disturbance_kernels, task, transitions
-from gym_passive_walker.envs.constraints import HOOK
-from gym_passive_walker.envs.custom import Custom
-from gym_passive_walker.envs.disturbance_kernels import DISTURBANCE, SETTINGS
-from gym_passive_walker.envs.transitions import TIMED_OUT, note_for
-from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.engine.run import workspace
+from gym_passive_walker.envs import disturbance_kernels, memory, task, transitions
+from gym_passive_walker.envs.memory import ARRAYS, AXES
+from gym_passive_walker.envs.transitions import TIMED_OUT
 from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts, interpolate_states
 
-STAYS = (
-    "records", "bodies", "radii", "ledger", "rules", "phases", "options", "tiles", "histories",
-    "actions", "observations", "rewards", "terminated", "truncated", "generators", "nodes",
-    "states", "notes", "disturbances", "pending", "settings", "hooks", "table", "spread",
-    "acted",
-)  # fmt: skip
-"""Arrays of a batch that are allocated once; those that its scene does not need are empty."""
-
 ADDRESSES = np.dtype(
-    [(name, "i8") for name in STAYS]
-    + [(f"of_{name}", "i8") for name in STAYS]  # number of entries of each
-    + [("constants", "i8"), ("low", "f8"), ("high", "f8"), ("reset_noise_scale", "f8")]
-    + [("noted", "i8"), ("paid", "i8"), ("ends", "i8"), ("native", "i8"), ("delay", "i8")]
+    [(name, "i8") for name in (*ARRAYS, "generators", "tiles", "histories")]
+    + [(f"of_{axis}", "i8") for axis in AXES]
 )
-"""Addresses of these arrays; the range of slopes at a start in rad; addresses of users' compiled
-functions (see `transitions.after`); and the number of control steps of `action_delay`."""
+"""Addresses of a batch's arrays, of those of its random generators, and of the working memory of
+one thread; lengths of axes."""
 
-_NUMBER, _SINGLE = np.dtype("f8"), np.dtype("f4")
-_WORD, _BOOLEAN = np.dtype("i8"), np.dtype("?")
-_ALL, _HALF = 1 << 62, 32
+_AT: dict[str, int] = {name: place[1] for name, place in (ADDRESSES.fields or {}).items()}
+_LENGTHS = {axis: _AT[f"of_{axis}"] for axis in AXES}
+_WORDS = len(_AT)
+_NUMBER, _WORD, _KEY = np.dtype("f8"), np.dtype("i8"), np.dtype("u8")
+_HALF = 32
 FEW = 64  # walkers that begin together: their draws and gaits are on the stack
 
 _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
@@ -71,28 +60,16 @@ _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)
 )
 
 
-@jitted
-def fill(where, lanes, draws):
-    """Implement `draw` for compiled callers."""
-    here = view(where, (1,), ADDRESSES)[0]
-    generators = view(here.generators, (here.of_generators,), _WORD)
+@Kernel
+def draw_numbers(where, lanes, draws, keys):
+    """Draw the random numbers of some walkers' starts, (lanes, DRAWS), and keys, (lanes or 0,)."""
+    places = view(where, (1,), ADDRESSES)[0]
+    generators = view(places.generators, (places.of_walkers,), _WORD)
     for j in range(len(lanes)):
         for k in range(DRAWS):
             draws[j, k] = draw_uniform(generators[lanes[j]])
-
-
-@jitted
-def clear(place, count):
-    """Set words at an address to zero."""
-    words = view(place, (count,), _WORD)
-    for k in range(count):
-        words[k] = 0
-
-
-@Kernel
-def draw_numbers(where, lanes, draws):
-    """Draw the random numbers of some walkers' starts, (lanes, DRAWS)."""
-    fill(where, lanes, draws)
+        if j < len(keys):
+            keys[j] = draw_word(generators[lanes[j]])
 
 
 def counts(answer: int) -> tuple[int, int]:
@@ -107,6 +84,8 @@ class Kernels(NamedTuple):
     begin_alike: Kernel
     step: Kernel
     step_here: Kernel
+    observe: Kernel
+    enter: Kernel
     write_info: Kernel
 
 
@@ -119,123 +98,93 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         disturbed: Whether the scene has any disturbance of `disturbance_kernels`.
         custom: Whether the scene has users' functions.
     """
-    record, note = record_for(layout), note_for(layout)
-    ledger_of, rules_of = task.ledger_for(layout), task.rules_for(layout)
+    kind = "wide" * (layout != NARROW) + "disturbed" * disturbed + "custom" * custom
+    declared = memory.present("disturbed" * disturbed, "custom" * custom)
+    arrays = memory.arrays_in(kind, declared, layout, _AT, _LENGTHS, ARRAYS)
     history, tile = history_for(layout), tile_for(PAIR, layout=layout)
-    size, record_words = 2 * layout.links, record.itemsize // 8
-    row_words = ledger_of.itemsize // 8
+    size, row_words = 2 * layout.links, task.ledger_for(layout).itemsize // 8
     drawn, numbers = FEW * DRAWS, FEW * size
 
     def within(compiler: Callable[..., Any]) -> Callable[..., Any]:
-        kind = "wide" * (layout != NARROW) + "disturbed" * disturbed + "custom" * custom
         return lambda function: compiler(named(function, kind))
 
-    def found(where, first, last):
-        """Return the addresses at `where`, and arrays of walkers from `first` to before `last`."""
-        places = view(where, (1,), ADDRESSES)
-        here = places[0]
-        records = view(here.records, (here.of_records, 1), record)[first:last]
-        bodies = view(here.bodies, (here.of_bodies, 1, here.constants), _NUMBER)
-        if here.of_bodies > 1:
-            bodies = bodies[first:last]
-        ledger = view(here.ledger, (here.of_ledger,), ledger_of)[first:last]
-        phases = view(here.phases, (here.of_phases,), PHASE)
-        return places, records, bodies, ledger, phases
-
-    def begin_near(where, lanes, slopes, gaits, draws, observations):
-        """Clear what is known of some walkers, and begin their episodes; see `task.begin`."""
-        places, records, bodies, ledger, phases = found(where, 0, _ALL)
-        here = places[0]
-        for i in lanes:
-            clear(entry(records, i), record_words)
-            clear(entry(ledger, i), row_words)
-        task.begin(
-            records, bodies, view(here.radii, (here.of_radii,), _NUMBER), ledger, phases, lanes,
-            slopes, gaits, draws, here.reset_noise_scale, observations,
-        )  # fmt: skip
-
-    @within(Kernel)
-    def begin(where, lanes, slopes, gaits, draws, observations):
-        """Begin episodes of some walkers, at given slopes and gaits."""
-        begin_near(where, lanes, slopes, gaits, draws, observations)
+    @within(merged)
+    def copied(where):
+        """Return a copy of the addresses on the stack, to replace some in this call alone."""
+        places = view(stack(_WORDS), (1,), ADDRESSES)
+        copy(address(places), where, places.itemsize)
+        return places
 
     @within(merged)
-    def begin_few(where, lanes, observations):
+    def begin_near(here, lanes, slopes, gaits, draws, keys):
+        """Begin episodes of some walkers, with disturbances of these keys; see `task.begin`."""
+        task.begin(here, lanes, slopes, gaits, draws)
+        if disturbed:
+            for j in range(len(lanes)):
+                disturbance_kernels.begin(here, lanes[j], keys[j])
+        if custom:
+            transitions.begin(here, lanes)
+            if disturbed:
+                for i in lanes:
+                    here.notes[i].command = here.disturbances[i].command
+
+    @within(Kernel)
+    def begin(where, lanes, slopes, gaits, draws, keys, observations):
+        """Begin episodes of some walkers, at given slopes and gaits."""
+        places = copied(where)
+        places[0].observations = address(observations)
+        begin_near(arrays_at(address(places), arrays), lanes, slopes, gaits, draws, keys)
+
+    @within(merged)
+    def begin_few(where, here, lanes):
         """Begin episodes of at most FEW walkers, at slopes and gaits of the `EntryPoint`."""
-        here, count = view(where, (1,), ADDRESSES)[0], len(lanes)
+        low, high, count = here.slope_range[0], here.slope_range[1], len(lanes)
         slopes = view(stack(FEW), (count,), _NUMBER)
         draws = view(stack(drawn), (count, DRAWS), _NUMBER)
-        fill(where, lanes, draws)
+        keys = view(stack(FEW), (count * disturbed,), _KEY)
+        draw_numbers(where, lanes, draws, keys)
         for j in range(count):
-            slopes[j] = here.low
-            if here.low != here.high:
-                slopes[j] = here.low + (here.high - here.low) * draws[j, 0]
-        nodes = view(here.nodes, (here.of_nodes,), _NUMBER)
-        gaits = view(here.states, (here.of_states, size), _NUMBER)
-        if len(nodes) > 1:
-            states, gaits = gaits, view(stack(numbers), (count, size), _NUMBER)
-            interpolate_states(nodes, states, slopes, gaits)
-        begin_near(where, lanes, slopes, gaits, draws, observations)
-        if custom:
-            _, records, _, ledger, phases = found(where, 0, _ALL)
-            transitions.begin(
-                records, ledger, phases, lanes, view(here.notes, (here.of_notes,), note)
-            )
+            slopes[j] = low
+            if low != high:
+                slopes[j] = low + (high - low) * draws[j, 0]
+        gaits = here.states
+        if len(here.nodes) > 1:
+            gaits = view(stack(numbers), (count, size), _NUMBER)
+            interpolate_states(here.nodes, here.states, slopes, gaits)
+        begin_near(here, lanes, slopes, gaits, draws, keys)
 
     @within(Kernel)
     def begin_alike(where, lanes, observations):
         """Begin episodes of some walkers, each with new draws; fills the flat observations."""
+        places = copied(where)
+        places[0].observations = address(observations)
+        here = arrays_at(address(places), arrays)
         for first in range(0, len(lanes), FEW):
-            begin_few(where, lanes[first : first + FEW], observations)
+            begin_few(where, here, lanes[first : first + FEW])
 
     @within(merged)
-    def tick(where, first, last, tiles, histories, observations, rewards, terminated, truncated):
-        """Step some walkers by the actions at `where`.
+    def tick(here, first, last, tiles, histories):
+        """Step some walkers by their actions.
 
         Returns:
             Numbers of strides and of episodes that end, as `counts` reads them. If an action is not
             finite, no walker steps, and it is -1 - i for the first walker i with such an action.
         """
-        places, records, bodies, ledger, phases = found(where, first, last)
-        here = places[0]
-        rules = view(here.rules, (1,), rules_of)
-        options = view(here.options, (1,), OPTIONS)
-        actions = view(here.actions, (here.of_actions,), _NUMBER)
-        each = rules[0].actions
-        own = actions[first * each : last * each]
-        disturbances = view(here.disturbances, (here.of_disturbances,), DISTURBANCE)[first:last]
-        wrong = task.first_invalid(ledger, each, own)
+        wrong = task.first_invalid(here, first, last)
         if wrong >= 0:
             return -1 - wrong
         if custom:
-            notes = view(here.notes, (here.of_notes,), note)[first:last]
-            transitions.before(records, notes, here.noted)
+            transitions.before(here, first, last)
         work, guards = view(tiles, (1,), tile), view(histories, (1,), history)
         if disturbed:
-            shape = here.of_pending, here.delay, each
-            acted = view(here.acted, (here.of_acted,), _NUMBER)[first * each : last * each]
-            for k in range(len(own)):
-                acted[k] = own[k]
-            strides, endings = disturbance_kernels.step(
-                records, bodies, ledger, rules, phases, options, work, guards, disturbances,
-                view(here.pending, shape, _NUMBER)[first:last], view(here.settings, (1,), SETTINGS),
-                view(here.hooks, (here.of_hooks,), HOOK),
-                view(here.table, (here.of_table, 2), _NUMBER),
-                view(here.spread, (here.of_spread,), _NUMBER), acted, observations, rewards,
-                terminated, truncated,
-            )  # fmt: skip
+            strides, endings = disturbance_kernels.step(here, first, last, work, guards)
         else:
-            strides, endings = task.step(
-                records, bodies, ledger, rules, phases, options, work, guards, own, observations,
-                rewards, terminated, truncated,
-            )  # fmt: skip
+            strides, endings = task.step(here, first, last, work, guards)
         if custom:
-            for i in range(len(disturbances)):
-                notes[i].push = disturbances[i].impulse
-            endings += transitions.after(
-                records, ledger, rules, phases, own, notes, here.noted, here.paid, here.ends,
-                here.native != 0, rewards, terminated,
-            )  # fmt: skip
+            if disturbed:
+                for i in range(first, last):
+                    here.notes[i].push = here.disturbances[i].impulse
+            endings += transitions.after(here, first, last)
         return strides << _HALF | endings
 
     @within(Kernel)
@@ -244,33 +193,50 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     ):  # fmt: skip
         """Step the walkers from `first` to before `last`, as `tick` does.
 
-        With `again`, which requires all walkers, those that rest begin another episode. Tiles and
-        histories are addresses of the working memory of a thread. The observations, flat, and the
-        arrays after them are filled.
+        With `again`, those that rest begin another episode. Tiles and histories are addresses of
+        the working memory of a thread. Arrays of all walkers are filled, observations flat.
         """
-        answer = tick(
-            where, first, last, tiles, histories, observations, rewards, terminated, truncated
-        )  # fmt: skip
+        places = copied(where)
+        places[0].observations, places[0].rewards = address(observations), address(rewards)
+        places[0].terminated, places[0].truncated = address(terminated), address(truncated)
+        here = arrays_at(address(places), arrays)
+        answer = tick(here, first, last, tiles, histories)
         if again and answer >= 0:
-            _, records, _, _, _ = found(where, first, last)
             lane = view(stack(1), (1,), _WORD)
-            for i in range(len(records)):
-                if records[i, 0].outcome == RESTING:
+            for i in range(first, last):
+                if here.records[i, 0].outcome == RESTING:
                     lane[0] = i
-                    begin_few(where, lane, observations)
+                    begin_few(where, here, lane)
         return answer
 
     @within(Kernel)
     def step_here(where):
         """Step a single walker; results go to the arrays of the batch."""
-        here = view(where, (1,), ADDRESSES)[0]
-        return tick(
-            where, 0, 1, here.tiles, here.histories,
-            view(here.observations, (here.of_observations,), _SINGLE),
-            view(here.rewards, (1,), _NUMBER),
-            view(here.terminated, (1,), _BOOLEAN),
-            view(here.truncated, (1,), _BOOLEAN),
-        )  # fmt: skip
+        places, first = view(where, (1,), ADDRESSES)[0], np.int64(0)  # literals have other types
+        last, here = places.of_walkers, arrays_at(where, arrays)
+        return tick(here, first, last, places.tiles, places.histories)
+
+    @within(Kernel)
+    def observe(where, observations):
+        """Fill the observations of all walkers, flat."""
+        places = copied(where)
+        places[0].observations = address(observations)
+        here = arrays_at(address(places), arrays)
+        for i in range(len(here.ledger)):
+            task.write_observation(here, i)
+            if disturbed:
+                disturbance_kernels.add_observation_noise(here, i)
+
+    @within(Kernel)
+    def enter(where, pays, stops, rewards, terminated):
+        """Apply rewards and terminations in the notes of all walkers; see `transitions.enter`."""
+        endings = 0
+        if custom:
+            places = copied(where)
+            places[0].rewards, places[0].terminated = address(rewards), address(terminated)
+            here = arrays_at(address(places), arrays)
+            endings = transitions.enter(here, 0, len(here.ledger), pays, stops)
+        return endings
 
     @within(Kernel)
     def write_info(where, asked, ended, steps, counts, measures):
@@ -285,9 +251,8 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
                 outcome is 0 if no stride or episode ends.
             measures: Filled with EVERY_STRIDE of the walkers in `ended`, (walkers, entries).
         """
-        here, first = view(where, (1,), ADDRESSES)[0], len(steps)
-        ledger = view(here.ledger, (here.of_ledger,), ledger_of)
-        words = view(here.ledger, (here.of_ledger, row_words), _NUMBER)  # EVERY_STEP, EVERY_STRIDE
+        ledger, first = arrays_at(where, arrays).ledger, len(steps)
+        words = view(address(ledger), (len(ledger), row_words), _NUMBER)  # EVERY_STEP, EVERY_STRIDE
         for i in range(len(ledger)):
             for k in range(first):
                 steps[k, i] = words[i, k] if asked[i] else 0.0
@@ -300,18 +265,21 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
             for k in range(measures.shape[1]):
                 measures[row, k] = words[i, first + k]
 
-    return Kernels(begin, begin_alike, step, step_here, write_info)
+    if custom:  # these kernels are the same for several kinds of scenes
+        observe = kernels_for(layout, disturbed, False).observe
+    if disturbed:
+        enter = kernels_for(layout, False, custom).enter
+    if disturbed or custom:
+        write_info = kernels_for(layout, False, False).write_info
+    return Kernels(begin, begin_alike, step, step_here, observe, enter, write_info)
 
 
 class EntryPoint:
     """Entry point of compiled code into a batch: the addresses of its arrays.
 
     Args:
-        scene: The scene.
-        count: Number of walkers.
-        observation_size: Size of an observation.
-        custom: The user's own reward and termination; None without them.
-        **arrays: Arrays named in STAYS; they must not be replaced afterwards.
+        arrays: Arrays of the batch by name; see `memory`. They must not be replaced afterwards.
+        **lengths: Lengths of axes in AXES that no array has as an axis of its own.
 
     Attributes:
         address: Address that the kernels take.
@@ -326,37 +294,21 @@ class EntryPoint:
         outcomes: The last two of them, number of strides and outcome, as integers.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        count: int,
-        observation_size: int,
-        custom: Custom | None = None,
-        **arrays: NDArray,
-    ) -> None:
-        self.actions = np.zeros(count * len(scene.actions))
-        self.observations = np.zeros(count * observation_size, _SINGLE)
-        self.results = np.zeros(count), np.zeros(count, bool), np.zeros(count, bool)
+    def __init__(self, arrays: dict[str, NDArray], **lengths: int) -> None:
         self._randoms: list[np.random.Generator] | None = None
         self._kept: dict[str, NDArray] = {}
         self._places = np.zeros(1, ADDRESSES)
-        self._places["reset_noise_scale"] = scene.reset_noise_scale
-        self._places["constants"] = arrays["bodies"].shape[-1]
-        self._places["delay"] = scene.action_delay
         self.address: int = self._places.ctypes.data
         layout = layout_in(arrays["records"].dtype)
-        self.kernels = kernels_for(layout, "disturbances" in arrays, custom is not None)
+        self.kernels = kernels_for(layout, "disturbances" in arrays, "notes" in arrays)
         self.step_here = self.kernels.step_here.native(0)
-        self.workspace = arrays["tiles"].ctypes.data, arrays["histories"].ctypes.data
-        results = dict(zip(("rewards", "terminated", "truncated"), self.results, strict=True))
-        self._put(actions=self.actions, observations=self.observations, **results, **arrays)
-        if "disturbances" in arrays:
-            self._put(acted=np.zeros_like(self.actions))
-        if custom is not None:
-            self._put(notes=custom.notes)
-            self._places["noted"], self._places["native"] = custom.noted, custom.native
-            self._places["paid"] = custom.address("reward")
-            self._places["ends"] = custom.address("terminated")
+        for axis, length in lengths.items():
+            self._places[f"of_{axis}"] = length
+        tiles, histories = workspace(layout=layout)
+        self.workspace = tiles.ctypes.data, histories.ctypes.data
+        self._put(**arrays, tiles=tiles, histories=histories)
+        self.actions, self.observations = arrays["actions"], arrays["observations"]
+        self.results = arrays["rewards"], arrays["terminated"], arrays["truncated"]
         reported = len(task.EVERY_STEP) + len(task.EVERY_STRIDE) + 1
         self.words = arrays["ledger"].view(np.float64)[:reported]
         self.outcomes = self.words.view(np.int64)[-2:]
@@ -376,8 +328,11 @@ class EntryPoint:
     def _put(self, **arrays: NDArray) -> None:
         for name, array in arrays.items():
             assert array.flags.c_contiguous
-            self._kept[name] = array
-            self._places[name], self._places[f"of_{name}"] = array.ctypes.data, len(array)
+            self._kept[name], self._places[name] = array, array.ctypes.data
+            axes = ARRAYS[name].axes.split() if name in ARRAYS else ()
+            for axis, length in zip(axes, array.shape, strict=False):
+                if axis in AXES:
+                    self._places[f"of_{axis}"] = length
 
     def draw_from(self, randoms: list[np.random.Generator]) -> None:
         """Set the random generators."""
@@ -390,5 +345,5 @@ class EntryPoint:
         """Set the slopes and gaits from which episodes start."""
         if "nodes" not in self._kept:
             nodes, states = starts.nodes
-            self._put(nodes=nodes, states=states)
-            self._places["low"], self._places["high"] = starts.low, starts.high
+            slopes = np.array([starts.low, starts.high])
+            self._put(nodes=nodes, states=states, slope_range=slopes)

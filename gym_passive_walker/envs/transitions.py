@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import Kernel, address, call, entry
+from gym_passive_walker.engine.jit import Kernel, address, call, entry, jitted
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import NARROW, Layout
 from gym_passive_walker.gaits.scenes.checks import CHECKS
@@ -138,37 +138,44 @@ def note_for(layout: Layout) -> np.dtype:
 
 NOTE = note_for(NARROW)
 
+USER_RULES = np.dtype([
+    ("noted", "i8"),  # groups of PARTS to record, as bits
+    ("paid", "i8"), ("ends", "i8"), ("look", "i8"),  # addresses of compiled functions; or 0
+    ("native", "i8"),  # whether reward and termination are compiled, so that `after` applies them
+])  # fmt: skip
+"""Users' functions of a scene."""
+
 _LEDGER, _STATES, _ACTS, _WORKS, _TIMES = (1 << part for part in range(len(PARTS)))
 
 
-@Kernel
-def begin(records, ledger, phases, lanes, notes):
+@jitted
+def begin(here, lanes):
     """Clear the transitions of walkers at the beginning of their episodes."""
     for j in range(len(lanes)):
         i = lanes[j]
-        note, record = notes[i], records[i, 0]
+        note, record = here.notes[i], here.records[i, 0]
         for k in range(len(record.state)):
             note.before[k] = record.state[k]
             note.state[k] = record.state[k]
         for k in range(len(record.control) + 1):
             note.action[k], note.last_action[k] = 0.0, 0.0
-        note.knee_locked = 1.0 if phases[record.phase].links == 2 else 0.0
+        note.knee_locked = 1.0 if here.phases[record.phase].links == 2 else 0.0
         note.distance, note.duration, note.time, note.energy = 0.0, 0.0, 0.0, 0.0
         note.reward, note.hip_work, note.hip_work_absolute = 0.0, 0.0, 0.0
         note.ankle_work, note.ankle_work_absolute, note.push_off_work = 0.0, 0.0, 0.0
         note.collision_loss, note.heelstrike, note.fell = 0.0, 0.0, 0.0
         note.step_length, note.step_period = 0.0, 0.0
-        note.strides, note.steps, note.push, note.slope = 0.0, 0.0, 0.0, ledger[i].slope
+        note.strides, note.steps, note.push, note.slope = 0.0, 0.0, 0.0, here.ledger[i].slope
         note.height_change, note.slope_change = record.ground[2], record.ground[3]
 
 
-@Kernel
-def before(records, notes, noted):
-    """Record the states before a step, for the groups of PARTS in `noted`."""
-    if noted & (_STATES | _TIMES) == 0:
+@jitted
+def before(here, first, last):
+    """Record the states before a step."""
+    if here.own[0].noted & (_STATES | _TIMES) == 0:
         return
-    for i in range(len(records)):
-        note, record = notes[i], records[i, 0]
+    for i in range(first, last):
+        note, record = here.notes[i], here.records[i, 0]
         for k in range(len(record.state)):
             note.before[k] = record.state[k]
         note.began, note.lost = record.time, record.knee_loss
@@ -183,86 +190,80 @@ def note_ledger(note, row, struck):
     note.strides, note.steps, note.slope = row.strides, row.steps, row.slope
 
 
-def evaluate_rules(ledger, notes, paid, ends, first, last):
+def evaluate_rules(here, first, last):
     """Evaluate compiled functions for the walkers from `first` to before `last`."""
     if first < last:
-        if paid != 0:
-            call(paid, entry(ledger, first), entry(notes, first), last - first, 0, 0.0, 0.0)
-        if ends != 0:
-            call(ends, entry(ledger, first), entry(notes, first), last - first, 0, 0.0, 0.0)
+        rows, notes = entry(here.ledger, first), entry(here.notes, first)
+        if here.own[0].paid != 0:
+            call(here.own[0].paid, rows, notes, last - first, 0, 0.0, 0.0)
+        if here.own[0].ends != 0:
+            call(here.own[0].ends, rows, notes, last - first, 0, 0.0, 0.0)
 
 
-@Kernel
-def after(
-    records, ledger, rules, phases, actions, notes, noted, paid, ends, at_once, rewards, terminated
-):  # fmt: skip
+@jitted
+def after(here, first, last):
     """Record a step, and evaluate the compiled functions of reward and termination.
 
-    The first arguments, to the flat actions of the agents, are those of `task.step`. `notes` are
-    the transitions (n,) of NOTE to fill; `noted` has bits of the groups of PARTS to record. `paid`
-    and `ends` are addresses of compiled reward and termination, 0 without one. If `at_once`, their
-    results are applied here to `rewards` and `terminated`, each (n,), rather than in `enter`.
     Returns the number of episodes that end.
     """
-    count, first = rules[0].actions, 0
-    for i in range(len(records)):
-        record, row = records[i, 0], ledger[i]
+    own, rules, waiting = here.own[0], here.rules[0], first
+    noted, count = own.noted, rules.actions
+    for i in range(first, last):
+        record, row = here.records[i, 0], here.ledger[i]
         if record.outcome == RESTING:
-            evaluate_rules(ledger, notes, paid, ends, first, i)
-            first = i + 1
+            evaluate_rules(here, waiting, i)
+            waiting = i + 1
             continue
         if noted == 0:
             continue
-        note, struck = notes[i], row.outcome == _HEELSTRIKE
+        note, struck = here.notes[i], row.outcome == _HEELSTRIKE
         if noted & _LEDGER:
             note_ledger(note, row, struck)
         if noted & _STATES:
             for k in range(len(record.state)):
                 note.state[k] = record.state[k]
-            note.knee_locked = 1.0 if phases[record.phase].links == 2 else 0.0
+            note.knee_locked = 1.0 if here.phases[record.phase].links == 2 else 0.0
             note.height_change, note.slope_change = record.ground[2], record.ground[3]
         if noted & _ACTS:
             for j in range(count):
                 note.last_action[j] = note.action[j]
-                least = 0.0 if rules[0].channels[j] == len(record.control) else -1.0
-                note.action[j] = clip(actions[i * count + j], least, 1.0)
+                least = 0.0 if rules.channels[j] == len(record.control) else -1.0
+                note.action[j] = clip(here.actions[i * count + j], least, 1.0)
         if noted & _WORKS:
-            torque = record.control[0] * rules[0].works[0]
+            torque = record.control[0] * rules.works[0]
             net, absolute = work_of(torque, record.moved[0], record.turned[0])
             note.hip_work, note.hip_work_absolute = net, absolute
-            torque = record.control[1] * rules[0].works[1]
+            torque = record.control[1] * rules.works[1]
             net, absolute = work_of(torque, record.moved[1], record.turned[1])
             note.ankle_work, note.ankle_work_absolute = net, absolute
-            pushes = struck and rules[0].largest[len(record.control)] != 0.0
+            pushes = struck and rules.largest[len(record.control)] != 0.0
             note.push_off_work = record.push_work if pushes else 0.0
         if noted & _TIMES:
             note.duration = (row.step_period if struck else record.time) - note.began
             note.time = row.clock + record.time
             lost = row.collision_cost * row.step_length if struck else record.knee_loss
             note.collision_loss = lost - note.lost
-    evaluate_rules(ledger, notes, paid, ends, first, len(records))
-    if not at_once:
-        return 0
-    return enter(records, ledger, notes, paid != 0, ends != 0, rewards, terminated)
+    evaluate_rules(here, waiting, last)
+    return enter(here, first, last, own.paid != 0, own.ends != 0) if own.native else 0
 
 
-@Kernel
-def enter(records, ledger, notes, pays, stops, rewards, terminated):
-    """Apply rewards and terminations in `notes`; returns the number of episodes that end."""
+@jitted
+def enter(here, first, last, pays, stops):
+    """Apply rewards and terminations in the notes; returns the number of episodes that end."""
     endings = 0
-    for i in range(len(ledger)):
-        if records[i, 0].outcome == RESTING:
+    for i in range(first, last):
+        if here.records[i, 0].outcome == RESTING:
             continue
-        row, note = ledger[i], notes[i]
+        row, note = here.ledger[i], here.notes[i]
         if pays:
             row.total += note.paid - row.reward
             row.reward = note.paid
-            rewards[i] = note.paid
+            here.rewards[i] = note.paid
         if stops and note.ends != 0.0 and row.ending == 0:
             row.ending = STOPPED
             if row.outcome == 0:
                 row.outcome = STOPPED
-            terminated[i] = True
+            here.terminated[i] = True
             endings += 1 - row.truncated
     return endings
 

@@ -10,7 +10,7 @@ from gymnasium.error import ResetNeeded
 from gym_passive_walker import WALKERS, interpolate
 from gym_passive_walker.engine import run
 from gym_passive_walker.engine.layout import NARROW, history_for, record_for
-from gym_passive_walker.envs import batch
+from gym_passive_walker.envs import ticks
 from gym_passive_walker.envs.task import ledger_for, rules_for
 from gym_passive_walker.envs.transitions import note_for
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
@@ -74,7 +74,7 @@ def test_a_thread_sets_up_its_working_memory_once(monkeypatch):
         return usual(*arguments, **options)
 
     usual = run.workspace
-    for module in (run, batch):
+    for module in (run, ticks):
         monkeypatch.setattr(module, "workspace", counted)
     for _ in range(5):
         many.step(some(4096))

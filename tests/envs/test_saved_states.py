@@ -140,7 +140,10 @@ FATES = {
         r"disturbances\['command'\].*from 0.1 to 0.2",
     ),
     "a place": (tampered("disturbances", "x", np.inf), r"disturbances\['x'\].*a finite number"),
-    "late actions": (put("pending", np.full((4, 2, 1), 2.0)), "pending.*shares from -1 to 1"),
+    "late actions": (
+        put("pending", np.full((4, 2, 1), 2.0)),
+        "pending of environment 0.*from -1 to 1",
+    ),
     "fewer late actions": (put("pending", np.zeros((4, 1, 1))), "'pending' has shape"),
     "no disturbances": (without("disturbances"), "it lacks disturbances"),
 }

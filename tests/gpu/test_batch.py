@@ -50,10 +50,10 @@ def rows(scene, count, *, seed=0, steps=20, limit=15):
     there.reset()
     random, found = np.random.default_rng(0).uniform(-1.2, 1.2, (steps, 50, 3)), []
     for actions in random:
-        there.buffers.actions[:] = actions[seed : seed + count, : len(there.scene.actions)].ravel()
+        there.arrays.actions[:] = actions[seed : seed + count, : len(there.scene.actions)].ravel()
         there.step()
-        buffers = there.buffers
-        results = buffers.observations.reshape(count, -1), buffers.rewards, buffers.terminated
+        here = there.arrays
+        results = here.shown.reshape(count, -1), here.rewards, here.terminated
         found.append([np.array(part) for part in results])
     return found
 
@@ -78,12 +78,12 @@ def test_random_walkers_are_drawn_and_walk_as_they_would_alone(monkeypatch):
     there.reset()
     for _ in range(10):
         actions = random.uniform(-1.0, 1.0, 6)
-        there.buffers.actions[:] = actions
+        there.arrays.actions[:] = actions
         there.step()
-        assert same(there.buffers.rewards, here.step(actions)[0])
-        assert same(there.buffers.observations, here.observations)
-    assert len(np.unique(there.walkers.bodies[:, 0, 0])) > 3
-    assert set(there.walkers.bodies[:, 0, 0]) <= set(bodies(*drawn)[:, 0, 0])
+        assert same(there.arrays.rewards, here.step(actions)[0])
+        assert same(there.arrays.shown, here.observations)
+    assert len(np.unique(there.arrays.bodies[:, 0, 0])) > 3
+    assert set(there.arrays.bodies[:, 0, 0]) <= set(bodies(*drawn)[:, 0, 0])
 
 
 def test_the_same_seed_is_the_same_walk_whatever_the_batch():
@@ -97,15 +97,15 @@ def test_the_same_seed_is_the_same_walk_whatever_the_batch():
 def test_an_action_that_is_no_number_stops_its_walker_alone():
     there = DeviceBatch(3, "level")
     there.reset()
-    there.buffers.actions[:] = [0.1, np.nan, 0.2]
-    before = there.buffers.observations.copy()
+    there.arrays.actions[:] = [0.1, np.nan, 0.2]
+    before = there.arrays.shown.copy()
     there.step()
-    moved = (there.buffers.observations != before).reshape(3, -1).any(axis=1)
+    moved = (there.arrays.shown != before).reshape(3, -1).any(axis=1)
     assert moved.tolist() == [True, False, True]
-    assert np.isnan(there.buffers.rewards).tolist() == [False, True, False]
-    there.buffers.actions[:] = 0.0
+    assert np.isnan(there.arrays.rewards).tolist() == [False, True, False]
+    there.arrays.actions[:] = 0.0
     there.step()
-    assert there.walkers.ledger["steps"].tolist() == [2, 1, 2]
+    assert there.arrays.ledger["steps"].tolist() == [2, 1, 2]
 
 
 def test_a_step_moves_nothing_to_or_from_the_device(monkeypatch):
@@ -119,21 +119,21 @@ def test_a_step_moves_nothing_to_or_from_the_device(monkeypatch):
     for name in ("upload", "to_host", "empty"):
         monkeypatch.setattr(device, name, refuse)
     there.step()
-    assert there.walkers.ledger["steps"].tolist() == [2] * 4
+    assert there.arrays.ledger["steps"].tolist() == [2] * 4
 
 
 def test_another_seed_is_another_walk():
     there = DeviceBatch(2, "level", seed=0)
     there.reset()
-    first = there.buffers.observations.copy()
+    first = there.arrays.shown.copy()
     there.reset()
-    assert not same(there.buffers.observations, first)
+    assert not same(there.arrays.shown, first)
     there.seed(0)
     there.reset()
-    assert same(there.buffers.observations, first)
+    assert same(there.arrays.shown, first)
     there.seed(1)
     there.reset()
-    assert same(there.buffers.observations[: rules.SIZE], first[rules.SIZE :])
+    assert same(there.arrays.shown[: rules.SIZE], first[rules.SIZE :])
 
 
 def test_functions_of_ones_own_are_those_of_plain_python():
@@ -145,17 +145,17 @@ def test_functions_of_ones_own_are_those_of_plain_python():
     there.reset()
     over = np.zeros(2, bool)
     for k in range(5):
-        there.buffers.actions[:] = [0.3, 0.9]
+        there.arrays.actions[:] = [0.3, 0.9]
         there.step()
-        seen, notes = np.array(there.buffers.numbers), np.array(there.walkers.notes)
+        seen, notes = np.array(there.arrays.numbers), np.array(there.arrays.notes)
         expected = plain_values(COMPILED, notes, Shape(1))
         np.testing.assert_allclose(seen, expected, rtol=1e-12, atol=1e-14)
-        over = np.array(there.buffers.terminated)
+        over = np.array(there.arrays.terminated)
         assert over.all() == (k == 3)
         if k < 3:
             found = plain_values(["s.distance + 0.1 * (not s.heelstrike) - (s.steps == 2)"], notes,
                                  Shape(1))  # fmt: skip
-            np.testing.assert_allclose(there.buffers.rewards, found[:, 0], rtol=1e-12, atol=1e-14)
+            np.testing.assert_allclose(there.arrays.rewards, found[:, 0], rtol=1e-12, atol=1e-14)
 
 
 def test_a_function_that_cannot_be_compiled_is_refused():

@@ -12,16 +12,21 @@ from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker.devices.gpu import device, episodes
-from gym_passive_walker.devices.gpu.episodes import DeviceWalkers, SceneConstants, StepBuffers
 from gym_passive_walker.devices.gpu.lane import DeviceCode, device_code
-from gym_passive_walker.engine.layout import RECORD
+from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.engine.run import options
-from gym_passive_walker.envs import disturbance_kernels, interface, one_walker, task
+from gym_passive_walker.envs import (
+    disturbance_kernels,
+    interface,
+    memory,
+    one_walker,
+    task,
+    transitions,
+)
 from gym_passive_walker.envs.batch import observed_bodies, rules_of, system_in
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.disturbances import Disturbances, disturbed
-from gym_passive_walker.envs.transitions import NOTE
 from gym_passive_walker.gaits.scenes.checks import checked
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, make_scene
 from gym_passive_walker.gaits.scenes.starts import Starts
@@ -37,18 +42,21 @@ DRAWN = 4096
 def _kernels(here: DeviceCode, has_disturbances: bool) -> tuple[Any, Any]:
     """Return the kernels that reset and step walkers."""
     bound = here.bound
-    if here.rules:
-        bound = bound.instead({
-            episodes.before_step: episodes.own_before,
-            episodes.after_step: episodes.own_after,
-            episodes.sight: episodes.own_sight,
-        })  # fmt: skip
     if has_disturbances:
         bound = bound.instead({
             disturbance_kernels.integrate_past_events: one_walker.integrate_past_events,
-            episodes.begin_disturbances: episodes.disturbed_begin,
-            episodes.one_step: episodes.disturbed_step,
+            episodes.begin_disturbances: disturbance_kernels.begin,
+            task.step: disturbance_kernels.step,
+            episodes.note_disturbances: episodes.own_note,
         })  # fmt: skip
+    if here.rules:
+        bound = bound.instead({
+            episodes.begin_notes: episodes.own_begin,
+            episodes.before_step: transitions.before,
+            episodes.after_step: episodes.own_after,
+        })  # fmt: skip
+    if "observation" in here.rules:
+        bound = bound.instead({episodes.show_observation: episodes.own_show})
     kernels = episodes.reset_kernel, episodes.step_kernel
     return tuple(device.cuda.jit(bound.rebound(kernel)) for kernel in kernels)  # type: ignore[return-value]
 
@@ -67,9 +75,8 @@ class DeviceBatch:
         **changes: Arguments of the scene to change; see `PassiveWalkerEnv`.
 
     Attributes:
-        buffers: Actions, observations, rewards and terminations, on the GPU; see
-            `episodes.StepBuffers`.
-        walkers: State of each walker, on the GPU; see `episodes.DeviceWalkers`.
+        arrays: Arrays on the GPU; see `envs.memory` and `episodes.DEVICE_ARRAYS`. Fill `actions`
+            before a step, which fills `shown` (observations), `rewards`, `terminated`, `truncated`.
         step_limit: Steps after which an episode is truncated.
 
     Raises:
@@ -90,15 +97,15 @@ class DeviceBatch:
         self.scene = make_scene(scene, **changes)
         checked(check_supports, self.scene.walker, "gpu episodes")
         self.count = whole(count, "count")
-        self.custom = Custom(self.scene, 0)
+        self.custom = Custom(self.scene, self.count)
         for name, rule in self.custom.rules.items():
             if not rule.native:
                 raise SceneError(
                     f"{name} cannot be compiled, which walkers on a GPU need ({rule.untraced}): "
                     "use gpw.math, and its where() instead of if"
                 )
-        self._shown = interface.observation_space(self.scene).shape[0]
-        self.observation_size = self.custom.observation_size or self._shown
+        shown = interface.observation_space(self.scene).shape[0]
+        self.observation_size = self.custom.observation_size or shown
         self._system = system_in(self.scene, self.scene.walker)
         here = device_code(
             self._system.name,
@@ -106,14 +113,9 @@ class DeviceBatch:
             watched=bool(self.scene.constraints),
             rules=tuple(self.custom.rules.values()),
         )
-        has_disturbances = disturbed(self.scene)
-        self._reset, self._step = _kernels(here, has_disturbances)
-        drawn = self._drawn()
-        constants = bodies(*drawn)[:, 0]
-        self.walkers = self._walkers(constants, seed, own=has_disturbances or len(drawn) > 1)
+        self._reset, self._step = _kernels(here, disturbed(self.scene))
         self.step_limit = step_limit
-        self._constants = self._scene_constants(here, constants, observed_bodies(self.scene, drawn))
-        self.buffers = self._buffers()
+        self.arrays = self._arrays(here, seed, shown)
 
     def _drawn(self) -> list[Walker]:
         """Return the walkers that episodes draw from."""
@@ -124,23 +126,39 @@ class DeviceBatch:
         count = DRAWN if self.scene.domain_randomization else 1
         return [starts.varied(random) for _ in range(count)]
 
-    def _walkers(self, drawn: NDArray, seed: int, *, own: bool) -> DeviceWalkers:
-        count = self.count
-        disturbed_count = count if disturbed(self.scene) else 0
-        width = drawn.shape[1] + (ROOM if disturbed_count else 0)
-        late = self.scene.action_delay, len(self.scene.actions)
-        return DeviceWalkers(
-            records=device.empty((count, 1), RECORD),
-            bodies=device.empty((count, 1, width), float) if own else device.upload(drawn[:, None]),
-            ledger=device.empty(count, task.LEDGER),
-            reported=device.upload(np.zeros(count, task.LEDGER)),
-            keys=device.upload(self._keys(seed)),
-            episodes=device.upload(np.zeros(count, np.int64)),
-            drawn=device.upload(np.zeros(count, np.int64)),
-            disturbances=device.empty(disturbed_count, disturbance_kernels.DISTURBANCE),
-            pending=device.empty((disturbed_count, *late), float),
-            notes=device.upload(np.zeros(count if self.custom.rules else 0, NOTE)),
-        )
+    def _arrays(self, code: DeviceCode, seed: int, shown: int) -> Any:
+        """Return the arrays on the GPU."""
+        scene, count, drawn, starts = self.scene, self.count, self._drawn(), Starts(self.scene)
+        pool, (nodes, states) = bodies(*drawn)[:, 0], starts.nodes
+        if len(nodes) == 1:  # the same initial state for all slopes
+            nodes, states = np.array([nodes[0], np.inf]), np.repeat(states, 2, axis=0)
+        given = {
+            "phases": code.phases, "hooks": code.hooks, "keys": self._keys(seed), "nodes": nodes,
+            "options": options(scene.tolerance, scuff=bool(scene.end_on_toe_stub)),
+            "rules": rules_of(scene, self._system, self.step_limit), "pool": pool,
+            "slope_range": np.array([starts.low, starts.high]), "states": states,
+            "proportions": observed_bodies(scene, drawn),
+        }  # fmt: skip
+        features, width = [], pool.shape[1]
+        if disturbed(scene):
+            features, width = ["disturbed"], width + ROOM
+            given |= Disturbances(scene, self._system.name, count).arrays()
+        if self.custom.rules:
+            features.append("custom")
+            given |= self.custom.arrays(code.rules)
+        if len(drawn) == 1 and not disturbed(scene):  # all walkers share one row
+            given |= {"bodies": pool[:, None], "radii": pool[:, disturbance_kernels.RADIUS]}
+        lengths = {
+            "walkers": count, "rows": count, "constants": width, "seen": shown,
+            "channels": len(scene.actions), "delay": scene.action_delay,
+            "shown": self.observation_size,
+        }  # fmt: skip
+        declared = memory.present(*features) | episodes.DEVICE_ARRAYS
+        found = memory.made(declared, layout_of(self._system), lengths, given)
+        there = {name: device.upload(array) for name, array in found.items()}
+        if not self.custom.observation_size:
+            there["shown"] = there["observations"]
+        return memory.named_arrays(tuple(there))(**there)
 
     def _keys(self, seed: int | Sequence[int]) -> NDArray[np.uint64]:
         if not isinstance(seed, Sequence | np.ndarray):
@@ -159,7 +177,7 @@ class DeviceBatch:
             ValueError: if there is not one key for each walker.
         """
         keys, none = self._keys(seed), np.zeros(self.count, np.int64)
-        self.walkers = self.walkers._replace(keys=device.upload(keys), episodes=device.upload(none))
+        self.arrays = self.arrays._replace(keys=device.upload(keys), episodes=device.upload(none))
 
     def set_energy_cost(self, energy: str | None) -> None:
         """Set the work that the energy term counts; see `PassiveWalkerEnv`.
@@ -169,54 +187,18 @@ class DeviceBatch:
         """
         scene = self.scene if energy is None else make_scene(self.scene, energy=energy)
         rules = device.upload(rules_of(scene, self._system, self.step_limit))
-        self._constants = self._constants._replace(rules=rules)
-
-    def _scene_constants(
-        self, here: Any, drawn: NDArray, proportions: NDArray[np.float32]
-    ) -> SceneConstants:
-        starts, scene = Starts(self.scene), self.scene
-        nodes, states = starts.nodes
-        if len(nodes) == 1:  # the same initial state for all slopes
-            nodes, states = np.array([nodes[0], np.inf]), np.repeat(states, 2, axis=0)
-        disturbances = Disturbances(scene, self._system.name, 0)
-        arrays = SceneConstants(
-            here.phases, options(scene.tolerance, scuff=bool(scene.end_on_toe_stub)),
-            rules_of(scene, self._system, self.step_limit),
-            np.zeros(1, RECORD), np.zeros(1, task.LEDGER),
-            np.zeros(1, disturbance_kernels.DISTURBANCE),
-            np.array([starts.low, starts.high]), nodes, states, np.array([scene.reset_noise_scale]),
-            drawn, proportions, disturbances.settings, here.hooks, *disturbances.terrain,
-            np.array([
-                self.custom.noted,
-                *(here.rules.get(name, 0) for name in ("reward", "terminated", "observation")),
-            ]),
-        )  # fmt: skip
-        return SceneConstants(*map(device.upload, arrays))
-
-    def _buffers(self) -> StepBuffers:
-        count, own = self.count, self.custom.observation_size or 0
-        return StepBuffers(
-            actions=device.upload(np.zeros(count * len(self.scene.actions))),
-            observations=device.empty(count * self.observation_size, np.float32),
-            rewards=device.empty(count, float),
-            terminated=device.empty(count, bool),
-            truncated=device.empty(count, bool),
-            last=device.upload(np.zeros(count * self.observation_size, np.float32)),
-            plain=device.empty(count * self._shown if own else 0, np.float32),
-            numbers=device.empty((count, own), float),
-        )
+        self.arrays = self.arrays._replace(rules=rules)
 
     def reset(self, *, stream: Any = 0) -> None:
         """Begin an episode of every walker."""
         self._launch(self._reset, stream)
 
     def step(self, *, stream: Any = 0) -> None:
-        """Step every walker by `buffers.actions`; nothing is transferred.
+        """Step every walker by the actions in `arrays`; nothing is transferred.
 
         A non-finite action leaves its walker unchanged, and its reward is NaN.
         """
         self._launch(self._step, stream)
 
     def _launch(self, kernel: Any, stream: Any) -> None:
-        arrays = self.walkers, self._constants, self.buffers
-        device.launch(kernel, self.count, *arrays, stream=stream)
+        device.launch(kernel, self.count, self.arrays, stream=stream)

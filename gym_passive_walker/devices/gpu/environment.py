@@ -59,11 +59,12 @@ class PassiveWalkerGpuEnv:
         self.num_envs = num_envs
         self.observation_space = interface.observation_space(self.batch.scene, self.batch.custom)
         self.action_space = interface.action_space(self.batch.scene)
-        self._buffers = self.batch.buffers._make(map(_tensor, self.batch.buffers))
-        walkers = self.batch.walkers
+        here = self.batch.arrays
+        names = "actions", "shown", "last", "rewards", "terminated", "truncated"
+        self._at = {name: _tensor(getattr(here, name)) for name in names}
         self._reported, self._ledger = (
             _tensor(each.view(np.float64)).view(num_envs, -1)
-            for each in (walkers.reported, walkers.ledger)
+            for each in (here.reported, here.ledger)
         )
 
     @one_thread
@@ -82,8 +83,8 @@ class PassiveWalkerGpuEnv:
             self.batch.seed(seed)
         self.batch.reset(stream=_stream())
         infos = {name: torch.zeros_like(x) for name, x in self._infos().items()}
-        infos["final_obs"] = self._rows(self._buffers.observations)
-        return self._rows(self._buffers.observations), infos
+        infos["final_obs"] = self._rows("shown")
+        return self._rows("shown"), infos
 
     @one_thread
     def step(self, actions: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, dict[str, Any]]:
@@ -98,14 +99,14 @@ class PassiveWalkerGpuEnv:
             `info` as in `PassiveWalkerTorchEnv`. "final_obs", (num_envs, k), are the observations
             before new episodes began.
         """
-        buffers = self._buffers
-        buffers.actions.copy_(actions.detach().reshape(-1))
+        self._at["actions"].copy_(actions.detach().reshape(-1))
         self.batch.step(stream=_stream())
-        terminated, late = buffers.terminated.clone(), buffers.truncated.clone()
+        rewards, terminated, late = (
+            self._at[name].clone() for name in ("rewards", "terminated", "truncated")
+        )
         infos = self._infos()
         infos["outcome"] = torch.where(late & ~terminated, TIMED_OUT, infos["outcome"])
-        observations = self._rows(buffers.observations)
-        return observations, buffers.rewards.clone(), terminated, late, infos
+        return self._rows("shown"), rewards, terminated, late, infos
 
     def _infos(self) -> dict[str, Tensor]:
         """Return the infos of the last step; outcomes without the time limit."""
@@ -115,7 +116,7 @@ class PassiveWalkerGpuEnv:
         }
         whole = reported.view(torch.int64)
         infos |= {name: whole[:, _column(name)] for name in ("strides", "outcome")}
-        infos["final_obs"] = self._rows(self._buffers.last)
+        infos["final_obs"] = self._rows("last")
         return infos
 
     @one_thread
@@ -137,8 +138,8 @@ class PassiveWalkerGpuEnv:
             self.device
         )
 
-    def _rows(self, flat: Tensor) -> Tensor:
-        return flat.view(self.num_envs, -1).clone()
+    def _rows(self, name: str) -> Tensor:
+        return self._at[name].view(self.num_envs, -1).clone()
 
 
 def _column(name: str) -> int:

@@ -79,7 +79,7 @@ class DeviceCode:
             self.rules[rule.name] = source.get_function_address("rule")
         self.phases, self.hooks = equipped(of, phases, pushes, looks)
         call = _compiled(source, f"<equations of {system}>")
-        own = {getattr(jit, name): primitives.BY_NAME[name] for name in ("address", "fma")}
+        own = {getattr(jit, name): primitives.BY_NAME[name] for name in ("address", "copy", "fma")}
         own |= {jit.call: call, where: primitives.BY_NAME["select"]}
         self.bound = DeviceLinker(own, primitives.jitted).instead(
             {lanes.integrate_phase: integrate_phase, jit.entry: entry}

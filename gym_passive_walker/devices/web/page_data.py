@@ -16,6 +16,7 @@ from gym_passive_walker.engine.own import system as own
 from gym_passive_walker.engine.run import options
 from gym_passive_walker.envs import disturbance_kernels, task
 from gym_passive_walker.envs.batch import rules_of
+from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.policies import DESCRIPTION, policy_folder, shipped_policies
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.scenes import rules
@@ -68,6 +69,7 @@ def of_module(kind: System, variants: tuple[str, ...], end: int) -> bytes:
         "kind": kind.name,
         "variants": variants,
         "constants": len(kind.Body._fields),  # type: ignore[attr-defined]
+        "readings": ROOM,
         "rules": _rules(kind),
         "points": kernels.POINTS,
     }

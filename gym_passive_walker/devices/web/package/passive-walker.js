@@ -652,7 +652,7 @@ export class PassiveWalker {
     block.set("phases", block.functions.phases(variant));
     block.set("hooks", block.functions.hooks(variant));
     block.set("count", notes.links.length);
-    block.set("constants", notes.constants);
+    block.set("constants", notes.constants + notes.readings);
     block.set("radii", walker.foot_radius / this.legLength);
     this.seen = 8 + (scene.command !== null) + 2 * scene.terrain_lookahead;
     block.set("seen", this.seen);
@@ -763,7 +763,7 @@ export class PassiveWalker {
     const drawn = noise && state === null;
     block.set("drawn", drawn ? 1 : 0);
     if (!drawn) for (let i = 0; i < 4; i++) block.set("draws", 0.5, i);
-    block.set("reset_noise_scale", this.scene.reset_noise_scale);
+    block.set("rules.reset_noise_scale", this.scene.reset_noise_scale);
     block.run(BEGIN);
     block.record("before").set(block.record("record"));
     this.#origin = 0;
