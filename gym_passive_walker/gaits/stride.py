@@ -307,7 +307,13 @@ def account(
     numbers *= _own_units(walker.units)
     state: Any = walker.units.to_own(states_in(record, system.coordinates))
     if shape:
-        own: Any = numbers.T
+        own: Any = numbers.T.reshape(-1, *shape)
+        state, outcome, pushed = (
+            state.reshape(*shape, -1),
+            outcome.reshape(shape),
+            pushed.reshape(shape),
+        )
+        hip, ankle = (tuple(part.reshape(shape) for part in work) for work in works)
     else:
         own, state, outcome, pushed = numbers[0], state[0], Outcome(int(outcome[0])), pushed[0]
         hip, ankle = ((net[0], absolute[0]) for net, absolute in works)
