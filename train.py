@@ -191,6 +191,7 @@ def train(args: argparse.Namespace) -> int:
             return find_better(config, args)
         folder = files.new_run(args.out, config.name)
     run = Run(config, folder, tensorboard=args.tensorboard, trust=args.trust)
+    again = f"python train.py --resume {folder}{' --trust' * has_address(config.scene)}"
     print(f"{envs.describe(config)}: {config.algo.upper()}, {config.steps:,} steps, in {folder}")
     try:
         finished = run.train(progress=not args.quiet)
@@ -198,12 +199,10 @@ def train(args: argparse.Namespace) -> int:
         print(run.first_walks())
         raise ConfigError(
             f"stopped after {run.steps:,} steps: {error}; free some space, then continue "
-            f"with: python train.py --resume {folder}"
+            f"with: {again}"
         ) from None
     if not finished:
-        print(
-            f"Stopped after {run.steps:,} steps; continue with: python train.py --resume {folder}"
-        )
+        print(f"Stopped after {run.steps:,} steps; continue with: {again}")
     text, rows = evaluation.evaluate_policy(folder, trust=True)  # as this training was
     print(text)
     print(run.first_walks())

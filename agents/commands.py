@@ -157,7 +157,9 @@ def show_gait(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _policy_and_scene(name: str, scene: Scene | None, *, trust: bool) -> tuple[Policy, Scene]:
+def _policy_and_scene(
+    name: str, scene: Scene | None, *, trust: bool = False
+) -> tuple[Policy, Scene]:
     """A policy by its name, and the scene in which it acts."""
     if name in BASELINES or Path(name).suffix.lower() in READERS:
         return acting(name, scene)

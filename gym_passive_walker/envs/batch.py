@@ -22,7 +22,7 @@ from gym_passive_walker.envs.custom import Custom, is_custom
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
 from gym_passive_walker.envs.interface import observation_space, refuse
 from gym_passive_walker.envs.one_thread import Token
-from gym_passive_walker.gaits.scenes.rules import ENERGIES, proportion
+from gym_passive_walker.gaits.scenes.rules import ENERGIES, KNEE_LOCK, proportion
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError
 from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts, as_recorded
 from gym_passive_walker.models.equations.hybrid import System
@@ -56,6 +56,7 @@ def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
     rules["weight"] = scene.walker.weight / scene.walker.units.force
     rules["works"][0, : len(system.works)] = np.divide(system.works, rules["weight"])
     rules["works"][0, -1] = 1.0
+    rules["coordinates"] = 0 if KNEE_LOCK in scene.walker.supports else system.coordinates
     return rules
 
 
@@ -66,7 +67,7 @@ def system_in(scene: Scene, *walkers: Walker) -> System:
     return walkers[0].equations({*using, *(UNEVEN if scene.terrain else ())})
 
 
-def _radii(walkers: Sequence[Walker]) -> NDArray[np.float64]:
+def radii_of(walkers: Sequence[Walker]) -> NDArray[np.float64]:
     """Return the foot radii in leg lengths, (n,)."""
     return np.array([walker.foot_radius / walker.leg_length for walker in walkers])
 
@@ -162,7 +163,7 @@ class Batch:
         self.bodies = bodies(*shown)
         if self.disturbances:
             self.bodies = np.pad(self.bodies, ((0, 0), (0, 0), (0, ROOM)))
-        self._radii = _radii(shown)
+        self._radii = radii_of(shown)
         self.layout = layout_of(self.system)
         self.rules = rules_of(scene, self.system, step_limit)
         self.randoms: list[np.random.Generator] = []
@@ -285,7 +286,7 @@ class Batch:
             self.walkers[i] = walker
         constants = bodies(*walkers)  # readings of checks are behind them
         self.bodies[lanes, :, : constants.shape[-1]] = constants
-        self._radii[lanes] = _radii(walkers)
+        self._radii[lanes] = radii_of(walkers)
         self._proportions[lanes] = observed_bodies(self.scene, walkers)
 
     def _write_proportions(self, observations: NDArray[np.float32]) -> None:
@@ -425,22 +426,17 @@ class Batch:
 
     def observe(self, observations: NDArray[np.float32]) -> None:
         """Write the observations of all walkers, flat: (count * observation_size,)."""
-        if self.custom and self.custom.observation_size:
-            self._write_observations(observations)
-            return
+        if self._plain is not None:
+            return self._write_observations(observations)
         self.entry_point.kernels.observe(self.entry_point.address, observations)
         self._write_proportions(observations)
 
     def _write_observations(
         self, observations: NDArray[np.float32], lanes: NDArray[np.int64] | None = None
     ) -> None:
-        """Write the user's own observations; noise is added to those of a `System`."""
-        if self.custom is None or not self.custom.observation_size:
-            return
-        self.custom.observe(observations, slice(None) if lanes is None else lanes)
-        if self.disturbances and self.scene.observation is None:
-            lanes = np.arange(self.count) if lanes is None else lanes
-            self.disturbances.add_noise(self.ledger, lanes, observations)
+        """Write the user's own observations."""
+        if self.custom and self.custom.observation_size:
+            self.custom.observe(observations, slice(None) if lanes is None else lanes)
 
     def info_values(self, stepped: NDArray[np.bool_] | None = None) -> dict[str, NDArray]:
         """Return copies of the entries of `info` that depend on the scene, each (count,).

@@ -10,32 +10,21 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.envs import transitions
 from gym_passive_walker.envs.rule import Rule
-from gym_passive_walker.envs.transitions import Transition, note_for
+from gym_passive_walker.envs.transitions import note_for
 from gym_passive_walker.envs.views import of_notes, shape_of
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, Weighted, rule_of
-from gym_passive_walker.gaits.scenes.rules import KNEE_LOCK
-
-
-def everything(step: Transition) -> tuple[Any, ...]:
-    """Return the default observation of a `System`: its state, and the slope in rad."""
-    return *step.state, step.slope
-
-
-def everything_and_command(step: Transition) -> tuple[Any, ...]:
-    """Return the default observation of a `System` and the commanded speed."""
-    return *everything(step), step.command
 
 
 def is_custom(scene: Any) -> bool:
-    """Return whether a scene calls functions of a `Transition`: a user's, or a default one."""
-    return KNEE_LOCK not in scene.walker.supports or any(getattr(scene, n) for n in FUNCTIONS)
+    """Return whether a scene calls functions of a `Transition`."""
+    return any(getattr(scene, n) for n in FUNCTIONS)
 
 
 class Custom:
     """The user's own functions of a scene, for a batch of walkers.
 
     Args:
-        scene: A scene with at least one such function, or with a `System`.
+        scene: A scene with at least one such function.
         count: Number of walkers.
 
     Attributes:
@@ -50,12 +39,8 @@ class Custom:
         self._shape = shape_of(scene)
         self.notes = np.zeros(count, note_for(self._shape.layout))
         self.rules: dict[str, Rule] = {}
-        given = {name: getattr(scene, name) for name in FUNCTIONS}
-        if KNEE_LOCK not in scene.walker.supports and given["observation"] is None:
-            commanded = scene.command is not None
-            given["observation"] = everything_and_command if commanded else everything
-        for name, function in given.items():
-            if function is not None:
+        for name in FUNCTIONS:
+            if (function := getattr(scene, name)) is not None:
                 self.rules[name] = Rule(name, rule_of(function), self._shape)
         self._given = [name for name in ("reward", "terminated") if name in self.rules]
         self._slow = [name for name in self._given if not self.rules[name].native]

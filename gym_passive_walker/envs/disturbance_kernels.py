@@ -14,8 +14,9 @@ import math
 import numpy as np
 
 from gym_passive_walker.engine.counter_rng import normal, uniform
-from gym_passive_walker.engine.jit import Kernel, address, call, jitted, merged
+from gym_passive_walker.engine.jit import address, call, jitted, merged
 from gym_passive_walker.engine.lanes import RESTING
+from gym_passive_walker.engine.layout import WIDE
 from gym_passive_walker.envs import constraints, task
 from gym_passive_walker.gaits.scenes.checks import CHECKS
 from gym_passive_walker.gaits.scenes.rules import (
@@ -60,7 +61,7 @@ SETTINGS = np.dtype([
     ("rate", "f8"),  # mean number of pushes per time; 0 without pushes
     ("push", "f8", (2,)),  # smallest and largest impulse
     ("noisy", "i8"),  # whether observations have noise
-    ("noise", "f8", (SIZE,)),
+    ("noise", "f8", (2 * WIDE.links + 1,)),  # standard deviations
     ("action_noise", "f8"),
     ("commanded", "i8"),
     ("command", "f8", (2,)),
@@ -94,32 +95,23 @@ def add_observation_noise(here, i):
     """Add noise to a walker's observation; append its command and the footholds ahead."""
     disturbance, row, settings = here.disturbances[i], here.ledger[i], here.settings[0]
     observations, first = here.observations, i * (len(here.observations) // len(here.ledger))
+    count = here.rules[0].coordinates
+    size = SIZE if count == 0 else 2 * count + 1
     if settings.noisy:
-        for k in range(SIZE):
+        for k in range(size):
             if settings.noise[k] > 0.0:
-                draw = normal(disturbance.key, SIZE * row.steps + k, _SENSOR)
+                draw = normal(disturbance.key, size * row.steps + k, _SENSOR)
                 error = settings.noise[k] * draw
                 noisy = observations[first + k] + error
-                observations[first + k] = clip(noisy, LOWEST[k], BOUNDS[k])
+                observations[first + k] = clip(noisy, LOWEST[k], BOUNDS[k]) if count == 0 else noisy
     if settings.commanded:
-        observations[first + SIZE] = disturbance.command
-    first += SIZE + settings.commanded
+        observations[first + size] = disturbance.command
+    first += size + settings.commanded
     for ahead in range(settings.terrain_lookahead):
         place = row.strides + ahead
         _, rise, turn = ground_at(here.table, here.spread, disturbance.key, place)
         seen = foothold(rise, turn)
         observations[first + 2 * ahead], observations[first + 2 * ahead + 1] = seen
-
-
-@Kernel
-def add_noise(disturbances, ledger, noise, lanes, observations):
-    """Add noise to the first numbers in observations of some walkers of a `System`."""
-    size = len(observations) // len(ledger)
-    for i in lanes:
-        for k in range(len(noise)):
-            if noise[k] > 0.0:
-                place = len(noise) * ledger[i].steps + k
-                observations[i * size + k] += noise[k] * normal(disturbances[i].key, place, _SENSOR)
 
 
 @jitted

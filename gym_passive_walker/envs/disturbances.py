@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.envs import constraints, disturbance_kernels
-from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.checks import CHECKS
 from gym_passive_walker.gaits.scenes.scene import UNDISTURBED, Scene
 from gym_passive_walker.gaits.terrain import Terrain
@@ -52,7 +51,6 @@ class Disturbances:
         states: Disturbance states, (count,) of `disturbance_kernels.DISTURBANCE`.
         settings: Settings of the scene, (1,) of `disturbance_kernels.SETTINGS`.
         terrain: Footholds and standard deviations of the terrain; see `Terrain.arrays`.
-        noise: Standard deviation of the noise on each number of a `System`'s observation.
     """
 
     def __init__(self, scene: Scene, system: str, count: int) -> None:
@@ -60,7 +58,6 @@ class Disturbances:
         self.states = np.zeros(count, disturbance_kernels.DISTURBANCE)
         self.settings = _settings(scene)
         self.terrain = (scene.terrain or Terrain()).arrays()
-        self.noise = _noise(scene)
 
     @property
     def hooks(self) -> tuple[NDArray, NDArray]:
@@ -73,11 +70,6 @@ class Disturbances:
         table, spread = self.terrain
         found = {"disturbances": self.states, "settings": self.settings}
         return found | {"table": table, "spread": spread}
-
-    def add_noise(self, ledger: NDArray, lanes: NDArray, observations: NDArray[np.float32]) -> None:
-        """Add sensor noise to observations of some walkers of a `System`."""
-        if np.any(self.noise):
-            disturbance_kernels.add_noise(self.states, ledger, self.noise, lanes, observations)
 
     def set_slopes(
         self, slopes: NDArray[np.float64], lanes: NDArray[np.bool_]
@@ -106,22 +98,14 @@ class Disturbances:
         return found
 
 
-def _noise(scene: Scene) -> NDArray[np.float64]:
-    """Return the standard deviation of the noise on each observed number except the command."""
-    noise, size = scene.observation_noise, scene.walker.size
-    rest = len(scene.walker.observed) - size
-    given = noise if isinstance(noise, tuple) else [noise] * size + [0.0] * rest
-    return np.array(given, dtype=float)
-
-
 def _settings(scene: Scene) -> NDArray:
     """Return the settings of a scene's disturbances, (1,) of SETTINGS."""
     settings = np.zeros(1, disturbance_kernels.SETTINGS)
     if scene.pushes:
         settings["rate"], settings["push"] = scene.pushes["rate"], scene.pushes["impulse"]
-    if rules.KNEE_LOCK in scene.walker.supports:
-        settings["noise"] = _noise(scene)
-        settings["noisy"] = np.any(settings["noise"])
+    noise, size = scene.observation_noise, scene.walker.size
+    given = noise if isinstance(noise, tuple) else (noise,) * size
+    settings["noise"][0, : len(given)], settings["noisy"] = given, any(given)
     if scene.command is not None:
         settings["commanded"], settings["command"] = True, np.broadcast_to(scene.command, 2)
     settings["uneven"] = scene.terrain is not None

@@ -60,8 +60,9 @@ def observation_space(scene: Scene, custom: Custom | None = None) -> Any:
     commanded = scene.command is not None
     ahead = np.tile([rules.HIGHEST, rules.STEEPEST], scene.terrain_lookahead)
     body = np.full(len(scene.observe_body), rules.LARGEST_PROPORTION)
-    low = np.concatenate([rules.LOWEST, [0.0] * commanded, -ahead, -body])
-    high = np.concatenate([rules.BOUNDS, [FASTEST] * commanded, ahead, body])
+    lowest, largest = rules.bounds_of(scene.walker)
+    low = np.concatenate([lowest, [0.0] * commanded, -ahead, -body])
+    high = np.concatenate([largest, [FASTEST] * commanded, ahead, body])
     return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
 

@@ -103,6 +103,7 @@ def rules_for(layout: Layout) -> np.dtype:
         ("works", "f8", channels),
         ("weight", "f8"),  # weight of the walker, in the unit of its records
         ("reset_noise_scale", "f8"),
+        ("coordinates", "i8"),  # of a system, which is observed whole; 0 with the lock of a knee
     ])  # fmt: skip
 
 
@@ -121,9 +122,16 @@ def over(row):
 def write_observation(here, i):
     """Write the observation of a walker."""
     record, first = here.records[i, 0], i * (len(here.observations) // len(here.records))
-    locked = 1.0 if here.phases[record.phase].links == 2 else 0.0
-    for k, value in enumerate(observation(record.state, locked, here.ledger[i].slope)):
-        here.observations[first + k] = value  # a user's system observes `custom.everything`
+    slope, count = here.ledger[i].slope, here.rules[0].coordinates
+    if count == 0:
+        locked = 1.0 if here.phases[record.phase].links == 2 else 0.0
+        for k, value in enumerate(observation(record.state, locked, slope)):
+            here.observations[first + k] = value
+        return
+    for k in range(count):
+        here.observations[first + k] = record.state[k]
+        here.observations[first + count + k] = record.state[len(record.start) + k]
+    here.observations[first + 2 * count] = slope
 
 
 def place_hip(here, i):

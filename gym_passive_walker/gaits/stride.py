@@ -307,12 +307,9 @@ def account(
     numbers *= _own_units(walker.units)
     state: Any = walker.units.to_own(states_in(record, system.coordinates))
     if shape:
-        own: Any = numbers.T.reshape(-1, *shape)
-        state, outcome, pushed = (
-            state.reshape(*shape, -1),
-            outcome.reshape(shape),
-            pushed.reshape(shape),
-        )
+        own: Any = numbers.T.reshape(len(_OWN), *shape)
+        state = state.reshape(*shape, 2 * system.coordinates)
+        outcome, pushed = outcome.reshape(shape), pushed.reshape(shape)
         hip, ankle = (tuple(part.reshape(shape) for part in work) for work in works)
     else:
         own, state, outcome, pushed = numbers[0], state[0], Outcome(int(outcome[0])), pushed[0]

@@ -16,12 +16,9 @@ from gym_passive_walker.models.equations.numbers import complex_step, step_deriv
 
 FEATURES = {
     "actuation": "an Actuation",
-    "body observed": "the argument `observe_body`",
     "constraints": "the argument `constraints`",
     "contact margins": "distances of gaits from a halt, a late knee and a grazing foot",
     "gauntlet": "the gauntlet",
-    "foothold preview": "the argument `terrain_lookahead`",
-    "gpu episodes": "a batch on a GPU",
     "knee lock observed": "an observation with the lock of a knee",
     "legs": "a picture of legs",
     "McGeer's parameters": "this function",

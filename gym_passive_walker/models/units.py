@@ -129,6 +129,11 @@ PROPORTIONS = tuple(
 """Parameters of a walker that have a dimensionless value."""
 
 
+def observable(walker: Any) -> tuple[str, ...]:
+    """Return the parameters of a model that agents can observe."""
+    return PROPORTIONS if "units" in walker.supports else tuple(walker.parameters)
+
+
 def unit_of(walker: Any, name: str) -> Any:
     """Return the unit of a parameter, in the walker's own units.
 
@@ -144,8 +149,10 @@ def proportions(walker: Any, names: Sequence[str]) -> list[Any]:
 
     Args:
         walker: A walker, or anything with its attributes: numbers, arrays or tensors.
-        names: Some of PROPORTIONS.
+        names: Some of `observable`; those of a model without units have the values in its `body`.
     """
+    if "units" not in walker.supports:
+        return [getattr(walker.body, name) for name in names]
     return [getattr(walker, name) / unit_of(walker, name) for name in names]
 
 

@@ -292,8 +292,11 @@ def _observed(scene: Scene, here: RolloutState) -> Tensor:
     slopes, body = here.slopes + _ground(scene, here)[:, 0], ()
     locked = _locked(scene, here.phases).double()
     ahead = [_ground(scene, here, place).T[1:] for place in range(scene.terrain_lookahead)]
-    if scene.observe_body:
+    if scene.observe_body and "units" in scene.walker.supports:
         body = proportions(varied(scene.walker, here.parameters), scene.observe_body)
+    elif scene.observe_body:
+        numbers = scene.walker.parameters | here.parameters
+        body = [numbers[name] for name in scene.observe_body]
     seen = rules.observed(scene, here.states.T, locked, slopes, here.commands, ahead, body)
     return _stacked(seen, here)
 

@@ -261,7 +261,7 @@ def test_a_training_says_what_it_is_about_and_whether_it_ended(
 
         steps, notes = 1234, {"curve": ["row"]}
 
-        def __init__(self, config, folder, *, tensorboard):
+        def __init__(self, config, folder, *, tensorboard, trust):
             made.append(config)
 
         def train(self, *, progress):
@@ -271,8 +271,8 @@ def test_a_training_says_what_it_is_about_and_whether_it_ended(
             return "the first walks"
 
     monkeypatch.setattr(train, "Run", Made)
-    monkeypatch.setattr(evaluation, "evaluate_policy", lambda folder: ("a table", [{"a": 1}]))
-    monkeypatch.setattr(train.pictures, "draw_run", lambda *given: drawn.append(given))
+    monkeypatch.setattr(evaluation, "evaluate_policy", lambda folder, trust: ("a table", [{"a": 1}]))
+    monkeypatch.setattr(train.pictures, "draw_run", lambda *given, trust: drawn.append(given))
     folder = tmp_path / "run"
     words = ["--scene", "lab", "--algo", "sac", "--steps", "70000", "--out", str(folder)]
     assert train.main(words) == 0
@@ -292,7 +292,7 @@ def test_a_policy_acts_in_the_scene_that_is_asked_for_or_its_own():
         ("steep-ppo", None, gpw.load_policy("steep-ppo").scene),
         ("steep-ppo", "lab", make_scene("lab")),
     ):  # fmt: skip
-        policy, found = commands._policy_and_scene(name, asked)
+        policy, found = commands._policy_and_scene(name, asked and make_scene(asked))
         if name == "steep-ppo":
             assert found == scene
         else:

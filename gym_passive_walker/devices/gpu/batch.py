@@ -23,14 +23,13 @@ from gym_passive_walker.envs import (
     task,
     transitions,
 )
-from gym_passive_walker.envs.batch import observed_bodies, rules_of, system_in
+from gym_passive_walker.envs.batch import observed_bodies, radii_of, rules_of, system_in
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.disturbances import Disturbances, disturbed
-from gym_passive_walker.gaits.scenes.checks import checked
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, make_scene
 from gym_passive_walker.gaits.scenes.starts import Starts
-from gym_passive_walker.models.model import bodies, check_supports
+from gym_passive_walker.models.model import bodies
 from gym_passive_walker.models.walkers import Walker
 
 DRAWN = 4096
@@ -95,7 +94,6 @@ class DeviceBatch:
     ) -> None:
         device.need_device()
         self.scene = make_scene(scene, **changes)
-        checked(check_supports, self.scene.walker, "gpu episodes")
         self.count = whole(count, "count")
         self.custom = Custom(self.scene, self.count)
         for name, rule in self.custom.rules.items():
@@ -147,7 +145,7 @@ class DeviceBatch:
             features.append("custom")
             given |= self.custom.arrays(code.rules)
         if len(drawn) == 1 and not disturbed(scene):  # all walkers share one row
-            given |= {"bodies": pool[:, None], "radii": pool[:, disturbance_kernels.RADIUS]}
+            given |= {"bodies": pool[:, None], "radii": radii_of(drawn)}
         lengths = {
             "walkers": count, "rows": count, "constants": width, "seen": shown,
             "channels": len(scene.actions), "delay": scene.action_delay,

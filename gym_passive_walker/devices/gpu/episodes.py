@@ -14,6 +14,7 @@ import numpy as np
 from gym_passive_walker.devices.gpu.device import cuda, kind
 from gym_passive_walker.devices.gpu.lane import RUN, TILE
 from gym_passive_walker.engine.counter_rng import uniform, word
+from gym_passive_walker.engine.layout import WIDE
 from gym_passive_walker.envs import disturbance_kernels, task, transitions
 from gym_passive_walker.envs.memory import BatchArray
 from gym_passive_walker.envs.task import ledger_for
@@ -40,7 +41,7 @@ SCRATCH = kind(np.dtype([
     ("lanes", "i8", (1,)),
     ("slopes", "f8", (1,)),
     ("draws", "f8", (1, DRAWS)),
-    ("gaits", "f8", (1, 6)),
+    ("gaits", "f8", (1, 2 * WIDE.links)),
 ]))  # fmt: skip
 """Working memory of a thread: the start of one walker."""
 
@@ -56,7 +57,8 @@ def begin_episode(here, i, scratch):
         here.drawn[i] = int(uniform(key, 0, _WHICH) * len(here.pool))
         for k in range(here.pool.shape[1]):
             here.bodies[i, 0, k] = here.pool[here.drawn[i], k]
-        here.radii[i] = here.bodies[i, 0, disturbance_kernels.RADIUS]
+        if here.rules[0].coordinates == 0:  # feet of a system roll by their own equations
+            here.radii[i] = here.bodies[i, 0, disturbance_kernels.RADIUS]
     low, high = here.slope_range[0], here.slope_range[1]
     scratch.slopes[0] = low if low == high else low + (high - low) * scratch.draws[0, 0]
     between(here.nodes, here.states, scratch.slopes, scratch.gaits)

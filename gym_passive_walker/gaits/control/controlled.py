@@ -116,7 +116,7 @@ class _Observing:
             return Choice(self.mean(seen)), None
         actions, by_seen = self.linearize(seen)
         inside = (
-            np.abs(strides.states_of(asked.records)) < bounds_of(strides.walker)[: strides.size]
+            np.abs(strides.states_of(asked.records)) < bounds_of(strides.walker)[1][: strides.size]
         )
         by_state = by_seen[:, :, : strides.size] * inside[:, None]
         along = by_seen[:, :, len(strides.walker.observed) - 1, None] * seeds.slope

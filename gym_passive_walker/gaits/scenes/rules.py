@@ -26,7 +26,7 @@ SIZE = 8
 """Numbers in the default observation; scenes may add some."""
 
 KNEE_LOCK = "knee lock observed"
-"""The feature of models for which kernels write the default observation; `custom` has another."""
+"""The feature of models that are observed with the lock of a knee, by SIZE bounded numbers."""
 
 RATE_BOUND = 10.0
 """Bound of observed angular velocities, in sqrt(g/l); those of walkers stay well below."""
@@ -39,9 +39,12 @@ LOWEST = -BOUNDS
 LOWEST[6] = 0.0
 
 
-def bounds_of(walker: Any) -> NDArray[np.float64]:
-    """Return the largest value of each number of a walker's default observation."""
-    return BOUNDS if KNEE_LOCK in walker.supports else np.full(len(walker.observed), np.inf)
+def bounds_of(walker: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the smallest and the largest value of each number of a default observation."""
+    if KNEE_LOCK in walker.supports:
+        return LOWEST, BOUNDS
+    unbounded = np.full(len(walker.observed), np.inf)
+    return -unbounded, unbounded
 
 
 LARGEST_PROPORTION = 100.0

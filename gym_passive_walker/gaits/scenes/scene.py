@@ -34,7 +34,7 @@ from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, checked_rule
 from gym_passive_walker.gaits.scenes.rules import ENERGIES
 from gym_passive_walker.gaits.terrain import Terrain, terrain_from
 from gym_passive_walker.models.model import Actuator, Model, check_heights_only, check_supports
-from gym_passive_walker.models.units import PROPORTIONS
+from gym_passive_walker.models.units import observable
 from gym_passive_walker.models.walkers import Walker, as_walker, describe
 
 CONTROLS = ("tick", "stride")
@@ -44,10 +44,6 @@ FASTEST = 1.0
 
 _FARTHEST = 1000  # largest number of observed footholds
 _LATEST = 10_000  # largest delay of actions, in control steps
-_NEED = {
-    "constraints": "constraints", "terrain_lookahead": "foothold preview",
-    "observe_body": "body observed",
-}  # fmt: skip
 _MAX_HIP_TORQUE = {"tick": 0.05, "stride": 0.03}
 _PERTURBATION = {"tick": 0.10, "stride": 0.05}
 
@@ -86,8 +82,8 @@ class Scene:
         randomization_pool: Number of walkers from which `domain_randomization` draws, equal in all
             environments; None draws a new walker at each reset.
         observe_body: Parameters of the walker that agents observe, as ``("foot_radius",)``:
-            lengths over l, masses over m, stiffnesses over m g l. They are the last entries of the
-            observation.
+            lengths over l, masses over m, stiffnesses over m g l; fields of the `body` of a
+            `System`. They are the last entries of the observation.
         start: Initial state on the Poincaré section instead of the passive gait: [stance, thigh,
             shank] angles in rad, then their angular velocities in units of 1/sqrt(l/g).
         max_stride_time: Time in sqrt(l/g) after which a stride without heelstrike has stalled.
@@ -166,9 +162,8 @@ class Scene:
             put(name, bounded(name, getattr(self, name), low, high))
 
         put("walker", as_walker(self.walker))
-        for name, feature in _NEED.items():
-            if getattr(self, name):
-                checked(check_supports, self.walker, feature)
+        if self.constraints:
+            checked(check_supports, self.walker, "constraints")
         put("slope", self._checked_slope())
         for name, names in (("control", CONTROLS), ("energy", ENERGIES)):
             if getattr(self, name) not in names:
@@ -196,7 +191,7 @@ class Scene:
         put("tolerance", checked(check_tolerance, self.tolerance))
         put("domain_randomization", self._checked_shares())
         put("randomization_pool", self._checked_pool())
-        put("observe_body", several("observe_body", self.observe_body, PROPORTIONS))
+        put("observe_body", several("observe_body", self.observe_body, observable(self.walker)))
         put("pushes", checked_pushes(self.pushes))
         size = len(self.walker.observed)
         put("observation_noise", checked_noise(self.observation_noise, size))
