@@ -100,6 +100,7 @@ class Batch:
         ledger: Accounts of stride and episode, (count,) of `task.LEDGER`.
         randoms: Random generator of each environment, (count,).
         observation_size: Size of an observation.
+        observations: Observations of all walkers, flat, from `step_alone`.
         step_limit: Steps after which an episode is truncated.
         custom: The user's own functions; None without them.
         disturbances: Disturbances; None in a scene without them.
@@ -130,13 +131,9 @@ class Batch:
                 )
         self.scene, self.count, self.token = scene, count, Token()
         self._given = {"walkers": walkers, "slopes": slopes, "step_limit": step_limit}
-        self.observation_size = observation_space(scene).shape[0]
         self.custom = Custom(scene, count) if is_custom(scene) else None
-        # The default observation, if the user's function returns another one.
-        self._plain: NDArray[np.float32] | None = None
-        if self.custom and self.custom.observation_size:
-            self._plain = np.empty(count * self.observation_size, np.float32)
-            self.observation_size = self.custom.observation_size
+        self._shown = self.custom.observation_size if self.custom else None
+        self.observation_size: int = self._shown or observation_space(scene).shape[0]
         self.step_limit = step_limit
         self.threads = None if threads is None else whole(threads, "threads")
         self.walkers = [scene.walker] * count if walkers is None else list(walkers)
@@ -152,7 +149,7 @@ class Batch:
             for walker, slope in zip(self.walkers, slope_of, strict=True)
         ]
         self._proportions = observed_bodies(scene, self.walkers)
-        own = self.custom is not None and (self.custom.observation_size or not self.custom.native)
+        own = self.custom is not None and (self._shown or not self.custom.native)
         self._apart = bool(own or scene.observe_body)  # a step is more than one compiled call
         self._alike_starts = len(shared) == 1
         self._alike = walkers is None and not scene.domain_randomization
@@ -203,7 +200,7 @@ class Batch:
         name, scene = self.system.name, self.scene  # `system` registers its name
         lengths = {
             "walkers": self.count, "channels": len(scene.actions), "delay": scene.action_delay,
-            "seen": self.observation_size,
+            "seen": observation_space(scene).shape[0],
         }  # fmt: skip
         parts = {"disturbed": self.disturbances, "custom": self.custom}
         given = {"bodies": self.bodies, "radii": self._radii, "rules": self.rules} | self.arrays
@@ -216,6 +213,11 @@ class Batch:
         declared = memory.present(*(feature for feature, part in parts.items() if part))
         self.arrays = memory.made(declared, self.layout, lengths, given)
         self.entry_point = ticks.EntryPoint(self.arrays, **lengths)
+        self.observations = self.arrays["observations"]
+        # The default observation, if the user's function returns another one.
+        self._plain = self.observations if self._shown else None
+        if self._shown:
+            self.observations = np.zeros(self.count * self._shown, np.float32)
 
     @property
     def system(self) -> System:
@@ -435,7 +437,7 @@ class Batch:
         self, observations: NDArray[np.float32], lanes: NDArray[np.int64] | None = None
     ) -> None:
         """Write the user's own observations."""
-        if self.custom and self.custom.observation_size:
+        if self.custom and self._shown:
             self.custom.observe(observations, slice(None) if lanes is None else lanes)
 
     def info_values(self, stepped: NDArray[np.bool_] | None = None) -> dict[str, NDArray]:
@@ -540,7 +542,7 @@ class Batch:
         """Step a batch of one; the results go to the arrays of the `EntryPoint`."""
         entry_point = self.entry_point
         if self._apart:
-            return self.step(action, entry_point.observations, *entry_point.results)
+            return self.step(action, self.observations, *entry_point.results)
         entry_point.actions[...] = action
         self.unfinished = True
         answer = entry_point.step_here(entry_point.address)

@@ -287,7 +287,7 @@ class EntryPoint:
         step_here: The compiled kernel that single environments call.
         workspace: Addresses of the tile and the guard history of one thread.
         actions: Actions of all walkers, flat; filled before a step.
-        observations: Observations of all walkers, flat, from `step_here`.
+        observations: Default observations of all walkers, flat, from `step_here`.
         results: Rewards, terminations and truncations, each (count,), from `step_here`.
         words: EVERY_STEP without the strides, EVERY_STRIDE, and as integers the number of strides
             and the outcome, of the first walker: the words of its row that `info` reports.

@@ -364,7 +364,7 @@ class PassiveWalkerEnv(
             batch.unfinished = False
             if self.render_mode == "human":
                 self._draw()
-            observation, reward = entry_point.observations.copy(), entry_point.results[0].item()
+            observation, reward = batch.observations.copy(), entry_point.results[0].item()
             return observation, reward, ended > 0, False, info
         finally:
             if mine:

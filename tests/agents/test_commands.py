@@ -271,7 +271,9 @@ def test_a_training_says_what_it_is_about_and_whether_it_ended(
             return "the first walks"
 
     monkeypatch.setattr(train, "Run", Made)
-    monkeypatch.setattr(evaluation, "evaluate_policy", lambda folder, trust: ("a table", [{"a": 1}]))
+    monkeypatch.setattr(
+        evaluation, "evaluate_policy", lambda folder, trust: ("a table", [{"a": 1}])
+    )
     monkeypatch.setattr(train.pictures, "draw_run", lambda *given, trust: drawn.append(given))
     folder = tmp_path / "run"
     words = ["--scene", "lab", "--algo", "sac", "--steps", "70000", "--out", str(folder)]

@@ -133,7 +133,7 @@ def test_a_run_is_drawn_with_the_passive_walker_of_its_final_evaluation(
     drawn, monkeypatch, tmp_path
 ):
     config, walked = configure("sac", "lab"), []
-    monkeypatch.setattr(pictures, "learned", lambda run: (config, Passive()))
+    monkeypatch.setattr(pictures, "learned", lambda run, trust: (config, Passive()))
 
     def short(config, count):
         walked.append(count)

@@ -6,6 +6,7 @@ import gym_passive_walker as gpw
 from examples.torso import TORSO
 from gym_passive_walker.gaits.scenes.scene import SCENES as NAMED
 from gym_passive_walker.models.math import exp, tanh
+from tests.own.statements import DRIVEN
 
 COUNT = 5
 SEEDS = (5, 17, 3, 99, 12)
@@ -80,6 +81,12 @@ SCENES = {
         "reward_terms": True, "command": 0.15,
     },
     "system": {"system": TORSO, "slope": 0.03},
+    "system, disturbed": {
+        "system": DRIVEN, "slope": 0.05, "observe_body": ("hip",),
+        "terrain": {"rough": {"height_std": 0.0005}}, "terrain_lookahead": 2,
+        "pushes": {"rate": 0.2, "impulse": (-0.01, 0.01)}, "observation_noise": 0.01,
+        "action_delay": 1, "command": (0.1, 0.2), "constraints": {"friction": "end"},
+    },
     "walkers and slopes": {
         "walkers": [shape(i) for i in range(COUNT)],
         "slopes": [0.01, 0.054, 0.02, 0.042, 0.03],

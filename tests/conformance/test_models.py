@@ -281,7 +281,7 @@ def gpu_episodes(m):
     there = DeviceBatch(2, m.scene())
     there.reset()
     there.step()
-    assert np.isfinite(np.asarray(there.buffers.rewards)).all()
+    assert np.isfinite(np.asarray(there.arrays.rewards)).all()
 
 
 def pages(m):
@@ -313,8 +313,7 @@ CELLS = [
 
 
 NEEDS = {
-    collisions: "McGeer's parameters", tables: "McGeer's parameters", optima: "optimal gait",
-    sweeps: "sweeps",
+    collisions: "McGeer's parameters", optima: "optimal gait", sweeps: "sweeps",
 }  # fmt: skip
 """The feature that a cell needs, where some models lack it."""
 

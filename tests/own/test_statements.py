@@ -265,7 +265,6 @@ def swapped(body, state):
 
 
 ANALYSES = {
-    "reality_check": lambda: gpw.reality_check(COMPASS, 0.03, COMPASS.start),
     "ratios of a basin": lambda: gpw.basin_of_attraction(COMPASS, 0.03, ratios=(1.0, 1.0)),
     "an actuation": lambda: gpw.stride_map(COMPASS, controller=gpw.Actuation(hip_torque=0.1)),
 }

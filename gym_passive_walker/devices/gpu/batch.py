@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker.devices.gpu import device, episodes
-from gym_passive_walker.devices.gpu.lane import DeviceCode, device_code
+from gym_passive_walker.devices.gpu.lane import DeviceCode, device_code, scratch_types
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.engine.run import options
 from gym_passive_walker.envs import (
@@ -29,6 +29,7 @@ from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.disturbances import Disturbances, disturbed
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, make_scene
 from gym_passive_walker.gaits.scenes.starts import Starts
+from gym_passive_walker.models.equations.systems import SYSTEMS
 from gym_passive_walker.models.model import bodies
 from gym_passive_walker.models.walkers import Walker
 
@@ -38,8 +39,8 @@ DRAWN = 4096
 
 
 @lru_cache
-def _kernels(here: DeviceCode, has_disturbances: bool) -> tuple[Any, Any]:
-    """Return the kernels that reset and step walkers."""
+def _kernels(here: DeviceCode, system: str, has_disturbances: bool) -> tuple[Any, Any]:
+    """Return the kernels that reset and step walkers of a system."""
     bound = here.bound
     if has_disturbances:
         bound = bound.instead({
@@ -56,8 +57,9 @@ def _kernels(here: DeviceCode, has_disturbances: bool) -> tuple[Any, Any]:
         })  # fmt: skip
     if "observation" in here.rules:
         bound = bound.instead({episodes.show_observation: episodes.own_show})
-    kernels = episodes.reset_kernel, episodes.step_kernel
-    return tuple(device.cuda.jit(bound.rebound(kernel)) for kernel in kernels)  # type: ignore[return-value]
+    reset, step = (bound.rebound(each) for each in (episodes.reset_kernel, episodes.step_kernel))
+    step.__globals__.update(scratch_types(SYSTEMS[system]))
+    return device.cuda.jit(reset), device.cuda.jit(step)
 
 
 class DeviceBatch:
@@ -111,7 +113,7 @@ class DeviceBatch:
             watched=bool(self.scene.constraints),
             rules=tuple(self.custom.rules.values()),
         )
-        self._reset, self._step = _kernels(here, disturbed(self.scene))
+        self._reset, self._step = _kernels(here, self._system.name, disturbed(self.scene))
         self.step_limit = step_limit
         self.arrays = self._arrays(here, seed, shown)
 
