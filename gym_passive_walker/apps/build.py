@@ -26,7 +26,7 @@ from gym_passive_walker.devices.web.code import BOOKKEEPING
 from gym_passive_walker.engine import machine, run
 from gym_passive_walker.engine.compiled import PHASE, compiled
 from gym_passive_walker.engine.layout import NARROW, WIDE, Layout, layout_of, record_for
-from gym_passive_walker.envs import constraints, disturbance_kernels, task, ticks, transitions
+from gym_passive_walker.envs import constraints, ticks, transitions
 from gym_passive_walker.envs.batch import system_in
 from gym_passive_walker.envs.custom import is_custom
 from gym_passive_walker.envs.disturbances import disturbed
@@ -60,14 +60,11 @@ def compile_piece(number: int) -> None:
 
 def _kernels(layout: Layout) -> Iterator[Callable[[], object]]:
     records = np.zeros((0, 1), record_for(layout))
-    ledger, phases = np.zeros(0, task.ledger_for(layout)), np.zeros(0, PHASE)
-    numbers, singles = np.zeros(0), np.zeros(0, np.float32)
+    phases, numbers = np.zeros(0, PHASE), np.zeros(0)
     lanes, table, keys = np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0, np.uint64)
     cube = np.zeros((0, 1, 1))
-    disturbances = np.zeros(0, disturbance_kernels.DISTURBANCE)
     given = [
         (run.integrate, records, cube, phases, run.options(1e-8), *run.workspace(layout=layout)),
-        (disturbance_kernels.add_noise, disturbances, ledger, numbers, lanes, singles),
         (transitions.look, np.zeros(0, transitions.note_for(layout)), 0, table),
         (ticks.draw_numbers, 0, lanes, table, keys),
         (newton.eliminate, cube, table),
