@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import json
+import shutil
 from contextlib import redirect_stdout
 from dataclasses import replace
 from functools import cache
@@ -17,6 +19,7 @@ import pytest
 import gym_passive_walker as gpw
 from gym_passive_walker.gaits.control.baselines import LinearFeedback
 from gym_passive_walker.gaits.scenes.scene import make_scene
+from gym_passive_walker.models.walkers import describe
 from tests.equations.examples import LONG_GAITS
 from tests.options.effects import Call, Later, To, cases, check, missing
 
@@ -55,6 +58,20 @@ def shown_by_play(video=None, picture=None, **options):
         gpw.play(**options, **paths | {"picture": last})
         files = [path.name for path in paths.values() if path.exists()]
         return plt.imread(last), files
+
+
+def loaded(name_or_folder, **trust):
+    """The walker of a policy's scene; the scene of "own" is a function of a user's."""
+    with TemporaryDirectory() as folder:
+        if name_or_folder == "own":
+            name_or_folder = shutil.copytree(gpw.load_policy("level-ppo").folder, f"{folder}/own")
+            file = Path(name_or_folder) / "policy.json"
+            text = json.loads(file.read_text()) | {"scene": "examples.five_links:downhill"}
+            file.write_text(json.dumps(text))
+        try:
+            return describe(gpw.load_policy(name_or_folder, **trust).scene.walker)
+        except ValueError as error:
+            return str(error).partition(": ")[2]
 
 
 def mapped(**options):
@@ -252,7 +269,10 @@ OPTIONS = {
         ),
     ),
     "load_policy": Call(
-        gpw.load_policy, dict(name_or_folder="level-ppo"), dict(name_or_folder="lab-ppo")
+        loaded,
+        dict(name_or_folder="level-ppo"),
+        dict(name_or_folder="lab-ppo", trust=To(True, dict(name_or_folder="own"))),
+        of=gpw.load_policy,
     ),
     "lyapunov_exponents": Call(
         gpw.lyapunov_exponents,
