@@ -282,7 +282,8 @@ def test_every_field_of_a_configuration_is_heard():
     for name, value in other.items():
         changed = configured(**({name: value} | (shac if name == "algo" else {})))
         assert plain(changed) != plain(configured()), f"{name} is not heard"
-    elsewhere = {"n_envs", "steps", "every", "start"}  # of the tests below, and of test_training
+    # Of the tests below, of test_training, and of test_own_scenes.
+    elsewhere = {"n_envs", "steps", "every", "start", "source"}
     assert {field.name for field in dataclasses.fields(Config)} == {*other, *elsewhere}
 
 
@@ -306,6 +307,7 @@ CONFIGURE = {
         evaluation.evaluate_policy,
         dict(which="steep-ppo", episodes=1),
         dict(which="steep-sac", episodes=2, seed=3),
+        dict(trust="see tests/agents/test_own_scenes.py"),
     ),
     "Schedule": Call(
         Schedule,
@@ -401,8 +403,8 @@ def asked(words, monkeypatch):
     class Noted:
         """A run that only says what it was asked for."""
 
-        def __init__(self, config, folder, *, tensorboard=False):
-            found.update(config=config, folder=folder, tensorboard=tensorboard)
+        def __init__(self, config, folder, *, tensorboard=False, trust=False):
+            found.update(config=config, folder=folder, tensorboard=tensorboard, trust=trust)
 
         def train(self, *, progress=True):
             found["progress"] = progress
@@ -429,6 +431,7 @@ WORDS = {
     "out": "--out there",
     "tensorboard": "--tensorboard",
     "quiet": "--quiet",
+    "trust": "--trust",
 }
 FIELDS = {
     "algo": "sac",
@@ -456,9 +459,10 @@ def test_an_option_of_a_training_is_heard(option, tmp_path, monkeypatch):
     elif option == "out":
         assert after["folder"] == Path("there")
     else:
-        assert (after["tensorboard"], after["progress"]) == (
+        assert (after["tensorboard"], after["progress"], after["trust"]) == (
             option == "tensorboard",
             option != "quiet",
+            option == "trust",
         )
 
 
@@ -507,9 +511,10 @@ def test_every_option_of_every_command_is_tested(monkeypatch):
     assert trains == {*WORDS, "resume", "search", "ray"}  # `resume` in `test_command_line`
     found = {name: of_parser(run, monkeypatch) for name, run in commands.COMMANDS.items()}
     assert found == {
-        "evaluate": {"run", "policy", "episodes", "seed"},
+        # `trust` is tried in test_own_scenes.
+        "evaluate": {"run", "policy", "episodes", "seed", "trust"},
         "optimal": {"scene", "again"},
-        "gait": {"policy", "scene", "slope", "period", "out"},
+        "gait": {"policy", "scene", "slope", "period", "out", "trust"},
         "benchmark": {
             "scenes",
             "agents",
@@ -520,7 +525,7 @@ def test_every_option_of_every_command_is_tested(monkeypatch):
             "document",
             "quiet",
         },
-        "export": {"run", "output", "onnx", "last"},
+        "export": {"run", "output", "onnx", "last", "trust"},
     }
 
 
