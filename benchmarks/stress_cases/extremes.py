@@ -158,7 +158,7 @@ def shallow_slopes(count: int, rng: np.random.Generator) -> Finding:
                 end = stride(name, slope, gait.state, tolerance=1e-14)
                 failed += int(end.outcome != Outcome.HEELSTRIKE)
                 off = np.abs(end.state - gait.state).max() / np.abs(gait.state).max()
-                loss = abs(end.cost_of_transport / np.sin(slope) - 1.0)
+                loss = abs(end.collision_cost / np.sin(slope) - 1.0)
                 worst = max(worst, float(off), float(loss))
     return Finding(tried, failed, worst)
 
