@@ -28,7 +28,7 @@ from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts, as_recorded
 from gym_passive_walker.models.equations.hybrid import System
 from gym_passive_walker.models.equations.systems import FITTINGS, UNEVEN
 from gym_passive_walker.models.model import bodies
-from gym_passive_walker.models.units import proportions
+from gym_passive_walker.models.units import observed_numbers
 from gym_passive_walker.models.walkers import Walker
 
 RESET_OPTIONS = ("state", "slope")
@@ -76,7 +76,7 @@ def observed_bodies(scene: Scene, walkers: Sequence[Walker]) -> NDArray[np.float
     """Return the proportions of walkers that a scene's agents observe, (walkers, names)."""
     found = np.zeros((len(walkers), len(scene.observe_body)), np.float32)
     if scene.observe_body:
-        known = {walker: proportions(walker, scene.observe_body) for walker in {*walkers}}
+        known = {walker: observed_numbers(walker, scene.observe_body) for walker in {*walkers}}
         found[:] = [known[walker] for walker in walkers]
     return proportion(found)
 

@@ -149,11 +149,19 @@ def proportions(walker: Any, names: Sequence[str]) -> list[Any]:
 
     Args:
         walker: A walker, or anything with its attributes: numbers, arrays or tensors.
-        names: Some of `observable`; those of a model without units have the values in its `body`.
+        names: Some of PROPORTIONS.
     """
-    if "units" not in walker.supports:
-        return [getattr(walker.body, name) for name in names]
     return [getattr(walker, name) / unit_of(walker, name) for name in names]
+
+
+def observed_numbers(model: Any, names: Sequence[str]) -> list[Any]:
+    """Return what agents observe of a model's parameters, some of `observable`.
+
+    They are `proportions`, or for a model without units of its own the parameters themselves.
+    """
+    if "units" in model.supports:
+        return proportions(model, names)
+    return [model.parameters[name] for name in names]
 
 
 def growth(walker: Any, parameter: str) -> Units:

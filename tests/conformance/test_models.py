@@ -22,7 +22,7 @@ from gym_passive_walker.devices.gpu.batch import DeviceBatch
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.models.model import FEATURES
-from gym_passive_walker.models.units import proportions
+from gym_passive_walker.models.units import observed_numbers
 
 MODELS = {
     "kneed": ("lab", 0.036),
@@ -229,7 +229,7 @@ def bodies(m):
 def bodies_seen(m):
     name = "hip_mass" if "hip_mass" in m.model.parameters else m.varied
     env = gym.make("PassiveWalker-v0", scene=m.scene(observe_body=(name,)))
-    assert env.reset(seed=0)[0][-1] == pytest.approx(proportions(m.model, [name])[0])
+    assert env.reset(seed=0)[0][-1] == pytest.approx(observed_numbers(m.model, [name])[0])
     assert np.isfinite(m.act(env)).all()
 
 

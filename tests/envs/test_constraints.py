@@ -57,7 +57,7 @@ def test_readings_of_a_stride_are_those_of_the_reality_check(walker):
     gait = gpw.find_gait(walker, MODELS[walker])
     found = gpw.reality_check(walker, MODELS[walker], gait.state)
     env = world(walker, tick=0.02, tolerance=1e-12, constraints=checks(walker))
-    infos = walked(env, options={"state": gait.state})
+    infos = walked(env, 400, options={"state": gait.state})
     units = env.walker.units
 
     def least(name):

@@ -421,6 +421,9 @@ def test_a_system_is_another_name_of_the_walker():
         make_scene(system="C")
     with pytest.raises(SceneError, match="is no scene: give its arguments"):
         make_scene(DRIVEN)
-    for name, value in (("constraints", {"friction": "end"}), ("observe_body", "foot_radius")):
-        with pytest.raises(SceneError, match=f"`{name}` needs a walker with two legs"):
+    for name, value, said in (
+        ("constraints", {"knee lock": "end"}, "is a check of walkers with knees"),
+        ("observe_body", "foot_radius", "must be some of 'hip', 'leg'"),
+    ):
+        with pytest.raises(SceneError, match=said):
             make_scene(system=DRIVEN, **{name: value})

@@ -41,7 +41,7 @@ from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.gaits.stride import Stride, account
 from gym_passive_walker.gaits.stride_map import Samples, Seeds, StrideMap
 from gym_passive_walker.models.equations.hybrid import Outcome, State
-from gym_passive_walker.models.units import proportions
+from gym_passive_walker.models.units import observed_numbers
 
 _STATE = len(State._fields)
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
@@ -466,7 +466,7 @@ class ControlledMap(StrideMap):
         self, records: NDArray, slopes: NDArray, ahead: NDArray | None
     ) -> NDArray[np.float64]:
         """Return the controller's observations, as in the environment, (n, size)."""
-        scene, body = self.scene, proportions(self.walker, self.scene.observe_body)
+        scene, body = self.scene, observed_numbers(self.walker, self.scene.observe_body)
         links = np.array([phase.links for phase in self.walkers.system().phases])
         locked = links[records["phase"][:, 0]] == 2
         # Without terrain the ground ahead is smooth.

@@ -395,5 +395,4 @@ class Varied(SimpleNamespace):
 
 def varied(walker: Walker, parameters: Mapping[str, Any]) -> Varied:
     """Return a walker's attributes with other values of some parameters, such as tensors."""
-    own = {"massless_legs": walker.massless_legs, "supports": walker.supports}
-    return Varied(**{**vars(walker), **own, **parameters})
+    return Varied(**{**vars(walker), "massless_legs": walker.massless_legs, **parameters})
