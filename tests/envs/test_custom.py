@@ -15,6 +15,7 @@ from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.envs.transitions import BOOLEANS, NOTE, SEVERAL, Transition
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.envs.views import Shape, of_notes
+from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.checks import SceneError
 from gym_passive_walker.gaits.scenes.rewards import TERMS
 from gym_passive_walker.gaits.scenes.scene import make_scene
@@ -679,3 +680,15 @@ NAMES = [
     for i in range({"before": 6, "state": 6}.get(name, 1))
 ]
 """Names of the numbers in `everything`, of a scene with one action."""
+
+
+@pytest.mark.parametrize("size", [1, 40])
+def test_an_own_observation_and_the_default_one_have_room_of_their_own(size):
+    """Kernels write the default observation, which may have more numbers or fewer."""
+    envs = gymnasium.make_vec(ID, num_envs=5, observation=lambda step: [step.time] * size)
+    seen, _ = envs.reset(seed=0)
+    batch = envs.unwrapped.batch
+    assert batch.arrays["observations"].shape == (5 * rules.SIZE,)
+    assert batch.observations.shape == (5 * size,) and seen.shape == (5, size)
+    seen, *_ = envs.step(np.zeros((5, 1), np.float32))
+    assert (seen == seen[:, :1]).all() and (seen > 0.0).all()
