@@ -19,7 +19,7 @@ from gym_passive_walker._tools.arguments import unknown, whole
 from gym_passive_walker._tools.console import cut
 from gym_passive_walker._tools.files import replacing
 from gym_passive_walker.apps.cli.arguments import A_SCENE, Parser, a_scene
-from gym_passive_walker.envs.policies import READERS, shipped_policies
+from gym_passive_walker.envs.policies import READERS, load_policy, shipped_policies
 from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import BASELINES
 from gym_passive_walker.gaits.control.controllers import acting
@@ -161,8 +161,10 @@ def _policy_and_scene(
     name: str, scene: Scene | None, *, trust: bool = False
 ) -> tuple[Policy, Scene]:
     """A policy by its name, and the scene in which it acts."""
-    if name in BASELINES or Path(name).suffix.lower() in READERS:
+    if name in BASELINES:
         return acting(name, scene)
+    if Path(name).suffix.lower() in READERS:
+        return acting(load_policy(name, trust=trust), scene)
     config, policy = learned(name, trust=trust)
     return policy, scene or scene_of(config)
 

@@ -1,8 +1,9 @@
 """Memory of a batch of walkers: its arrays, each declared once.
 
-Compiled code takes `(here, first, last)`: the arrays as a named tuple, and the walkers to work on,
-from `first` to before `last`. Arrays in memory, their addresses for compiled code, saved states
-with their limits, and the arrays on a GPU and in a page come from this declaration.
+Compiled code takes `(here, first, last)`: the arrays as attributes, and the walkers to work on,
+from `first` to before `last`. On a CPU `here` is an address, elsewhere a named tuple. Arrays in
+memory, their addresses for compiled code, saved states with their limits, and the arrays on a GPU
+and in a page come from this declaration.
 """
 
 from __future__ import annotations

@@ -48,8 +48,9 @@ class TrainedPolicy(Network):
             self._trained_in = description["scene"], _names(description["env"], "env")
             name, env = self._trained_in
             self.trained: dict[str, Any] = _names(description.get("trained", {}), "trained")
+            if trust:
+                check_source(name, self.trained.get("source"))
             self.scene: Scene = named_scene(name, trust=trust, **env)
-            check_source(name, self.trained.get("source"))
             super().__init__(read_tensors(folder / TENSORS), **acting)
 
     def __repr__(self) -> str:
