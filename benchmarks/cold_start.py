@@ -93,13 +93,6 @@ def waits() -> None:
     keep("cold start", f"{text}\n\nOne core, each in a fresh process. {_machine()}.", PAGE)
 
 
-CPUS = {
-    "this CPU": {},
-    "x86-64-v4": {"NUMBA_CPU_NAME": "x86-64-v4", "NUMBA_CPU_FEATURES": "-prefer-256-bit"},
-    "x86-64-v3": {"NUMBA_CPU_NAME": "x86-64-v3", "NUMBA_CPU_FEATURES": ""},
-}
-"""Targets of compiled code: this CPU, or an instruction set that many CPUs have."""
-
 _BATCH = (
     "states = np.array(gpw.find_gait('lab', 0.036).state) * np.linspace(0.99, 1.01, 2048)[:, None]"
 )
@@ -107,22 +100,33 @@ _STRIDES = "for _ in range(50): gpw.stride('lab', 0.036, states, tolerance=1e-6,
 
 
 def levels() -> None:
-    """Measure kernels compiled ahead for an instruction set: start-up, size and speed."""
+    """Measure code for the levels of a wheel that this CPU has: start-up, size and speed."""
     rows = []
     reset, step = (part.format("lab", 0.036) for part in (_RESET, _STEP))
-    for level, model in CPUS.items():
+    for name, model in _targets():
         with tempfile.TemporaryDirectory() as cache:
             begun = [_ENVIRONMENT, f"{reset}; {step}"]
             empty, filled = (wait(begun, cache, **model) for _ in range(2))
-            kept = {file: file.stat().st_size / 1e3 for file in Path(cache).rglob("*.*")}
-            code = sum(size for file, size in kept.items() if file.suffix == ".o")
+            size = sum(file.stat().st_size for file in Path(cache).rglob("*.o")) / 1e3
             strides = [_BEGIN, _BATCH + "; " + _STRIDES.partition(": ")[2], _STRIDES]
             took = min(wait(strides, cache, **model) for _ in range(5)) / (50 * 2048)
-        rows.append((level, empty, filled, code, sum(kept.values()) - code, 1e6 * took))
+        rows.append((name, empty, filled, size, 1e6 * took))
         print(*rows[-1], flush=True)
-    heads = ["made for", "CPU s, none there", "all there", "equations, kB", "bookkeeping, kB"]
-    text = table([*heads, "µs a stride"], rows)
+    text = table(["made for", "CPU s, none there", "all there", "kB", "µs a stride"], rows)
     keep("levels", f"{text}\n\nOne core, scene lab: a first reset and step. {_machine()}.", PAGE)
+
+
+def _targets() -> Iterator[tuple[str, dict[str, str]]]:
+    """Yield targets by name, with the variables that ask for them: this CPU, and its levels."""
+    from llvmlite.binding import get_host_cpu_features
+
+    from gym_passive_walker.engine.machine import LEVELS
+
+    yield "this CPU", {}
+    has = get_host_cpu_features()
+    for name, level in LEVELS.items():
+        if all(has.get(feature) for feature in level.needs):
+            yield name, {"NUMBA_CPU_NAME": level.cpu, "NUMBA_CPU_FEATURES": level.features}
 
 
 def kernels() -> None:
