@@ -322,6 +322,14 @@ def account(
     )  # fmt: skip
 
 
+def reported_as(walker: Walker) -> list[int]:
+    """Return where a stride reports the work of each motor: with the hip's, or the ankle's.
+
+    The work of all motors of a system stands with the hip's.
+    """
+    return [each * ("actuation" in walker.supports) for each in range(len(walker.controls))]
+
+
 def together(strides: Sequence[Stride]) -> Stride:
     """Combine single strides of one walker into one `Stride` of arrays."""
     names = (name for name in Stride._fields if name not in ("walker", "outcome"))

@@ -56,6 +56,11 @@ class Mirrored(NamedTuple):
         return [0, 1, *range(3, 2 + self.dimension)]
 
     @property
+    def box(self) -> NDArray[np.float64]:
+        """Least and largest coordinates of a point of an optimal gait, (m, 2)."""
+        return np.array([[0.01, 1.0]] + [[-3.0, 3.0]] * (self.dimension - 1))
+
+    @property
     def starts(self) -> NDArray[np.float64]:
         """Changes of a state's angles with those of a point, (1, 3)."""
         return np.array([[1.0, -1.0, -1.0]])
@@ -168,6 +173,11 @@ class Whole(NamedTuple):
     def free(self) -> list[int]:
         """Indices of a state's entries that are free on footholds of different heights."""
         return self.coordinates
+
+    @property
+    def box(self) -> NDArray[np.float64]:
+        """Least and largest coordinates of a point of an optimal gait, (m, 2): all are allowed."""
+        return np.tile([-math.inf, math.inf], (self.size, 1))
 
     @property
     def starts(self) -> NDArray[np.float64]:

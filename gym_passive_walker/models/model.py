@@ -16,13 +16,13 @@ from gym_passive_walker.models.equations.numbers import complex_step, step_deriv
 
 FEATURES = {
     "actuation": "an Actuation",
+    "collision matrix": "collision_matrix",
     "constraints": "the argument `constraints`",
     "contact margins": "distances of gaits from a halt, a late knee and a grazing foot",
     "gauntlet": "the gauntlet",
     "knee lock observed": "an observation with the lock of a knee",
     "legs": "a picture of legs",
     "McGeer's parameters": "this function",
-    "optimal gait": "an optimal gait",
     "ratios": "the argument `ratios` of a basin",
     "reality check": "reality_check",
     "step kinds": "long and short steps",
@@ -34,8 +34,13 @@ FEATURES = {
 }
 """What a model may support, and how a refusal calls it."""
 
-_OF_GROUND = "constraints", "reality check"
-"""Features that need the force of the ground, derived or given."""
+_FORCE = "`ground_force` and `momentum`"
+_STATED = {
+    "collision matrix": f"`mass_matrix`, {_FORCE}",
+    "constraints": _FORCE,
+    "reality check": _FORCE,
+}
+"""What equations of a system must have for a feature; it is derived where they are."""
 
 
 Checked = TypeVar("Checked", bound=Any)
@@ -48,10 +53,10 @@ def check_supports(model: Checked, feature: str) -> Checked:
         ValueError: if it does not.
     """
     if feature not in model.supports:
-        if feature in _OF_GROUND:
+        if feature in _STATED:
             raise ValueError(
                 f"{FEATURES[feature]} needs the force of the ground: the equations of the system "
-                f"{model.title!r} must have `ground_force` and `momentum`"
+                f"{model.title!r} must have {_STATED[feature]}"
             )
         raise ValueError(
             f"{FEATURES[feature]} needs a walker with two legs and McGeer's parameters, not the "

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples.five_links import FIVE_LINKS
 from gym_passive_walker import closed_loop_gait
 from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, evaluate
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
@@ -19,6 +20,8 @@ from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.measures import cost_of_transport
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.section import Section
+from tests.own.statements import COMPASS, DRIVEN
+from tests.own.test_derived import STRAIGHT
 
 SCENES = sorted(path.stem for path in optimal.STORE.glob("*.json"))
 
@@ -406,3 +409,39 @@ def test_a_push_off_s_work_is_net_work_too():
     walks = evaluate(Pusher(), PassiveWalkerVectorEnv(4, scene), seed=0)
     assert (walks.motor_work[walks.strides > 0] > 0.0).all() and (walks.strides > 0).any()
     np.testing.assert_allclose(walks.net_work, walks.motor_work, rtol=1e-12)
+
+
+@pytest.mark.parametrize("control", ["stride", "tick"])
+def test_the_optimum_of_a_compass_stated_by_its_masses_is_the_package_s_own(control):
+    alike = {"slope": 0.02, "max_hip_torque": 0.1, "control": control, "tick": 0.1}
+    scenes = {"system": DRIVEN} | alike, {"walker": STRAIGHT} | alike
+    own, known = (gpw.optimal_gait(scene, 0.185) for scene in scenes)
+    assert known.charged_cost > 1e-4 and own.optimality < 1e-6
+    assert own.charged_cost == pytest.approx(known.charged_cost, rel=1e-9)
+    assert own.cost_of_transport == pytest.approx(known.cost_of_transport, rel=1e-9)
+    np.testing.assert_allclose(
+        own.controller["hip"], known.dimensionless.controller.hip_torque, atol=1e-6
+    )
+    there = gpw.find_gait(gpw.stride_map(controller=own, scene=scenes[0]), guess=own.state)
+    assert there.motor_cost == pytest.approx(own.motor_cost, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_five_links_walk_by_their_four_optimal_torques():
+    scene = {"system": FIVE_LINKS, "slope": 0.05, "control": "tick", "tick": 0.2}
+    speed = 1.03 * gpw.find_gait(FIVE_LINKS, 0.05).speed
+    found = gpw.optimal_gait(scene, speed)
+    assert found.froude_speed == pytest.approx(speed) and 0.0 < found.motor_cost < 4e-4
+    assert found.held.keys() == {*FIVE_LINKS.controls}
+    walked = gpw.find_gait(gpw.stride_map(controller=found, scene=scene), guess=found.state)
+    assert walked.motor_cost == pytest.approx(found.motor_cost, rel=1e-9)
+
+
+def test_where_a_system_has_no_optimal_gait_an_error_says_why():
+    with pytest.raises(ValueError, match="'compass' has none: give it a control"):
+        gpw.optimal_gait({"system": COMPASS, "slope": 0.02}, 0.18)
+    with pytest.raises(gpw.GaitNotFound, match="no passive gait of system 'compass'"):
+        gpw.optimal_gait({"system": DRIVEN, "slope": -0.02}, 0.18)
+    gait = gpw.optimal_gait({"system": DRIVEN, "slope": 0.02, "control": "stride"}, 0.18)
+    with pytest.raises(ValueError, match="this function needs a walker"):
+        gait.to_json()

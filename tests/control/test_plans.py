@@ -304,14 +304,14 @@ def test_torques_of_hip_and_ankle_are_each_a_share_of_their_own_largest():
                        max_push_off=0.2, max_ankle_torque=0.03)  # fmt: skip
     problem = Problem(scene, 0.1, 4, 3)
     hip, ankle = [0.01, -0.02], [-0.003, 0.0, 0.006]
-    z = problem.begun([0.2, -0.3, -0.1], (hip, ankle), 0.05)
+    z = problem.begun([0.2, -0.3, -0.1], {"hip": hip, "ankle": ankle, "push_off": 0.05})
     np.testing.assert_allclose(
         problem.torques(z), [[0.01, -0.02, -0.02, -0.02], [-0.003, 0.0, 0.006, 0.006]]
     )
     assert problem.push_off(z) == pytest.approx(0.05)
     np.testing.assert_array_equal(z[:3], [0.2, -0.3, -0.1])
     assert problem.box.shape == (len(z), 2) and len(z) == 3 + 4 * 4 + 1
-    beyond = problem.begun([0.2, -0.3, -0.1], ([9.0], [-9.0]), 9.0)
+    beyond = problem.begun([0.2, -0.3, -0.1], {"hip": [9.0], "ankle": [-9.0], "push_off": 9.0})
     np.testing.assert_allclose(problem.torques(beyond)[0], scene.max_hip_torque)
     np.testing.assert_allclose(problem.torques(beyond)[1], -0.03)
     assert problem.push_off(beyond) == pytest.approx(0.2)

@@ -120,10 +120,10 @@ def test_a_stubbed_toe_ends_a_stride_where_that_is_a_rule(stubbing):
 def test_a_gait_says_whether_its_toe_would_stub(stubbing):
     point, torque = stubbing
     problem = Problem(make_scene("level", slope=0.02), 0.1, 1, 4)
-    assert problem.measured(problem.begun(point, [torque], 0.0)).stubs
+    assert problem.measured(problem.begun(point, {"hip": torque})).stubs
     gait = gpw.find_gait(WALKER, 0.02)
     point = Section(walker=WALKER).points_at(gait.state)[0]
-    assert not problem.measured(problem.begun(point, [[0.0]], 0.0)).stubs
+    assert not problem.measured(problem.begun(point, {})).stubs
 
 
 def test_torques_after_the_heelstrike_have_no_effect(level):

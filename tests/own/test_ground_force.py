@@ -96,3 +96,25 @@ def test_given_equations_need_the_force_and_the_momentum():
         of(momentum=None)
     with pytest.raises(gpw.StatementError, match=r"weight change the momentum"):
         of(ground_force=lambda body, state, accelerations, ground: (0.0, 1.0))
+
+
+def test_the_collision_matrix_of_a_compass_is_that_of_the_package_s_own():
+    gait = gpw.find_gait(COMPASS, 0.05)
+    own = gpw.collision_matrix(COMPASS, gait.state)
+    known = gpw.collision_matrix(STRAIGHT, gait.state[0]) / STRAIGHT.total_mass
+    np.testing.assert_allclose(own, known, atol=1e-12)
+
+
+@pytest.mark.parametrize("system", SYSTEMS, ids=names)
+def test_the_collision_matrix_times_the_velocity_is_the_impulse_of_a_heelstrike(system):
+    """Half their product with the velocity is the energy lost."""
+    gait = gpw.find_gait(system, SYSTEMS[system])
+    check = gpw.reality_check(gait)
+    impulse = [getattr(check.heelstrike_impulse, f"{x}_impulse") for x in ("tangential", "normal")]
+    velocity = -np.linalg.solve(gpw.collision_matrix(system, gait.state), impulse)
+    assert -0.5 * velocity @ impulse == pytest.approx(float(gait.mean.heelstrike_loss), rel=1e-8)
+
+
+def test_a_collision_matrix_needs_a_state_just_after_heelstrike():
+    with pytest.raises(ValueError, match="the state must be 4 finite numbers, coordinates"):
+        gpw.collision_matrix(COMPASS, 0.2)

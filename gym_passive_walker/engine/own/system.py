@@ -217,7 +217,10 @@ class System(Model):
     def supports(self) -> frozenset[str]:
         """The features that it has; the force of the ground is derived, or must be given."""
         known = self.given is None or None not in (self.given.ground_force, self.given.momentum)
-        return frozenset({"constraints", "reality check"} if known else ())
+        features = {"constraints", "reality check"} if known else set()
+        if known and self.hybrid.mass_matrix is not None:
+            features.add("collision matrix")
+        return frozenset(features)
 
     @property
     def title(self) -> str:

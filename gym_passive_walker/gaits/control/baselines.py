@@ -190,8 +190,8 @@ class Schedule(StrideFeedback):
 
     def __init__(self, scene: Scene | str | dict[str, Any], gait: OptimalGait) -> None:
         scene = make_scene(scene)
-        held = dict(zip(CHANNELS, np.broadcast_arrays(*gait.dimensionless.controller), strict=True))
-        actions = np.array([held[name] for name in scene.actions], dtype=float).T  # type: ignore[index]
+        held = gait.held
+        actions = np.array([held[name] for name in scene.actions], dtype=float).T
         largest = np.array([scene.largest(name) for name in scene.actions])
         super().__init__("schedule", scene, gait.point.values[0], actions / largest)
 

@@ -38,7 +38,7 @@ from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.rules import bounds_of
 from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.gaits.scenes.starts import Starts
-from gym_passive_walker.gaits.stride import Stride, account
+from gym_passive_walker.gaits.stride import Stride, account, reported_as
 from gym_passive_walker.gaits.stride_map import Samples, Seeds, StrideMap
 from gym_passive_walker.models.equations.hybrid import Outcome, State
 from gym_passive_walker.models.units import observed_numbers
@@ -492,10 +492,9 @@ class ControlledMap(StrideMap):
         rises = np.divide(rise, units.length)
         steps = self._steps(starts, slopes, np.arange(n), rises=rises, turns=turn, ahead=ahead)
         works, ended = np.zeros((2, 2, n)), self._begun(starts, slopes)
-        before, after = steps.before[:, 0], steps.after[:, 0]
-        for motor, unit in enumerate(system.works):
+        before, after, places = steps.before[:, 0], steps.after[:, 0], reported_as(self.walker)
+        for motor, (place, unit) in enumerate(zip(places, system.works, strict=True)):
             power = before["control"][:, motor] * (unit * units.energy)
-            place = motor if "actuation" in self.walker.supports else 0
             np.add.at(works[place, 0], steps.walkers, power * after["moved"][:, motor])
             np.add.at(works[place, 1], steps.walkers, np.abs(power) * after["turned"][:, motor])
         numbers_of(ended)[steps.walkers] = numbers_of(steps.after)  # the last of a walker's stays

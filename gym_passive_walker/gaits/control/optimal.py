@@ -25,6 +25,7 @@ from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.models.walkers import describe
 
 STORE = Path(__file__).parent / "gaits"
 """Folder of the stored optimal gaits of named scenes."""
@@ -51,7 +52,7 @@ def optimal_gait(
     Args:
         scene: A `Scene`, its name, or a mapping of its arguments, of one slope: says which torques
             there are, for how long they are held and how the motor is charged.
-        speed: Speed over sqrt(g l).
+        speed: Speed over sqrt(g l); of a `System`, in its own units.
         start: A gait at a neighbouring speed; None is the nearest of those stored for the scene if
             there is one at hand, else one with a constant torque. From that, the search starts
             twice more, from the torques it has found a tick later and a tick earlier: that takes
@@ -61,11 +62,11 @@ def optimal_gait(
     Raises:
         GaitNotFound: if none is found at that speed, or none that the scene's rule
             `end_on_toe_stub` allows; the message has speeds with a gait.
-        ValueError: if the scene has a range of slopes, or the speed is not positive.
+        ValueError: if the scene has a range of slopes or no actuator, or the speed is not positive.
     """
     scene = make_scene(scene)
     slope_of(scene)  # refuses a range before there is work done
-    if not 0.0 < number(speed, "speed", above=0.0) < 2.0:
+    if number(speed, "speed", above=0.0) >= 2.0 and "actuation" in scene.walker.supports:
         raise ValueError(f"speed must lie between 0 and 2, over sqrt(g l), not {speed!r}")
     if start is not None:
         instance(start, OptimalGait, "start", "gpw.optimal_gait returns")
@@ -115,11 +116,14 @@ def _cheaper(known: OptimalGait, found: OptimalGait) -> OptimalGait:
 
 def _shifted(gait: OptimalGait) -> list[OptimalGait]:
     """Return gaits with the torques a tick later, and a tick earlier."""
-    hip, ankle, push_off = gait.controller
-    return [
-        replace(gait, controller=Actuation(hip[order], ankle[order], push_off))
-        for order in (np.maximum(np.arange(len(hip) + 1) - 1, 0), slice(len(hip) > 1, None))
-    ]
+    held: Any = gait.controller
+    torques = held._asdict() if isinstance(held, Actuation) else dict(held)
+    push_off = {"push_off": torques.pop("push_off")} if isinstance(held, Actuation) else {}
+    count, found = len(next(iter(torques.values()))), []
+    for order in (np.maximum(np.arange(count + 1) - 1, 0), slice(count > 1, None)):
+        moved = {name: values[order] for name, values in torques.items()} | push_off
+        found.append(replace(gait, controller=type(held)(**moved)))
+    return found
 
 
 def _clearing(problem: Problem, starts: list[NDArray]) -> NDArray:
@@ -183,11 +187,16 @@ def constant_gait(scene: Scene) -> OptimalGait:
     walker, slope = scene.walker, slope_of(scene)
     gait = _driven(scene)
     point, (hip, ankle, push_off) = gait.point.values[0], gait.stride_map.actuation
-    torques = np.array([[hip], [ankle]])
+    held, torques = {}, np.zeros((len(walker.controls), 1))
+    if "actuation" in walker.supports:
+        held = {"hip": (hip,), "ankle": (ankle,), "push_off": (push_off,)}
+        torques[:, 0] = hip, ankle
+    else:
+        push_off = None
     walked = ticked_stride(walker, slope, point, torques, tick=math.inf, push_off=push_off)
     ticks = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)
     problem = Problem(scene, float(walked.length / walked.duration), ticks, len(point))
-    return problem.measured(problem.begun(point, [[hip], [ankle]], push_off))
+    return problem.measured(problem.begun(point, held))
 
 
 def _driven(scene: Scene) -> Gait:
@@ -200,6 +209,11 @@ def _driven(scene: Scene) -> Gait:
     passive = seek(walker, slope).gait
     if passive is not None:
         return passive
+    if "actuation" not in walker.supports:
+        raise GaitNotFound(
+            f"no passive gait of {describe(walker)} at slope {slope:g}, from which the search "
+            "begins: try another slope"
+        )
     refused = None
     if "hip" in scene.actions:
         try:

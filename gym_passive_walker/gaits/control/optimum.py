@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import math
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from typing import Any, Self
@@ -33,9 +33,9 @@ from gym_passive_walker.gaits.measures import SHARES, Measured
 from gym_passive_walker.gaits.scenes.rules import CHANNELS
 from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.gaits.section import Points, Section
-from gym_passive_walker.gaits.stride import Stride, account, one_of
+from gym_passive_walker.gaits.stride import Stride, account, one_of, reported_as
 from gym_passive_walker.models.model import check_supports
-from gym_passive_walker.models.walkers import Walker
+from gym_passive_walker.models.walkers import Walker, describe
 
 _ITERATIONS = 600
 _FIRST = 6  # iterations among all unknowns, before those are set aside that stay at their bounds
@@ -65,7 +65,8 @@ class OptimalGait(Measured):
         slope: Slope in rad.
         state: State on the Poincaré section, (6,).
         controller: `Actuation` with the hip torque and the ankle torque of each control step, (N,)
-            each, the last held until heelstrike; and the push-off.
+            each, the last held until heelstrike; and the push-off. Of a `System`, its controls by
+            name.
         mean: The stride, with its energy balance.
         multipliers: Floquet multipliers of the stride map with these torques, open loop, (m,).
         charged_cost: Work of the actuators that the scene charges, over weight and distance.
@@ -79,7 +80,7 @@ class OptimalGait(Measured):
 
     slope: float
     state: NDArray[np.float64]
-    controller: Actuation
+    controller: Actuation | dict[str, NDArray[np.float64]]
     mean: Stride
     multipliers: NDArray[np.complex128]
     charged_cost: float
@@ -98,10 +99,23 @@ class OptimalGait(Measured):
         """The gait's point of the Poincaré section."""
         return Section(walker=self.walker).points(self.state)
 
+    @property
+    def held(self) -> dict[str, NDArray[np.float64]]:
+        """Dimensionless controls of each control step, (N,), by the scene's name of their motor."""
+        held: Any = self.dimensionless.controller
+        if "actuation" in self.walker.supports:
+            held = zip(CHANNELS, np.broadcast_arrays(*held), strict=True)
+        return dict(held)
+
     def to_json(self) -> dict[str, Any]:
-        """Return the gait as numbers, text and lists by name."""
+        """Return the gait as numbers, text and lists by name.
+
+        Raises:
+            ValueError: if it is one of a `System`: equations are no numbers.
+        """
+        check_supports(self.walker, "McGeer's parameters")
         parts = vars(self) | {
-            "controller": self.controller._asdict(),
+            "controller": self.controller._asdict(),  # type: ignore[union-attr]
             "mean": self.mean._asdict() | {"walker": asdict(self.walker)},
             "multipliers": [[x.real, x.imag] for x in self.multipliers],
         }
@@ -128,9 +142,13 @@ def slope_of(scene: Scene) -> float:
     """The one slope that a gait has.
 
     Raises:
-        ValueError: if the scene has a range of slopes.
+        ValueError: if the scene has a range of slopes, or no actuator.
     """
-    check_supports(scene.walker, "optimal gait")
+    if not scene.actions:
+        raise ValueError(
+            f"an optimal gait is one of least work of actuators, and {describe(scene.walker)} has "
+            "none: give it a control"
+        )
     if isinstance(scene.slope, tuple):
         raise ValueError(
             f"a gait is of one slope, and this scene has those from {scene.slope[0]:g} to "
@@ -142,7 +160,8 @@ def slope_of(scene: Scene) -> float:
 class Problem:
     """Cost and constraints over z = (point, driving parts, braking parts, push-off).
 
-    Parts are from 0 to 1, those of the hip's ticks before those of the ankle's; so is the push-off.
+    Parts are from 0 to 1, those of the first motor's ticks before those of the second's; so is the
+    push-off.
     """
 
     def __init__(self, scene: Scene, speed: float, ticks: int, m: int) -> None:
@@ -152,13 +171,16 @@ class Problem:
         self.absolute, self.net = SHARES[scene.energy]
         self.edge: float | None = None  # when the knee has to lock, if that is fixed
         self.clears = False  # whether the swing leg has to be clear of the ground as the knee locks
-        self.motors = 2 if "ankle" in scene.actions else 1
-        self.pushes = "push_off" in scene.actions and scene.max_push_off > 0.0
-        largest = [scene.largest(name) * (name in scene.actions) for name in CHANNELS]
-        self.largest = np.repeat(largest[: self.motors], ticks)  # torque of each part
-        self.largest_push = largest[-1]
+        largest = {name: scene.largest(name) * (name in scene.actions) for name in scene.channels}
+        self.largest_push = largest.pop("push_off", 0.0)
+        self.pushes = self.largest_push > 0.0
+        self.channels = [*largest]
+        used = [motor for motor, name in enumerate(largest) if name in scene.actions]
+        self.motors = max(used, default=0) + 1
+        self.largest = np.repeat([*largest.values()][: self.motors], ticks)  # torque of each part
         works = Walkers(walker=scene.walker).system().works  # 0 of a hip, with feet of no mass
-        self.works = np.repeat(np.array(works)[: self.motors], ticks)
+        works = np.divide(works, scene.walker.weight / scene.walker.units.force)
+        self.works = np.repeat(works[: self.motors], ticks)
         self._last: tuple[Any, Any] = None, None
 
     def parts(self, z: NDArray) -> tuple[NDArray, NDArray]:
@@ -167,10 +189,10 @@ class Problem:
         return driving, braking
 
     def torques(self, z: NDArray) -> NDArray:
-        """Torque of each tick, (ticks,); of hip and ankle, (2, ticks)."""
+        """Torque of each tick, (ticks,); of several motors, (motors, ticks)."""
         driving, braking = self.parts(z)
         torques = self.largest * (driving - braking)
-        return torques if self.motors == 1 else torques.reshape(2, -1)
+        return torques if self.motors == 1 else torques.reshape(self.motors, -1)
 
     def push_off(self, z: NDArray) -> float | None:
         """The push-off, if there may be any."""
@@ -306,12 +328,12 @@ class Problem:
 
     def _motors(self) -> str:
         """Return a description of the actuators, for messages."""
-        units = ("m g l at the hip", "m g l at the ankle", "m sqrt(g l) as a push-off")
-        return " and ".join(
-            f"up to {self.scene.largest(name):g} {unit}"
-            for name, unit in zip(CHANNELS, units, strict=True)
-            if name in self.scene.actions
-        )
+        there = {"hip": "at the hip", "ankle": "at the ankle", "push_off": "as a push-off"}
+        said = []
+        for name in self.scene.actions:
+            most, unit = self.scene.largest(name), self.scene.actuator(name).unit
+            said.append(f"up to {most:g} {unit}".rstrip() + f" {there.get(name, 'as ' + name)}")
+        return " and ".join(said)
 
     def _minimised(
         self, start: NDArray, free: NDArray, iterations: int, patience: int = _PATIENCE
@@ -373,10 +395,9 @@ class Problem:
     @property
     def box(self) -> NDArray:
         """Bounds of z, (size, 2)."""
-        state = [[0.01, 1.0]] + [[-3.0, 3.0]] * (self.m - 1)
         parts = np.stack([np.zeros(len(self.largest)), self.largest > 0.0], axis=1)
         push = np.tile([0.0, 1.0], (int(self.pushes), 1))
-        return np.concatenate([state, parts, parts, push])
+        return np.concatenate([self.scene.walker.chart.box, parts, parts, push])
 
     def _lagrangian(self, z: NDArray) -> NDArray:
         """Return the Lagrangian's gradient."""
@@ -397,45 +418,54 @@ class Problem:
         largest = float(np.max(np.abs(self.at(z)[1])))
         return float(np.max(np.abs(rest))) / largest if largest else 0.0
 
-    def begun(self, point: ArrayLike, torques: Iterable[ArrayLike], push_off: float) -> NDArray:
-        """Return the z at a point of the section, under torques of hip and ankle and a push-off."""
+    def begun(self, point: ArrayLike, controls: Mapping[str, ArrayLike]) -> NDArray:
+        """Return the z at a point of the section, under controls as those of `OptimalGait.held`.
+
+        Motors without a control are at rest.
+        """
         shares = np.zeros((self.motors, self.ticks))
-        for row, held, most in zip(shares, torques, self.largest[:: self.ticks], strict=False):
-            held = np.asarray(held)
+        for row, name, most in zip(
+            shares, self.channels, self.largest[:: self.ticks], strict=False
+        ):
+            held = np.asarray(controls.get(name, ()))
             if len(held) and most:
                 there = np.minimum(np.arange(self.ticks), len(held) - 1)  # the last one is held
                 row[:] = held[there] / most
-        push = [push_off / self.largest_push] if self.pushes else []
+        pushed = np.ravel(controls.get("push_off", 0.0))[0]
+        push = [pushed / self.largest_push] if self.pushes else []
         parts = np.clip(np.concatenate([shares.ravel(), -shares.ravel(), push]), 0.0, 1.0)
         return np.concatenate([np.asarray(point), parts])
 
     def begun_at(self, gait: OptimalGait) -> NDArray:
         """Return the z of another gait."""
-        hip, ankle, push_off = gait.dimensionless.controller
-        return self.begun(gait.point.values[0], (hip, ankle), float(push_off))
+        return self.begun(gait.point.values[0], gait.held)
 
     def measured(self, z: NDArray) -> OptimalGait:
         """Return the gait of a solution."""
         gap, walked, scene = self.at(z)[2], self.walk(z), self.scene
         walker, units = scene.walker, scene.walker.units
         taken = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)
-        torques, pushes = np.zeros((2, self.ticks)), np.array([walked.push_work])
+        walkers, pushes = Walkers(walker=walker), np.array([walked.push_work])
+        torques = np.zeros((len(self.channels), self.ticks))
         torques[: self.motors] = self.torques(z)
         turns, works = np.zeros((2, *torques.shape)), np.zeros((2, 2, 1))
         turns[0, : self.motors], turns[1, : self.motors] = walked.swing, walked.turn
-        held = torques * np.array(Walkers(walker=walker).system().works)[:, None]
-        works[:, 0, 0] = (held * turns[0]).sum(axis=1)
-        works[:, 1, 0] = (np.abs(held) * turns[1]).sum(axis=1)
-        walkers = Walkers(walker=walker)
+        working, places = torques * np.array(walkers.system().works)[:, None], reported_as(walker)
+        np.add.at(works[:, 0, 0], places, (working * turns[0]).sum(axis=1))
+        np.add.at(works[:, 1, 0], places, (np.abs(working) * turns[1]).sum(axis=1))
         stride = account(
             walker, walkers.system(), walkers.constants, walked.steps.after[-1:, 0].copy(),
             works * units.energy, pushes * units.energy, (),
         )  # fmt: skip
-        hip, ankle = torques[:, :taken]
+        controller: Any = dict(zip(self.channels, torques[:, :taken], strict=True))
+        if "actuation" in walker.supports:
+            push_off = self.push_off(z) or 0.0
+            held = Actuation(controller["hip"], controller["ankle"], push_off)
+            controller = to_own(units, held)
         return OptimalGait(
             slope=self.slope,
             state=Section(walker=walker).states_at(z[None, : self.m])[0],
-            controller=to_own(units, Actuation(hip, ankle, self.push_off(z) or 0.0)),
+            controller=controller,
             mean=stride,
             multipliers=multipliers_of(walked.by_point),
             charged_cost=float(self.at(z)[0]),

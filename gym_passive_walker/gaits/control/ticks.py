@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.flow import (
     STATE_BEFORE,
@@ -268,8 +269,8 @@ class PiecewiseConstantStride(NamedTuple):
     """Strides of n walkers under N torques, with their derivatives; NaN where a walker fell.
 
     Of a single stride (see `ticked_stride`) nothing but `steps` has the axis of walkers. Where
-    torques are of hip and ankle, (n, 2, N), so are `swing` and `turn`; T is how many there are for
-    a walker.
+    torques are of several motors, (n, motors, N), so are `swing` and `turn`; T is how many there
+    are for a walker.
 
     Attributes:
         end: Final point on the section, (n, m).
@@ -328,7 +329,7 @@ def ticked_stride(
         walker: The walker.
         slope: Slope in rad.
         point: Start on the section, (m,).
-        torques: Torques of the hip (N,), or of hip and ankle (2, N); see `ticked_strides`.
+        torques: Torques of the first motor (N,), or of several (motors, N); see `ticked_strides`.
         tick: Time for which a torque is held.
         push_off: Impulse just before heelstrike, if there is one.
         end_on_toe_stub: Whether a stubbed toe ends the stride.
@@ -337,11 +338,12 @@ def ticked_stride(
     Raises:
         NoStride: if the stride does not end with a heelstrike.
     """
-    motors = ("ankle_torque",) * (np.ndim(torques) == 2) + ("push_off",) * (push_off is not None)
-    walkers = Walkers(
-        walker=walker, tolerance=tolerance, end_on_toe_stub=end_on_toe_stub, using=motors
-    )
     points, held = (np.asarray(x, dtype=float)[None] for x in (point, torques))
+    motors = _inputs(walker, 1 if held.ndim == 2 else held.shape[1], push_off is not None)
+    walkers = Walkers(
+        walker=walker, tolerance=tolerance, end_on_toe_stub=end_on_toe_stub,
+        using=tuple(name for name in motors if name != "hip_torque"),
+    )  # fmt: skip
     pushed = None if push_off is None else np.array([push_off])
     *parts, steps = ticked_strides(walkers, slope, points, held, tick=tick, push_offs=pushed)
     walked = PiecewiseConstantStride._make([*(part[0] for part in parts), steps])
@@ -367,8 +369,9 @@ def ticked_strides(
         walkers: The walkers; they are `using` ankle torque and push-off if there are any.
         slopes: Slope in rad, one for all or (n,).
         points: Starts on the section, (n, m).
-        torques: Torques of the hip, (n, N), or of hip and ankle, (n, 2, N); the last one is held
-            until heelstrike, and those that come after it have no effect.
+        torques: Torques of the first of the walker's `inputs`, (n, N), or of the first several of
+            them, (n, motors, N); the last one is held until heelstrike, and those that come after
+            it have no effect.
         tick: Time for which a torque is held.
         push_offs: Impulses just before heelstrike, (n,), if there are any.
         by: Columns of derivatives behind those by coordinates and motors: "slope", or parameters
@@ -379,7 +382,7 @@ def ticked_strides(
     motors, count = given.shape[1:]
     size, pushes = motors * count, push_offs is not None
     width = m + size + pushes + len(by)
-    using = (*Actuation._fields[:motors], *Actuation._fields[2:] * pushes)
+    using = _inputs(walkers.walker, motors, pushes)
 
     def choose(chosen: NDArray, records: NDArray, number: int, on: NDArray) -> Choice:
         now, chosen = min(number, count - 1), chosen[on]
@@ -390,15 +393,17 @@ def ticked_strides(
             along[:, -1, m + size] = 1.0
         return Choice(held, along=along)
 
-    change = np.zeros((n, _STATE, width))
+    change = np.zeros((n, section.size, width))
     change[:, :, :m] = section.state(np.eye(m)).T
+    system = walkers.system()
+    records = new_records(section.state(points), slopes, layout=layout_of(system))
     steps = follow(
-        walkers, new_records(section.state(points), slopes), choose, motors=using, tick=tick,
-        change=change, moving=dict(zip(by, range(width - len(by), width), strict=True)),
+        walkers, records, choose, motors=using, tick=tick, change=change,
+        moving=dict(zip(by, range(width - len(by), width), strict=True)),
     )  # fmt: skip
     found, outcomes = np.zeros((n, m + 4 + 2 * size, 1 + width)), np.full(n, int(Outcome.STALLED))
     angles = found[:, m + 2 : -2].reshape(n, 2, motors, count, -1)  # a view: swing and turn
-    report = report_of(walkers.system())
+    report = report_of(system)
     places = [[report.at[name, j] for j in range(motors)] for name in ("moved", "turned")]
     turned = steps.rows[:, places]
     held_in = np.minimum(steps.numbers, count - 1)
@@ -423,6 +428,11 @@ def ticked_strides(
         outcomes=outcomes,
         steps=steps,
     )
+
+
+def _inputs(walker: Walker, motors: int, pushes: bool) -> tuple[str, ...]:
+    """Return the names of the first motors, and of the push-off if there is one."""
+    return (*walker.inputs[:motors], *("push_off",) * pushes)
 
 
 def before_kneestrike(

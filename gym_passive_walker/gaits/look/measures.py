@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,7 +66,7 @@ def foot_velocity(walker: WalkerLike | Gait, state: ArrayLike | None = None) -> 
     return FootVelocity(-back * walker.leg_length, up * walker.leg_length)
 
 
-def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.float64]:
+def collision_matrix(walker: WalkerLike, stance_angle: ArrayLike) -> NDArray[np.float64]:
     """Return the matrix M of Eq. 4.7: a heelstrike at foot velocity v loses the energy v.M.v / 2.
 
     Just before the impact the motion is a roll on the new foot plus a translation v. The ground's
@@ -77,15 +78,19 @@ def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.floa
     Args:
         walker: The walker, in a form that `as_walker` takes.
         stance_angle: Stance angle in rad just after heelstrike, as `Gait.stance_angle`; 0 for M(0).
+            Of a `System`, its state there, as `Gait.state`.
 
     Returns:
         Symmetric positive semidefinite matrix (2, 2) in the walker's unit of mass, for velocities
         (downhill, away from the ground). Its error is about the rounding of the total mass.
+
+    Raises:
+        ValueError: if equations of a system were given without `mass_matrix` and `momentum`.
     """
-    walker, stance_angle = (
-        check_supports(as_walker(walker), "McGeer's parameters"),
-        one_slope(stance_angle, "stance_angle"),
-    )
+    walker = as_walker(walker)
+    if "McGeer's parameters" not in walker.supports:
+        return _stated_matrix(check_supports(walker, "collision matrix"), stance_angle)
+    stance_angle = one_slope(stance_angle, "stance_angle")  # type: ignore[arg-type]
     if walker.massless_legs:
         leg = np.array([-np.sin(stance_angle), np.cos(stance_angle)])
         return walker.total_mass * np.outer(leg, leg)
@@ -93,9 +98,7 @@ def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.floa
     assert system.mass_matrix is not None
     links = system.phases[0].links
     state = State(stance_angle, -stance_angle, -stance_angle, 0.0, 0.0, 0.0)
-    mass = np.zeros((links, links))
-    mass[np.triu_indices(links)] = system.mass_matrix(walker.body, state)
-    mass += np.triu(mass, 1).T
+    mass = _symmetric(system.mass_matrix(walker.body, state), links)
     units, jumps = walker.units, np.eye(3)[:links]
     mass = mass * walker.total_mass * units.length**2
     if not walker.knees:
@@ -103,6 +106,28 @@ def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.floa
     angles = np.tile(state[:3], (links, 1))
     back, up, *_ = struck(walker.body, angles.T, jumps.T * units.time, (0.0, 0.0))
     momentum = np.stack([-back, up]) * units.force * units.time
+    return _at_foot(walker, mass, momentum)
+
+
+def _stated_matrix(system: Any, state: ArrayLike) -> NDArray[np.float64]:
+    """Return the matrix of `collision_matrix` for a user's system."""
+    equations, count = system.hybrid, system.coordinates
+    angles = system.checked_state(state, "the state")[:count]
+    moving = [equations.State(*angles, *rates) for rates in np.eye(count)]
+    mass = _symmetric(equations.mass_matrix(system.body, moving[0]), count)
+    momenta = [equations.momentum(system.body, each) for each in moving]
+    return _at_foot(system, mass, np.array(momenta).T)
+
+
+def _symmetric(entries: Sequence[Any], size: int) -> NDArray[np.float64]:
+    """Return a symmetric matrix from its upper triangle, row by row."""
+    matrix = np.zeros((size, size))
+    matrix[np.triu_indices(size)] = entries
+    return matrix + np.triu(matrix, 1).T
+
+
+def _at_foot(walker: Any, mass: NDArray, momentum: NDArray) -> NDArray[np.float64]:
+    """Return the effective mass at the foot, from momenta (2, links) of each angular velocity."""
     matrix = walker.total_mass * np.eye(2) - momentum @ np.linalg.solve(mass, momentum.T)
     return 0.5 * (matrix + matrix.T)
 
