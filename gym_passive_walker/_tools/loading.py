@@ -44,34 +44,43 @@ def is_file(value: Any) -> TypeGuard[str | os.PathLike[str]]:
 
 
 def has_address(name: Any) -> TypeGuard[str]:
-    """Return whether a name is "module:function", a function of the user's own."""
+    """Return whether a name is "module:name", of a function or a system of the user's own."""
     return isinstance(name, str) and ":" in name
 
 
 def untrusted(what: str) -> str:
-    """Return the sentence that refuses a function of a module that is not trusted."""
+    """Return the sentence that refuses code of a module that is not trusted."""
     return (
-        f"{what} is a function that is not the package's, and could do anything: if you trust it, "
-        "add --trust (trust=True in Python)"
+        f"{what} is code that is not the package's, and could do anything: if you trust it, add "
+        "--trust (trust=True in Python)"
     )
 
 
-def function_at(address: str, what: str) -> Callable[..., Any]:
-    """Return the function at "module:function"; modules of the present folder are found too.
+def found_at(address: str, what: str) -> Any:
+    """Return what stands at "module:name"; modules of the present folder are found too.
 
     The module is imported without a check of trust.
 
     Raises:
-        ValueError: if there is none; the message begins with `what`.
+        ValueError: if there is nothing; the message begins with `what`.
     """
     module, _, name = address.partition(":")
     sys.path.append(os.getcwd())
     try:
-        found = getattr(import_module(module), name)
+        return getattr(import_module(module), name)
     except Exception as error:  # the module's own code runs, and may raise anything
         raise ValueError(f"{what} {address!r} cannot be found: {reason(error)}") from None
     finally:
         sys.path.pop()
+
+
+def function_at(address: str, what: str) -> Callable[..., Any]:
+    """Return the function at "module:function", as `found_at` does.
+
+    Raises:
+        ValueError: if there is none, or it is no function.
+    """
+    found = found_at(address, what)
     if not callable(found):
         raise ValueError(f"{what} {address!r} is not a function")
     return found

@@ -28,7 +28,6 @@ FEATURES = {
     "step kinds": "long and short steps",
     "stride plans": "an environment under a plan of several control steps",
     "step derivatives": "a step with derivatives",
-    "sweeps": "a sweep by the name of an analysis, in place of a function of your own,",
     "tilted footholds": "footholds of different slopes",
     "units": "units of its own",
 }

@@ -66,4 +66,5 @@ def odd(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=":")
     yield tmp_path
-    sys.modules.pop("odd_tasks", None)
+    for name in ("odd_tasks", "own_things"):
+        sys.modules.pop(name, None)

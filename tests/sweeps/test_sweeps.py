@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples.rimless_wheel import RIMLESS_WHEEL
 from gym_passive_walker.apps.cli import main
 from gym_passive_walker.apps.sweeps import run
 from gym_passive_walker.apps.sweeps.store import DONE, FAILED, TIMED_OUT
@@ -231,7 +232,7 @@ def test_a_sweep_of_another_version_or_description_is_refused_or_branches(odd, m
     (odd / "odd_tasks.py").write_text((odd / "odd_tasks.py").read_text() + "# another\n")
     with pytest.raises(ValueError, match="was computed by version"):
         squares(odd / "out", workers=1)
-    monkeypatch.setattr(run, "version", lambda _: "0.0.1")
+    monkeypatch.setattr(run, "version", lambda *_: "0.0.1")
     with pytest.raises(ValueError, match=r"was computed by version .*, this is 0\.0\.1"):
         squares(odd / "out", workers=1)
 
@@ -318,3 +319,54 @@ def test_on_a_disk_that_fills_up_nothing_finished_is_lost(odd):
     before = [json.loads(line) for line in whole]
     assert 100 < len(before) < 5000
     assert all(columns["seconds"][row["task"]] == row["seconds"] for row in before)
+
+
+OWN = """
+from dataclasses import replace
+from examples.rimless_wheel import RIMLESS_WHEEL
+
+WHEEL = RIMLESS_WHEEL
+NUMBER = 3
+
+def steep():
+    return {"system": WHEEL, "slope": 0.08, "max_stride_time": 9.0}
+"""
+
+
+def test_a_system_and_a_scene_of_one_s_own_are_swept_by_their_names(odd):
+    (odd / "own_things.py").write_text(OWN)
+    gaits = {
+        "analysis": "gait", "over": {"slope": [0.07, 0.08], "walker": ["own_things:WHEEL"]},
+    }  # fmt: skip
+    swept = gpw.sweep(gaits, odd / "gaits", trust=True, workers=1)
+    expected = [gpw.find_gait(RIMLESS_WHEEL, slope).step_period for slope in (0.07, 0.08)]
+    assert swept.columns()["step_period"] == pytest.approx(expected)
+    assert swept.columns()["version"][0] != version("gait")  # the module's source counts
+    assert swept.plot(x="slope", y="step_period", by="found")
+    walks = {
+        "analysis": "evaluation", "over": {"scene": ["own_things:steep", "lab"]},
+        "given": {"controller": "passive", "episodes": 2},
+    }  # fmt: skip
+    rows = gpw.sweep(walks, odd / "walks", trust=True, workers=1).columns()
+    assert set(rows["status"]) == {"done"}
+    for content, what in (
+        (gaits, "walker 'own_things:WHEEL'"),
+        (walks, "scene 'own_things:steep'"),
+    ):
+        with pytest.raises(ValueError, match=f"the {what} is code that is not the package's"):
+            gpw.sweep(content, odd / "refused")
+
+
+@pytest.mark.parametrize(
+    ("walker", "said"),
+    [
+        (RIMLESS_WHEEL, "name the system 'rimless wheel' as \"module:NAME\""),
+        ("own_things:NUMBER", "the walker 'own_things:NUMBER' must be a System, not 3"),
+        ("own_things:NONE", "the name 'own_things:NONE' cannot be found"),
+        ("nowhere:WHEEL", "the name 'nowhere:WHEEL' cannot be found: No module named 'nowhere'"),
+    ],
+)
+def test_what_is_no_system_is_refused_by_one_sentence(walker, said, odd):
+    (odd / "own_things.py").write_text(OWN)
+    with pytest.raises(ValueError, match=said):
+        gpw.sweep("gait", odd / "out", over={"slope": [0.08]}, given={"walker": walker}, trust=True)

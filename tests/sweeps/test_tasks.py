@@ -11,6 +11,7 @@ import gym_passive_walker as gpw
 from gym_passive_walker.apps.sweeps.tasks import ANALYSES, flat, task
 from gym_passive_walker.envs.evaluation import walks
 from gym_passive_walker.gaits.scenes.scene import make_scene
+from tests.own.test_derived import STRAIGHT
 
 LAB = {"walker": "lab", "slope": 0.036}
 
@@ -166,3 +167,30 @@ def test_an_evaluation_is_that_of_the_same_walks():
 def test_every_analysis_is_compared_here_with_what_it_names():
     source = inspect.getsource(inspect.getmodule(row))
     assert all(f'row("{name}"' in source for name in ANALYSES)
+
+
+@pytest.mark.parametrize(
+    ("analysis", "given"),
+    [
+        ("gait", {}),
+        ("family", {"slope": None, "slope_min": 0.02, "slope_max": 0.021}),
+        ("bifurcation", {"n_transient": 20, "n_recorded": 33}),
+        ("basin", {"resolution": 6, "strides": 6}),
+        ("check", {}),
+        ("optimal", {"speed": 0.18, "control": "stride"}),
+        ("evaluation", {"controller": "passive", "episodes": 2}),
+    ],
+)
+def test_a_compass_of_one_s_own_has_the_rows_of_the_package_s(analysis, given):
+    arguments = {name: value for name, value in ({"slope": 0.02} | given).items() if value}
+    own, known = (
+        row(analysis, walker=walker, **arguments)
+        for walker in ("tests.own.statements:DRIVEN", STRAIGHT)
+    )
+    known.pop("gaits" * (analysis == "family"), None)  # steps of a continuation may differ
+    for name in own.keys() & known.keys():
+        if isinstance(known[name], float) and not math.isnan(own[name]):
+            assert own[name] == pytest.approx(known[name], rel=1e-3), name
+        elif not isinstance(known[name], float):
+            assert own[name] == known[name], name
+    assert len(own.keys() & known.keys()) >= 3

@@ -47,8 +47,8 @@ def sweep(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add("--branch", action="store_true", help="use a new folder if this one has another sweep")
     add("--retry", action="store_true", help="repeat tasks that failed or timed out")
 
-    add("--trust", action="store_true", help="permit module:function as the analysis; such a "
-        "function runs with your rights")  # fmt: skip
+    add("--trust", action="store_true", help="permit module:function as the analysis or a "
+        "scene, and module:NAME of a System as the walker; it runs with your rights")  # fmt: skip
 
     def run(arguments: Namespace) -> Report:
         found = swept(

@@ -40,10 +40,11 @@ class Watcher:
     Args:
         analysis: Name of the analysis.
         time_out: Seconds after which a task is given up; None waits forever.
+        outside: "module:name" of what stands outside the package besides.
     """
 
-    def __init__(self, analysis: str, time_out: float | None) -> None:
-        self._version = version(analysis)
+    def __init__(self, analysis: str, time_out: float | None, outside: Sequence[str]) -> None:
+        self._version = version(analysis, outside)
         self._workers = Workers(analysis, 1, time_out)
 
     def join(self, computing: str) -> None:
@@ -76,6 +77,7 @@ class Cluster:
         time_out: Seconds after which a task is given up; None waits forever.
         address: Address of the cluster; `HERE` starts one on this machine.
         computing: Version of the code that computes the sweep.
+        outside: "module:name" of what stands outside the package besides the analysis.
 
     Raises:
         ImportError: if ray is not installed.
@@ -89,6 +91,7 @@ class Cluster:
         time_out: float | None,
         address: str,
         computing: str,
+        outside: Sequence[str],
     ) -> None:
         with extra("ray"):
             import ray  # type: ignore[import-not-found]
@@ -98,7 +101,7 @@ class Cluster:
             started = {"address": "local", "num_cpus": count, "include_dashboard": False}
         ray.init(**started, log_to_driver=False, logging_level=logging.ERROR)
         self._asked, self._computing = count, computing
-        self._made, self._given = ray.remote(num_cpus=1)(Watcher), (analysis, time_out)
+        self._made, self._given = ray.remote(num_cpus=1)(Watcher), (analysis, time_out, outside)
         self._joining: dict[Any, Any] = {}
         self._at_work: dict[Any, tuple[Any, list[Task]]] = {}
         self._idle: list[Any] = []

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from gym_passive_walker._tools.arguments import number, unknown, whole
-from gym_passive_walker._tools.loading import is_file, read_content
+from gym_passive_walker._tools.loading import has_address, is_file, read_content
 from gym_passive_walker.gaits.scenes.scene import kept_argument
-from gym_passive_walker.models.model import Model, check_supports
+from gym_passive_walker.models.model import Model
 
 HOW = ("grid", "list", "sobol", "latin-hypercube")
 _SAMPLERS = {"sobol": "Sobol", "latin-hypercube": "LatinHypercube"}  # in scipy.stats.qmc
@@ -37,7 +37,8 @@ class Description:
         how: "grid" for all combinations; "list" for the first values together, then the second
             ones, and so on; "sobol" or "latin-hypercube" for a random sample of the box.
         given: Arguments that are equal in all tasks, by name. A walker or a terrain may be a file
-            here and in `over`; the description stores the content of the file.
+            here and in `over`; the description stores the content of the file. A `System` is
+            "module:NAME", and a scene of your own "module:function".
         samples: Number of points of a random sample; a power of two balances Sobol's.
         seed: Seed of the sample, and of each task without a seed of its own.
         time_out: Seconds after which a task is given up; None waits forever.
@@ -127,6 +128,14 @@ class Description:
         return json.loads(json.dumps(asdict(self), default=_plain))
 
     @cached_property
+    def outside(self) -> dict[str, str]:
+        """What stands outside the package, by its "module:name": analysis, walkers and scenes."""
+        named = [("analysis", self.analysis)]
+        for name in ("walker", "scene"):
+            named += [(name, value) for value in (self.given.get(name), *self.over.get(name, ()))]
+        return {value: name for name, value in named if has_address(value)}
+
+    @cached_property
     def digest(self) -> str:
         """Hash of the content, 16 hexadecimal digits."""
         text = json.dumps(self.content, sort_keys=True)
@@ -164,6 +173,11 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, Model):
-        check_supports(value, "sweeps")
-        return asdict(value)  # type: ignore[arg-type]
+        model: Any = value
+        if "McGeer's parameters" not in model.supports:
+            raise ValueError(
+                f"a sweep stores its arguments as text: name the system {model.title!r} as "
+                '"module:NAME", with trust=True'
+            )
+        return asdict(model)
     raise ValueError(f"a sweep takes numbers, words, lists and walkers, not {value!r}")

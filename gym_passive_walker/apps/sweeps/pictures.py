@@ -41,7 +41,7 @@ def _swept(swept: SweepResult, ax: Axes | None = None, *, x: str, y: str, by: st
         ValueError: if there is no such column, or the analysis is not trusted.
     """
     columns, described = swept.columns(), swept.description()
-    check_trust(described.analysis, swept.trust)  # its arguments determine the units
+    check_trust(described.outside, swept.trust)  # its arguments determine the units
     if said := unknown((x, y, by), tuple(columns), "this sweep"):
         raise ValueError(said)
     ax = axes_for(ax)

@@ -39,7 +39,7 @@ class SweepResult(Table):
         folder: Folder of the sweep; ``folder / "rows"`` is its Parquet dataset.
         tasks: Number of tasks.
         failures: Number of tasks that failed or timed out.
-        trust: Whether the analysis may be a function from outside the package.
+        trust: Whether analysis, walkers and scenes may be code from outside the package.
     """
 
     folder: Path
@@ -94,8 +94,9 @@ def sweep(
         branch: If the folder holds a sweep with another description, use a new folder beside it
             instead of raising an error.
         retry: Repeat tasks that failed or timed out, and replace their rows.
-        trust: Allow "module:function", which imports that module and runs its code. Not needed if
-            `analysis` is the function itself.
+        trust: Allow "module:function" as the analysis or a scene, and "module:NAME" of a `System`
+            as the walker, which imports that module and runs its code. Not needed if `analysis` is
+            the function itself.
         **described: Further attributes of the `Description`: over, how, given, samples, seed,
             time_out.
 
@@ -103,7 +104,7 @@ def sweep(
         The sweep: a table with a row for each task.
 
     Raises:
-        ValueError: if the description is invalid, the analysis is not trusted, or the folder holds
+        ValueError: if the description is invalid, code is not trusted, or the folder holds
             another sweep or damaged files.
         OSError: if a file cannot be written; earlier results are kept.
         ImportError: if pyarrow is not installed, or ray where it is used.
@@ -113,12 +114,12 @@ def sweep(
         raise ValueError("out must be a folder; only a description in a file has a default")
     description = _described(analysis, described)
     folder = Path(analysis).with_suffix("") if out is None else Path(out)  # type: ignore[arg-type]
-    trust = check_trust(description.analysis, trust or _is_function(analysis))
+    trust = check_trust(description.outside, trust or _is_function(analysis))
     if branch and holds_another(folder, description):
         folder = folder.with_name(f"{folder.name}-{description.digest[:8]}")
     if workers is not None:
         workers = whole(workers, "workers")
-    computing = version(description.analysis)
+    computing = version(description.analysis, description.outside)
     if description.analysis in ANALYSES:  # fail early on invalid arguments
         task(description.analysis, description.tasks[0])
     store = Store(folder, description, computing, retry=retry)
@@ -164,7 +165,7 @@ def _create_workers(
     """Create the workers: on a Ray cluster, or as processes on this machine."""
     analysis, time_out = description.analysis, description.time_out
     if ray is not None:
-        return Cluster(analysis, workers, time_out, ray, computing)
+        return Cluster(analysis, workers, time_out, ray, computing, [*description.outside])
     return Workers(analysis, min(processes(workers or os.cpu_count() or 1), tasks), time_out)
 
 

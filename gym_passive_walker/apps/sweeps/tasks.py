@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import partial
 from inspect import Parameter, signature
 from typing import Any, Literal
@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 
 from gym_passive_walker._tools.arguments import gait_kind, unknown, whole
-from gym_passive_walker._tools.loading import function_at, has_address, untrusted
+from gym_passive_walker._tools.loading import found_at, function_at, has_address, untrusted
 from gym_passive_walker.envs.evaluation import robustness as robust
 from gym_passive_walker.envs.evaluation import walks
 from gym_passive_walker.envs.registration import ID
@@ -26,7 +26,9 @@ from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.look.reality import reality_check
 from gym_passive_walker.gaits.robust.basin import basin_of_attraction
+from gym_passive_walker.gaits.scenes.named import named_scene
 from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.models.model import Model
 from gym_passive_walker.models.walkers import Walker, as_walker
 
 Row = dict[str, Any]
@@ -189,7 +191,7 @@ def optimal(changes: Mapping[str, Any], speed: float, scene: str = "level") -> R
     names = ("cost_of_transport", "hip_cost", "ankle_cost", "push_off_cost")
     names += ("step_period", "step_length", "froude_speed", "stable", "stubs")
     row = {name: getattr(found, name) for name in names}
-    return row | {"push_off": float(found.controller.push_off)}
+    return row | {"push_off": float(found.held.get("push_off", [np.nan])[0])}
 
 
 def evaluation(
@@ -212,23 +214,27 @@ ANALYSES: dict[str, Callable[..., Row]] = {
 """Analyses that a sweep can name."""
 
 
-def check_trust(analysis: str, trust: bool) -> bool:
-    """Check that the user trusts an analysis from outside the package.
+def check_trust(outside: Mapping[str, str], trust: bool) -> bool:
+    """Check that the user trusts the code from outside the package.
 
     A description may be another person's file, and importing a module runs its code.
+
+    Args:
+        outside: What that is, by its "module:name", as in `Description.outside`.
+        trust: Whether it is trusted.
 
     Returns:
         The argument `trust`.
 
     Raises:
-        ValueError: if the analysis requires trust and `trust` is False.
+        ValueError: if trust is required and `trust` is False.
     """
     if not isinstance(trust, bool):
         raise ValueError(f"trust must be True or False, not {trust!r}")
-    if not trust and analysis not in ANALYSES and has_address(analysis):
-        raise ValueError(
-            f"{untrusted(f'the analysis {analysis!r}')}; the package has {', '.join(ANALYSES)}"
-        )
+    if not trust and outside:
+        address, what = next(iter(outside.items()))
+        known = f"; the package has {', '.join(ANALYSES)}" * (what == "analysis")
+        raise ValueError(untrusted(f"the {what} {address!r}") + known)
     return trust
 
 
@@ -262,12 +268,18 @@ def task(analysis: str, given: Mapping[str, Any]) -> Callable[[], Any]:
     called, rest = function(analysis), dict(given)
     takes = signature(called).parameters
     anything = any(each.kind is Parameter.VAR_KEYWORD for each in takes.values())
+    if has_address(rest.get("scene")) and "scene" in takes:
+        rest["scene"] = named_scene(rest["scene"], trust=True)
+    numbers = _WALKER
     if "walker" in takes or "changes" in takes:
-        parts = {name: rest.pop(name) for name in _WALKER if name in rest and name not in takes}
+        if "walker" in rest:
+            rest["walker"] = _walker(rest["walker"])
+            numbers = tuple(rest["walker"].parameters)
+        parts = {name: rest.pop(name) for name in numbers if name in rest and name not in takes}
         if parts and "walker" not in rest:
             raise ValueError(f"{', '.join(parts)} needs a walker, as in walker: lab")
-        if "walker" in rest:
-            rest["walker"] = replace(as_walker(rest["walker"]), **parts)
+        if parts:
+            rest["walker"] = rest["walker"].with_parameters(**parts)
     if "changes" in takes:
         rest["changes"] = {
             name: rest.pop(name) for name in _SCENE if name in rest and name not in takes
@@ -276,7 +288,7 @@ def task(analysis: str, given: Mapping[str, Any]) -> Callable[[], Any]:
         rest.pop("seed", None)
     known = [name for name in takes if name != "changes"]
     known += _SCENE if "changes" in takes else []
-    known += [name for name in _WALKER if "walker" in known]
+    known += [name for name in numbers if "walker" in known]
     if not anything and (said := unknown([n for n in rest if n != "changes"], known, analysis)):
         raise ValueError(said)
     lacking = [
@@ -290,6 +302,16 @@ def task(analysis: str, given: Mapping[str, Any]) -> Callable[[], Any]:
     if lacking:
         raise ValueError(f"{analysis} needs {', '.join(lacking)} besides")
     return partial(called, **rest)
+
+
+def _walker(given: Any) -> Any:
+    """Return a walker in a form that `as_walker` takes, or the system at "module:name"."""
+    if not has_address(given):
+        return as_walker(given)
+    found = found_at(given, "the walker")
+    if not isinstance(found, Model):
+        raise ValueError(f"the walker {given!r} must be a System, not {found!r}")
+    return found
 
 
 def flat(found: Any) -> Row:
