@@ -55,8 +55,8 @@ def test_each_attribute_of_a_result_has_its_unit_in_the_table(of):
 
 
 def test_the_results_in_a_walker_s_units_are_those_that_report_walks():
-    named = "Basin BifurcationDiagram Gait GaitFamily OptimalGait RealityCheck Stride"
-    assert {of.__name__ for of in RESULTS} == {*named.split(), "Trajectory"}
+    named = "Basin BifurcationDiagram Gait GaitFamily OptimalGait RealityCheck Stride Trajectory"
+    assert {of.__name__ for of in RESULTS} == {*named.split(), "VelocityPerturbations"}
     recorded = {each.name for each in MEASURES if not callable(each.of)}
     assert recorded == {*_Fields._fields} - {"state", "outcome", "walker"}
     assert recorded <= {*TorchStride._fields}

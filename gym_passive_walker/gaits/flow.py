@@ -201,6 +201,11 @@ class Walkers:
         """Derivatives of the constants by the parameters used so far."""
         return {}
 
+    @cached_property
+    def _numbers(self) -> Mapping[str, float]:
+        """Parameters of the walker; a search for a gait asks for them in each step."""
+        return self.walker.parameters
+
     def bodies(
         self, names: Sequence[str] = (), lanes: NDArray | slice = _ALL
     ) -> NDArray[np.float64]:
@@ -208,8 +213,7 @@ class Walkers:
         own = self.constants if len(self.constants) == 1 else self.constants[lanes]
         if not names:
             return own
-        walker: Any = self.walker
-        moving = [name for name in names if name in walker.parameters]
+        moving = [name for name in names if name in self._numbers]
         if not moving:
             return own
         planes = np.zeros((len(own), 1 + len(names), own.shape[2]))

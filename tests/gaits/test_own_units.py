@@ -166,8 +166,10 @@ def test_a_basin_and_the_largest_perturbations(name):
     )
     np.testing.assert_array_equal(found.strides, known.strides)
     same(found.stance_rate, rates / TIME)
-    pushes = [largest_push(w[name], SLOPES[name]) for w in (OTHER, PLAIN)]
-    same(pushes[0], pushes[1], 1.0 / TIME, rel=1e-6)
+    found, known = (largest_push(w[name], SLOPES[name]) for w in (OTHER, PLAIN))
+    for way in ("forward", "backward"):
+        same(getattr(found, way), getattr(known, way), 1.0 / TIME, rel=1e-6)
+        same(getattr(found.dimensionless, way), getattr(known.dimensionless, way), rel=1e-6)
 
 
 def test_walks_over_slopes_and_their_exponents():

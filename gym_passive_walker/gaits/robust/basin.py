@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -104,7 +104,8 @@ class Basin(InUnits, Table):
         }
 
 
-class VelocityPerturbations(NamedTuple):
+@dataclass(frozen=True)
+class VelocityPerturbations(InUnits):
     """Largest velocity perturbations, just after heelstrike, that a gait withstands.
 
     A perturbation changes the stance leg's angular velocity. The gait withstands every smaller one
@@ -113,10 +114,12 @@ class VelocityPerturbations(NamedTuple):
     Attributes:
         forward: Largest change that speeds the walker up, positive, in the walker's own units.
         backward: Largest change that slows the walker down, positive, in the walker's own units.
+        walker: The walker.
     """
 
     forward: float
     backward: float
+    walker: Walker
 
 
 class Attractors:
@@ -436,4 +439,4 @@ def largest_push(
     with progress("ways to push", 2) as pushed:
         forward = limit(-1.0) / time
         pushed()
-        return VelocityPerturbations(forward, limit(1.0) / time)
+        return VelocityPerturbations(forward, limit(1.0) / time, stride_map.walker)
