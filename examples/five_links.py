@@ -167,7 +167,7 @@ def steps(step):
 
 
 def downhill() -> dict:
-    """The scene of `python train.py --scene examples.five_links:downhill`.
+    """The scene of `python train.py --scene examples.five_links:downhill --steps 4000000`.
 
     The gait is unstable: a deviation grows elevenfold in a stride.
     """

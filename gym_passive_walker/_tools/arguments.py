@@ -68,11 +68,21 @@ def check_slope(
     return slopes
 
 
-def check_state(state: ArrayLike, name: str = "state", size: int = 6) -> NDArray[np.float64]:
-    """States as an array of shape (..., size), if finite."""
-    allowed = "[stance, thigh, shank angle, then their rates]: shape (6,) or (n, 6)"
-    if size != 6:
-        allowed = f"coordinates, then their rates: shape ({size},) or (n, {size})"
+_OF_LEGS = "[stance, thigh, shank angle, then their rates]: shape (6,) or (n, 6)"
+
+
+def check_state(state: ArrayLike, name: str = "state", of: Any = None) -> NDArray[np.float64]:
+    """States of a model as an array of shape (..., size), if finite.
+
+    Args:
+        state: The states.
+        name: Name of the argument.
+        of: The model; a walker with McGeer's parameters when None.
+    """
+    size, allowed = 6, _OF_LEGS
+    if of is not None and "McGeer's parameters" not in of.supports:
+        size = of.size
+        allowed = f"[{', '.join(of.state_names)}]: shape ({size},) or (n, {size})"
     states = real_array(state, name, allowed)
     if states.ndim == 0 or states.shape[-1] != size:
         raise ValueError(f"{name} must be {allowed}, not {states.shape}")

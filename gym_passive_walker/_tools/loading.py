@@ -44,8 +44,11 @@ def is_file(value: Any) -> TypeGuard[str | os.PathLike[str]]:
 
 
 def has_address(name: Any) -> TypeGuard[str]:
-    """Return whether a name is "module:name", of a function or a system of the user's own."""
-    return isinstance(name, str) and ":" in name
+    """Return whether a name is "module:name", of a function or a system of the user's own.
+
+    A path of Windows has a colon too.
+    """
+    return isinstance(name, str) and ":" in name and not {"/", "\\"} & {*name}
 
 
 def untrusted(what: str) -> str:

@@ -95,7 +95,7 @@ def play(
         return PlayerWidget(*Setup.of(walker, slope, policy, start))
     else:
         server = server_of(Setup.of(walker, slope, policy, start), seconds)
-        print(announcement(server), flush=True)
+        print(announcement(server, seconds), flush=True)
         with suppress(KeyboardInterrupt):
             server.serve(seconds)
     return None
@@ -113,9 +113,10 @@ def server_of(setup: Setup, seconds: float | None) -> PageServer:
     return PageServer(page_of(setup))
 
 
-def announcement(server: PageServer) -> str:
+def announcement(server: PageServer, seconds: float | None = None) -> str:
     """Return the line that `play` prints."""
-    return f"the walker is on {server.address} until Ctrl-C"
+    end = "until Ctrl-C" if seconds is None else f"for {seconds:g} s, or until Ctrl-C"
+    return f"the walker is on {server.address} {end}"
 
 
 def draw_walk(

@@ -98,7 +98,7 @@ class Setup(NamedTuple):
         """
         if self.start is None:
             return None
-        state = check_state(self.start, "start", self.walker.size)
+        state = check_state(self.start, "start", self.walker)
         return self.walker.checked_state(state.tolist(), "start")
 
     def stride_map(self) -> StrideMap:

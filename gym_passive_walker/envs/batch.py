@@ -335,7 +335,7 @@ class Batch:
         found: list[NDArray[np.float64] | None] = []
         numbers = self.walkers[0].size
         for name, check, size in (
-            ("state", partial(check_state, size=numbers), (numbers,)),
+            ("state", partial(check_state, of=self.walkers[0]), (numbers,)),
             ("slope", check_slope, ()),
         ):
             if options.get(name) is None:

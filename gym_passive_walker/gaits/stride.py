@@ -38,7 +38,6 @@ from gym_passive_walker.models.equations.hybrid import Ground, Outcome, System
 from gym_passive_walker.models.model import check_heights_only
 from gym_passive_walker.models.units import Units
 from gym_passive_walker.models.walkers import Walker
-from gym_passive_walker.models.walkers.walker import STATE_NAMES
 
 _OWN = [each.name for each in RECORDED if each.name != "push_off_work"]
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
@@ -113,7 +112,7 @@ class Stride(StrideQuantities, InUnits, Table, _Fields):
     def columns(self) -> dict[str, NDArray]:
         """One row for each stride; its final state comes first."""
         size = np.shape(self.state)[-1]
-        names = STATE_NAMES if size == 6 else [f"state_{i}" for i in range(size)]
+        names = self.walker.state_names
         table = dict(zip(names, np.reshape(self.state, (-1, size)).T, strict=True))
         results = (name for name in self._fields[1:] if name != "walker")
         return table | {name: np.ravel(getattr(self, name)) for name in results}
@@ -205,9 +204,11 @@ def stride(
                 "leave max_stride_time, end_on_toe_stub and backend out"
             )
         foothold = {"height_change": ground[0], "slope_change": ground[1]} if ground else {}
-        return controlled.with_tolerance(tolerance).stride(check_state(state), slope, **foothold)
+        return controlled.with_tolerance(tolerance).stride(
+            check_state(state, of=walker), slope, **foothold
+        )
     size = walker.size
-    states, slopes = check_state(state, size=size), check_slope(slope)  # type: ignore[arg-type]
+    states, slopes = check_state(state, of=walker), check_slope(slope)  # type: ignore[arg-type]
     actuation = check_actuation(walker, actuation)
     max_stride_time = number(max_stride_time, "max_stride_time", above=0.0)
     end_on_toe_stub = boolean(end_on_toe_stub, "end_on_toe_stub")

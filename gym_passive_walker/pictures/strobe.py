@@ -182,7 +182,7 @@ def strobe_of(
         ImportError: if matplotlib is not installed.
     """
     walker = as_walker(walker)
-    states = check_state(states, size=walker.size)
+    states = check_state(states, of=walker)
     if states.ndim != 2 or not len(states):
         size = walker.size
         raise ValueError(f"states must have shape (n, {size}) with n above 0, not {states.shape}")

@@ -17,7 +17,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from gym_passive_walker._tools.arguments import unknown
+from gym_passive_walker._tools.arguments import shown, unknown
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.actuation import Actuation, check_actuation
 from gym_passive_walker.gaits.control.ticks import hold
@@ -318,9 +318,15 @@ def as_tensor(value: Any, name: str) -> Tensor:
 
     Raises:
         TypeError: if it is a tensor of another dtype than float64, or on another device.
+        ValueError: if it is not a number, nor an array of them.
     """
     if not isinstance(value, Tensor):
-        return torch.from_numpy(np.array(value, dtype=float))
+        try:
+            return torch.from_numpy(np.array(value, dtype=float))
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"{name} must be a number, an array or a tensor, not {shown(value)}"
+            ) from None
     if value.dtype != torch.float64:
         raise TypeError(
             f"walkers walk in float64, and {name} is {value.dtype}: give {name}.double(), and let "

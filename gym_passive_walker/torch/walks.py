@@ -316,8 +316,8 @@ def _walk(
         sizes = {name: tuple(x.shape) for name, x in zip(("slope", *names), held, strict=False)}
         raise ValueError(
             f"state must have shape ({size},) or (n, {size}), and slope, {names[0]} and all else "
-            f"be numbers or (n,), but state is {tuple(states.shape)}, and "
-            f"{', '.join(f'{name} {size}' for name, size in sizes.items() if size)}"
+            f"be numbers or (n,), but state is {tuple(states.shape)}"
+            + "".join(f", {name} {size}" for name, size in sizes.items() if size)
         )
     count = math.prod(shape)
     time = torch.as_tensor(units.time, dtype=torch.float64).expand(shape).reshape(count, 1)
@@ -369,8 +369,8 @@ def _controls(
     ]
     if used:
         raise ValueError(
-            f"the system {walker.title!r} takes no {' or '.join(used)}: give controls, and "
-            "footholds that differ in height"
+            f"the system {walker.title!r} takes no {' or '.join(used)}: give its controls by name, "
+            "as controls={...}; footholds may differ in height alone"
         )
     if strange := unknown(asked, walker.controls, f"system {walker.title!r}"):
         raise ValueError(strange)

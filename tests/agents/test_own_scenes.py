@@ -12,6 +12,7 @@ import train
 from agents.config import Config, ConfigError, configure
 from agents.envs import scene_of
 from agents.learner import learned
+from gym_passive_walker.apps import cli
 from gym_passive_walker.apps.cli import main as passive_walker
 
 TINY = ["--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
@@ -194,3 +195,24 @@ def test_commands_take_an_own_scene(capsys):
     with pytest.raises(SystemExit):
         passive_walker(["scene", "mytask:nothing"])
     assert "cannot be found" in capsys.readouterr().err
+
+
+def test_a_policy_with_an_own_scene_is_tested_by_the_command_if_it_is_trusted(run, capsys):
+    assert train.main(["export", "run", "kept", "--trust"]) == 0
+    few = ["--walkers", "2"]
+    for line in (["evaluate", "kept", "--episodes", "2"], ["gauntlet", "kept", *few],
+                 ["export", "kept", "again.onnx"],
+                 ["robustness", "kept", *few, "--strides", "3"]):  # fmt: skip
+        assert cli.main(line) == 2
+        assert "if you trust it, add --trust" in capsys.readouterr().err
+        assert cli.main([*line, "--trust"]) in (0, 2)
+        assert "if you trust it" not in capsys.readouterr().err
+    with pytest.raises(ValueError, match="trust must be True or False, not 'yes'"):
+        gpw.load_policy("kept", trust="yes")
+
+
+@pytest.mark.learning
+def test_a_biped_of_five_links_learns_to_walk(own_folder, capsys):
+    assert train.main(["--scene", "examples.five_links:downhill", "--steps", "4000000",
+                       "--out", "five"]) == 0  # fmt: skip
+    assert "20 of 20 walks reach the time limit" in capsys.readouterr().out

@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from examples.five_links import FIVE_LINKS
+from examples.torso import TORSO
 from gym_passive_walker._tools import arguments
 from gym_passive_walker._tools.arguments import number, real_array, unknown, whole
 from gym_passive_walker.models import units
@@ -126,14 +128,21 @@ def test_slopes_are_between_the_vertical_ones_and_downhill_where_walkers_need_it
         arguments.several_slopes([], downhill=False)
 
 
-@pytest.mark.parametrize(("size", "words"), [(6, r"shape \(6,\) or \(n, 6\)"),
-                                             (10, r"shape \(10,\) or \(n, 10\)")])  # fmt: skip
-def test_states_have_the_size_of_their_walker(size, words):
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        (None, r"\[stance, thigh, shank angle, then their rates\]: shape \(6,\) or \(n, 6\)"),
+        (TORSO, r"\[stance, swing, torso, .*, torso_rate\]: shape \(6,\) or \(n, 6\)"),
+        (FIVE_LINKS, r"\[shin, .*\]: shape \(10,\) or \(n, 10\)"),
+    ],
+)
+def test_states_have_the_numbers_of_their_walker(model, words):
+    size = 6 if model is None else model.size
     for shape in ((size,), (3, size), (2, 3, size), (0, size)):
-        assert arguments.check_state(np.ones(shape), size=size).shape == shape
+        assert arguments.check_state(np.ones(shape), of=model).shape == shape
     for shape in ((), (size - 1,), (size, size + 1)):
-        with pytest.raises(ValueError, match=f"^start must be .*{words}, not"):
-            arguments.check_state(np.ones(shape), "start", size)
+        with pytest.raises(ValueError, match=f"^start must be {words}, not"):
+            arguments.check_state(np.ones(shape), "start", model)
 
 
 def test_unknown_names_are_answered_with_similar_ones():

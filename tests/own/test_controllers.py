@@ -179,3 +179,13 @@ def test_held_controls_are_a_controller_of_a_system():
         gpw.stride_map(DRIVEN, SLOPE, controller={"hip": "much"})
     with pytest.raises(ValueError, match="play shows gaits"):
         gpw.play(gait, seconds=0.1)
+
+
+def test_a_stride_of_a_map_with_a_controller_takes_a_state_of_the_system(scene):
+    strides = gpw.stride_map(controller=Linear(scene), scene=scene)
+    state = gpw.find_gait(scene["system"], scene["slope"]).state
+    found = gpw.stride(strides, scene["slope"], state)
+    assert found.state.shape == state.shape
+    assert list(found.columns())[: len(state)] == list(scene["system"].State._fields)
+    with pytest.raises(ValueError, match=r"state must be \[.*_rate.*\]: shape"):
+        gpw.stride(strides, scene["slope"], state[:-1])

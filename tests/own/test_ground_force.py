@@ -101,6 +101,7 @@ def test_given_equations_need_the_force_and_the_momentum():
 def test_the_collision_matrix_of_a_compass_is_that_of_the_package_s_own():
     gait = gpw.find_gait(COMPASS, 0.05)
     own = gpw.collision_matrix(COMPASS, gait.state)
+    np.testing.assert_array_equal(own, gpw.collision_matrix(gait))
     known = gpw.collision_matrix(STRAIGHT, gait.state[0]) / STRAIGHT.total_mass
     np.testing.assert_allclose(own, known, atol=1e-12)
 

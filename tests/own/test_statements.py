@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
 from gym_passive_walker.models.math import cos, sin
 from tests.numbers import alike
@@ -147,6 +148,7 @@ WRONG = {
         ),
         "infinity": (lambda b, s: math.inf, "finite"),
         "of rates": (lambda b, s: s.stance_rate, "rates"),
+        "of one leg": (lambda b, s: s.stance**2, "act alike on both legs"),
     },
     "name": {
         "a number": (3, "text"),
@@ -160,6 +162,8 @@ WRONG = {
     },
     "dissipation": {
         "a gain": (lambda b, s: -(s.stance_rate**2), "negative"),
+        "a gain on the way back": (lambda b, s: -0.1 * s.stance_rate, "negative"),
+        "of angles": (lambda b, s: s.stance**2, "does not depend on the rates"),
         "another each time": (lambda b, s: anything(b, s) * s.stance_rate**2, "each time"),
     },
     "forces": {
@@ -230,6 +234,22 @@ def test_an_error_of_a_function_names_its_line_and_one_of_given_equations_its_ph
         gpw.System.of(
             equations._replace(phases=(wrong,)), COMPASS.body, centre=lambda b, s: (0.0, s.stance)
         )
+
+
+@pytest.mark.parametrize(
+    ("travel", "said"),
+    [
+        (lambda s: Hip(0.0), "of the control 'hip' does not depend on the coordinates"),
+        (lambda s: Hip(s.swing_rate), "of the control 'hip' must not depend on the rates"),
+    ],
+)
+def test_a_control_that_cannot_work_is_refused(travel, said):
+    with pytest.raises(gpw.StatementError, match=f"travel of system 'compass' {said}"):
+        replace(DRIVEN, travel=travel)
+
+
+def test_a_body_without_dampers_may_have_a_dissipation():
+    assert FIVE_LINKS.vary(damping=0.0).total_mass == pytest.approx(FIVE_LINKS.total_mass)
 
 
 def test_a_body_varies_by_name():

@@ -130,7 +130,7 @@ def test_a_rollout_has_the_environment_s_rewards_and_exact_gradients(name):
 
 def test_what_a_system_does_not_have_is_refused():
     state = DRIVEN.start
-    with pytest.raises(ValueError, match=r"takes no hip_torque: give controls"):
+    with pytest.raises(ValueError, match=r"takes no hip_torque: give its controls by name"):
         gt.stride(DRIVEN, SLOPE, state, hip_torque=0.1)
     with pytest.raises(ValueError, match="takes no slope_change"):
         gt.stride(DRIVEN, SLOPE, state, slope_change=0.1)

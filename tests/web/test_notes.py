@@ -181,6 +181,8 @@ def test_a_module_exports_what_is_asked_for_before_its_code():
 
 @pytest.mark.parametrize("name", ["", "a/b", "../up", "a b", "a.wasm", "ä/"])
 def test_a_name_of_a_system_is_that_of_a_file(name, tmp_path):
+    with pytest.raises(ValueError, match="systems must map names to systems"):
+        web.build(tmp_path, TORSO)
     with pytest.raises(ValueError, match=r"must be letters, digits, '-' and '_'"):
         web.build(tmp_path / "there", {name: TORSO})
     with pytest.raises(ValueError, match=r"systems\['walker'\] must be a gpw.System or a gait"):

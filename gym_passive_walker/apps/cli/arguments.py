@@ -11,20 +11,21 @@ from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import unknown
 from gym_passive_walker.apps.cli.report import PLAIN, SI
+from gym_passive_walker.envs.policies import load_policy
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.control.baselines import BASELINES
 from gym_passive_walker.gaits.control.maps import stride_map
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
-from gym_passive_walker.gaits.scenes.named import named_scene
+from gym_passive_walker.gaits.scenes.named import named_scene, named_walker
 from gym_passive_walker.gaits.scenes.scene import SCENES, Scene
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import EXAMPLES, Terrain, terrain_from
-from gym_passive_walker.models.walkers import WALKERS, Walker, as_walker, tune
+from gym_passive_walker.models.walkers import WALKERS, Walker, tune
 
 A_WALKER = (
     f"{', '.join(WALKERS)}, or a JSON, YAML or TOML file of your own walker's parameters, such as "
-    '{"preset": "C", "hip_mass": 1.0}'
+    '{"preset": "C", "hip_mass": 1.0}; or module:NAME, a System of yours'
 )
 """Help text of an argument that names a walker."""
 
@@ -84,9 +85,9 @@ class Parser(ArgumentParser):
 
 
 def a_walker(text: str) -> Walker:
-    """Parse a walker by `as_walker`; the parser prints an error with the argument's name."""
+    """Parse a walker by `named_walker`; the parser prints an error with the argument's name."""
     try:
-        return as_walker(text)
+        return named_walker(text)
     except (ValueError, ImportError) as error:
         raise ArgumentTypeError(str(error)) from None
 
@@ -174,11 +175,30 @@ def add_controller(command: ArgumentParser) -> None:
         "--scene", type=a_scene, metavar="SCENE",
         help=f"scene of the controller (its own, or level): {A_SCENE}",
     )  # fmt: skip
+    add_trust(command)
+
+
+def add_trust(command: ArgumentParser) -> None:
+    """Add the argument --trust; `read_policy` heeds it."""
+    command.add_argument(
+        "--trust", action="store_true", help="permit a policy with a scene of its own, "
+        "module:function; such code runs with your rights",
+    )  # fmt: skip
+
+
+def read_policy(arguments: Namespace, name: str) -> Any:
+    """Return a controller by its name; a trained policy is read here if --trust is given.
+
+    Raises:
+        ValueError: if --trust is given and the name is not one of a trained policy.
+    """
+    return load_policy(name, trust=True) if arguments.trust else name
 
 
 def shown_in(arguments: Namespace, result: Any) -> tuple[Any, dict[str, str]]:
     """Return a result in the units asked for, and the names of these units."""
-    return (result.dimensionless, PLAIN) if arguments.dimensionless else (result, SI)
+    plain = arguments.dimensionless or "units" not in result.walker.supports
+    return (result.dimensionless, PLAIN) if plain else (result, SI)
 
 
 def chosen_map(arguments: Namespace, slope: float | None = None) -> StrideMap:
@@ -192,11 +212,14 @@ def chosen_map(arguments: Namespace, slope: float | None = None) -> StrideMap:
     held = Actuation.dimensionless(*parts) if plain else Actuation(*parts)
     if arguments.controller is None and arguments.scene is not None:
         raise ValueError("--scene is that of a --controller, which is not given")
+    if arguments.controller is None and arguments.trust:
+        raise ValueError("--trust permits a --controller, which is not given")
     if arguments.controller is None:
         return stride_map(walker, slope, controller=None if held.passive else held)
     if not held.passive:
         raise ValueError("--controller determines the actuation: omit torques and the push-off")
-    return stride_map(walker, slope, controller=arguments.controller, scene=arguments.scene)
+    controller = read_policy(arguments, arguments.controller)
+    return stride_map(walker, slope, controller=controller, scene=arguments.scene)
 
 
 def gait_of(arguments: Namespace) -> Gait:

@@ -6,12 +6,21 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
-from gym_passive_walker.apps.cli.arguments import A_POLICY, A_SCENE, A_WALKER, a_scene
+from gym_passive_walker._tools.loading import has_address
+from gym_passive_walker.apps.cli.arguments import (
+    A_POLICY,
+    A_SCENE,
+    A_WALKER,
+    a_scene,
+    add_trust,
+    read_policy,
+)
 from gym_passive_walker.apps.cli.report import Report, listing, table
 from gym_passive_walker.envs.evaluation.gauntlet import gauntlet as tested
 from gym_passive_walker.envs.evaluation.robustness import robustness as tried
 from gym_passive_walker.envs.policies import shipped_policies
 from gym_passive_walker.gaits.control.baselines import BASELINES
+from gym_passive_walker.gaits.scenes.named import named_walker
 from gym_passive_walker.models.walkers import is_walker
 from gym_passive_walker.pictures.axes import OWN, figure_of, picture_path, save
 
@@ -33,9 +42,11 @@ def gauntlet(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add("--scene", type=a_scene, metavar="SCENE",
         help=f"scene of the tests (the policy's own): {A_SCENE}")  # fmt: skip
     add("--walkers", type=int, default=64, metavar="N", help="walks in each test (%(default)s)")
+    add_trust(command)
 
     def run(arguments: Namespace) -> Report:
-        found = tested(arguments.controller, arguments.scene, walkers=arguments.walkers)
+        controller = read_policy(arguments, arguments.controller)
+        found = tested(controller, arguments.scene, walkers=arguments.walkers)
         columns = found.columns()
         rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
         low, high = found.score_interval
@@ -87,13 +98,19 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
         help="seed of terrain and initial states (%(default)s)",
     )
     add("--out", type=Path, metavar="FILE", help="picture file: .png, .pdf or .svg")
+    add_trust(command)
 
     def run(arguments: Namespace) -> Report:
         out = None if arguments.out is None else picture_path(arguments.out)
-        if is_walker(arguments.controller) and arguments.scene is None and arguments.slope is None:
+        name = arguments.controller
+        walker = has_address(name) or is_walker(name)
+        if walker and arguments.scene is None and arguments.slope is None:
             raise ValueError("a passive walker needs --slope or --scene, as in --slope 0.036")
+        if walker and arguments.trust:
+            raise ValueError("--trust permits a controller, and this is a walker")
+        read = named_walker(name) if walker else read_policy(arguments, arguments.controller)
         found = tried(
-            arguments.controller, arguments.scene, slope=arguments.slope,
+            read, arguments.scene, slope=arguments.slope,
             roughness=arguments.roughness, first_passage=arguments.first_passage,
             walkers=arguments.walkers, strides=arguments.strides, seed=arguments.seed,
         )  # fmt: skip

@@ -200,7 +200,7 @@ def basin(command: ArgumentParser) -> Callable[[Namespace], Report]:
         ]
         angle, rate = found.stance_angle, found.stance_rate
         title = f"stance angles {angle[0]:.4g} to {angle[-1]:.4g} rad, stance rates {rate[0]:.4g} "
-        title += f"to {rate[-1]:.4g} rad/s"
+        title += f"to {rate[-1]:.4g} {'rad/s' if 'units' in found.walker.supports else '√(g/l)'}"
         data = record(found, ("slope", "stance_angle", "stance_rate", "settled", "strides"))
         data["gaits"] = [record(gait, _GAIT) for gait in found.gaits]
         return Report(f"{title}\n{table(rows)}", data)

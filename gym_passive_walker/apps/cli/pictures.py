@@ -110,7 +110,7 @@ def play(command: ArgumentParser) -> Callable[[Namespace], Report]:
         except WebError as error:
             raise OSError(None, str(error)) from None
         data = {"address": server.address, "files": []}
-        return Report(announcement(server), data, then=partial(server.serve, seconds))
+        return Report(announcement(server, seconds), data, then=partial(server.serve, seconds))
 
     return run
 

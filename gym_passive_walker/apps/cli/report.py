@@ -103,6 +103,8 @@ def plain(value: Any) -> Any:
             return plain(value.tolist())
         case Mapping():
             return {str(name): plain(part) for name, part in value.items()}
+    if "McGeer's parameters" not in getattr(value, "supports", ("McGeer's parameters",)):
+        return {"name": value.title} | plain(value.parameters)  # its functions are no numbers
     if is_dataclass(value):
         return plain({field.name: getattr(value, field.name) for field in fields(value)})
     if hasattr(value, "_asdict"):

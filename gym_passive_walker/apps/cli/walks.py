@@ -19,8 +19,10 @@ from gym_passive_walker.apps.cli.arguments import (
     a_scene,
     a_walker,
     add_terrain,
+    add_trust,
     add_walk,
     chosen_map,
+    read_policy,
     shown_in,
     start_of,
 )
@@ -104,11 +106,12 @@ def export(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add = command.add_argument
     add("policy", metavar="POLICY", help=f"{known}, or the folder of an exported policy")
     add("out", type=Path, metavar="FILE", help="the file; its name ends in .onnx")
+    add_trust(command)
 
     def run(arguments: Namespace) -> Report:
         if arguments.out.suffix.lower() != ".onnx":
             raise ValueError(f"export takes a name that ends in .onnx, not {arguments.out}")
-        policy = load_policy(arguments.policy)
+        policy = load_policy(arguments.policy, trust=arguments.trust)
         if not isinstance(policy, TrainedPolicy):
             raise ValueError(
                 f"export takes a policy of the package or an exported folder, not "
@@ -161,6 +164,7 @@ def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:
         help=f"scene (the policy's own; level): {A_SCENE}")  # fmt: skip
     add("--walker", type=a_walker, metavar="WALKER", help=A_WALKER)
     add("--slope", type=float, metavar="RAD", help="slope in rad (the scene's)")
+    add_trust(command)
     add_terrain(command)
     add("--episodes", type=int, default=20, metavar="N", help="number of episodes (%(default)s)")
     add(
@@ -175,7 +179,7 @@ def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:
         name, episodes = arguments.policy, whole(arguments.episodes, "--episodes")
         asked = {name: getattr(arguments, name) for name in ("slope", "walker", "terrain")}
         changes = {name: value for name, value in asked.items() if value is not None}
-        policy, scene = acting(name, arguments.scene, **changes)
+        policy, scene = acting(read_policy(arguments, name), arguments.scene, **changes)
         arena = gym.make_vec(ID, num_envs=episodes, scene=scene)
         agents = {name: policy, "without a motor": Passive(scene)}
         walks = {

@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 
 from gym_passive_walker._tools.arguments import gait_kind, unknown, whole
-from gym_passive_walker._tools.loading import found_at, function_at, has_address, untrusted
+from gym_passive_walker._tools.loading import function_at, has_address, untrusted
 from gym_passive_walker.envs.evaluation import robustness as robust
 from gym_passive_walker.envs.evaluation import walks
 from gym_passive_walker.envs.registration import ID
@@ -26,10 +26,9 @@ from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.look.reality import reality_check
 from gym_passive_walker.gaits.robust.basin import basin_of_attraction
-from gym_passive_walker.gaits.scenes.named import named_scene
+from gym_passive_walker.gaits.scenes.named import named_scene, named_walker
 from gym_passive_walker.gaits.scenes.scene import Scene
-from gym_passive_walker.models.model import Model
-from gym_passive_walker.models.walkers import Walker, as_walker
+from gym_passive_walker.models.walkers import Walker
 
 Row = dict[str, Any]
 
@@ -273,7 +272,7 @@ def task(analysis: str, given: Mapping[str, Any]) -> Callable[[], Any]:
     numbers = _WALKER
     if "walker" in takes or "changes" in takes:
         if "walker" in rest:
-            rest["walker"] = _walker(rest["walker"])
+            rest["walker"] = named_walker(rest["walker"])
             numbers = tuple(rest["walker"].parameters)
         parts = {name: rest.pop(name) for name in numbers if name in rest and name not in takes}
         if parts and "walker" not in rest:
@@ -302,16 +301,6 @@ def task(analysis: str, given: Mapping[str, Any]) -> Callable[[], Any]:
     if lacking:
         raise ValueError(f"{analysis} needs {', '.join(lacking)} besides")
     return partial(called, **rest)
-
-
-def _walker(given: Any) -> Any:
-    """Return a walker in a form that `as_walker` takes, or the system at "module:name"."""
-    if not has_address(given):
-        return as_walker(given)
-    found = found_at(given, "the walker")
-    if not isinstance(found, Model):
-        raise ValueError(f"the walker {given!r} must be a System, not {found!r}")
-    return found
 
 
 def flat(found: Any) -> Row:

@@ -176,9 +176,13 @@ def build(folder: str | Path, systems: Mapping[str, own.System | Gait] | None = 
         ValueError: if a name is not that of a file, or a value is not a system.
         WebError: if the modules cannot be compiled here.
     """
+    if systems is not None and not isinstance(systems, Mapping):
+        raise ValueError(
+            'systems must map names to systems, as {"torso": system}, not ' + shown(systems)
+        )
     made = {}
     for name, given in ({} if systems is None else systems).items():
-        if not re.fullmatch(r"[\w-]+", name):
+        if not isinstance(name, str) or not re.fullmatch(r"[\w-]+", name):
             raise ValueError(f"systems: {name!r} must be letters, digits, '-' and '_'")
         gait = given if isinstance(given, Gait) else None
         system = given if gait is None else gait.walker

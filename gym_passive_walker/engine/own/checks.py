@@ -266,8 +266,32 @@ def _check_functions(checks: Checks, state: Any) -> None:
         _slopes(checks, "potential", system.potential, state, checks.count)
     ):
         raise checks.error("potential", "must not depend on the rates of the coordinates")
-    checks.agree("travel", system.travel, len(system.controls), state)
+    if (
+        system.dissipation is not None
+        and system.dissipation(body, state) != 0.0  # it is without dampers
+        and not np.any(_slopes(checks, "dissipation", system.dissipation, state, checks.count))
+    ):
+        raise checks.error("dissipation", "takes nothing: it does not depend on the rates")
+    _check_travel(checks, system.travel, state)
     _check_pose(checks, state)
+
+
+def _check_travel(checks: Checks, travel: Any, state: Any) -> None:
+    """Refuse a travel that is not one of the coordinates, for each control."""
+    names = checks.system.controls
+    checks.agree("travel", travel, len(names), state)
+    for number, name in enumerate(names):
+
+        def moved(body: Any, state: Any, number: int = number) -> Any:
+            return travel(state)[number]
+
+        if np.any(_slopes(checks, "travel", moved, state, checks.count)):
+            raise checks.error("travel", f"of the control {name!r} must not depend on the rates")
+        if not np.any(_slopes(checks, "travel", moved, state, 0)):
+            raise checks.error(
+                "travel", f"of the control {name!r} does not depend on the coordinates: it would "
+                "move nothing"
+            )  # fmt: skip
 
 
 def _slopes(
@@ -298,8 +322,12 @@ def _check_equations(checks: Checks, state: Any) -> None:
         checks, system._mass_matrix, checks.count, state, "links",
         "leave a coordinate without inertia: the mass matrix must be positive",
     )  # fmt: skip
-    if system.dissipation is not None and system.dissipation(body, state) < 0.0:
-        raise checks.error("dissipation", f"must not be negative, as at {state}")
+    if system.dissipation is not None:
+        half = checks.count
+        back = type(state)(*state[:half], *(-rate for rate in state[half:]))
+        for moving in (state, back):
+            if system.dissipation(body, moving) < 0.0:
+                raise checks.error("dissipation", f"must not be negative, as at {moving}")
 
 
 def _positive_matrix(
@@ -350,6 +378,13 @@ def _check_heelstrike(checks: Checks, state: Any) -> None:
             "relabel", "does not name the same posture: the centre of mass is at another height "
             "over the new foot"
         )  # fmt: skip
+    if system.potential is not None:
+        energies = [system.potential(body, each) for each in (state, new)]
+        if abs(energies[1] - energies[0]) > _CLOSE * (1.0 + abs(energies[0])):
+            raise checks.error(
+                "potential", f"is {energies[0]:.6g} before a heelstrike and {energies[1]:.6g} "
+                "after it, in the same posture: springs must act alike on both legs"
+            )  # fmt: skip
 
 
 def _check_statement(checks: Checks, equations: hybrid.System) -> None:
@@ -386,7 +421,7 @@ def _check_energies(checks: Checks, equations: hybrid.System, state: Any) -> Non
     if (equations.ground_force is None) != (equations.momentum is None):
         lacking = "momentum" if equations.momentum is None else "ground_force"
         raise checks.error(lacking, "is missing: ground_force and momentum are used together")
-    checks.agree("travel", equations.travel, len(checks.system.controls), state)
+    _check_travel(checks, equations.travel, state)
     given = equations, body, state[: checks.count], state, state, _SLOPING
     checks.numbers("measure", checks.tried("measure", equations.measure, *given), 4)
 

@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from gym_passive_walker._tools.arguments import near, shown
+from gym_passive_walker._tools.arguments import boolean, near, shown
 from gym_passive_walker._tools.console import cut
 from gym_passive_walker._tools.loading import parse_json
 from gym_passive_walker.envs.policies.network import Network
@@ -135,7 +135,9 @@ def load_policy(
             trusted.
         ImportError: if an ONNX file is read without onnxruntime (extra "onnx"), or a file of
             stable-baselines3 without torch (extra "train").
+        ValueError: if trust is not True or False.
     """
+    trust = boolean(trust, "trust")
     if isinstance(name_or_folder, str | Path):
         suffix = Path(name_or_folder).suffix.lower()
         if suffix in READERS:

@@ -150,7 +150,7 @@ def beginnings(
     kind = gait_kind(kind)
     if start is not None:
         size = stride_map.size
-        states = check_state(start, "start", size)
+        states = check_state(start, "start", stride_map.walker)
         if states.shape not in ((size,), (1, size), (len(slopes), size)):
             raise ValueError(
                 f"start must be one state, or one for each of {len(slopes)} slopes, not of shape "

@@ -201,10 +201,14 @@ def _halts(
 
 
 def _some_gait(stride_map: StrideMap, slopes: NDArray, kind: GaitKind) -> Gait:
-    """Return the gait at the lowest of some slopes that has one; quick searches come first."""
+    """Return the gait at the lowest of some slopes that has one; quick searches come first.
+
+    A quick search for a gait of no kind may end at another gait than `find_gait`.
+    """
     quick = (seek(stride_map, slope, kind, quick=True).gait for slope in slopes.tolist())
     thorough = (seek(stride_map, slope, kind).gait for slope in slopes[::4].tolist())
-    for gait in chain(quick, thorough):
+    kinds = "step kinds" in stride_map.walker.supports
+    for gait in chain(quick, thorough) if kinds else thorough:
         if gait is not None:
             return gait
     name = stride_map.controller_name

@@ -308,7 +308,7 @@ def _guesses(
 ) -> NDArray:
     """Return initial guesses (n, m) in the chart: `guess`, or those for this period."""
     if guess is not None:
-        states = np.atleast_2d(check_state(guess, "guess", stride_map.size))
+        states = np.atleast_2d(check_state(guess, "guess", stride_map.walker))
         return stride_map.points(states).search
     kinds = "step kinds" in stride_map.walker.supports
     if slope <= 0.0 and stride_map.passive and stride_map.terrain is None and kinds:

@@ -66,7 +66,9 @@ def foot_velocity(walker: WalkerLike | Gait, state: ArrayLike | None = None) -> 
     return FootVelocity(-back * walker.leg_length, up * walker.leg_length)
 
 
-def collision_matrix(walker: WalkerLike, stance_angle: ArrayLike) -> NDArray[np.float64]:
+def collision_matrix(
+    walker: WalkerLike | Gait, stance_angle: ArrayLike | None = None
+) -> NDArray[np.float64]:
     """Return the matrix M of Eq. 4.7: a heelstrike at foot velocity v loses the energy v.M.v / 2.
 
     Just before the impact the motion is a roll on the new foot plus a translation v. The ground's
@@ -76,9 +78,9 @@ def collision_matrix(walker: WalkerLike, stance_angle: ArrayLike) -> NDArray[np.
     of v along the leg contributes.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes.
+        walker: The walker, in a form that `as_walker` takes; or a `Gait`.
         stance_angle: Stance angle in rad just after heelstrike, as `Gait.stance_angle`; 0 for M(0).
-            Of a `System`, its state there, as `Gait.state`.
+            Of a `System`, its state there, as `Gait.state`. The gait's own when None.
 
     Returns:
         Symmetric positive semidefinite matrix (2, 2) in the walker's unit of mass, for velocities
@@ -87,9 +89,14 @@ def collision_matrix(walker: WalkerLike, stance_angle: ArrayLike) -> NDArray[np.
     Raises:
         ValueError: if equations of a system were given without `mass_matrix` and `momentum`.
     """
+    if isinstance(walker, Gait):
+        gait, walker = walker, walker.walker
+        if stance_angle is None:
+            own = "McGeer's parameters" in walker.supports
+            stance_angle = gait.stance_angle if own else gait.state
     walker = as_walker(walker)
     if "McGeer's parameters" not in walker.supports:
-        return _stated_matrix(check_supports(walker, "collision matrix"), stance_angle)
+        return _stated_matrix(check_supports(walker, "collision matrix"), stance_angle)  # type: ignore[arg-type]
     stance_angle = one_slope(stance_angle, "stance_angle")  # type: ignore[arg-type]
     if walker.massless_legs:
         leg = np.array([-np.sin(stance_angle), np.cos(stance_angle)])

@@ -312,7 +312,7 @@ def reality_check(
     number(motors.hip_torque, "hip_torque")
     walks = controlled or StrideMap.of(walker, controller=one_actuation(walker, motors))
     walks = walks.with_tolerance(tolerance)
-    here = check_state(state_on(walks, slope, state), size=walker.size)
+    here = check_state(state_on(walks, slope, state), of=walker)
     if here.shape != (walker.size,):
         raise ValueError(
             f"reality_check takes one walker: state must be ({walker.size},), not {here.shape}"

@@ -86,7 +86,7 @@ def stride_jacobian(
     if strange := unknown(names or [wrt], known, "wrt: the stride map"):
         raise ValueError(strange)
     state, units = state_on(stride_map, slope, state), stride_map.units
-    states = check_state(state, size=stride_map.size)
+    states = check_state(state, of=stride_map.walker)
     points, driving = stride_map.points_at(states), actuation_units(units)._asdict()
     moved = set(names)
     # A parameter also changes the units, hence the dimensionless state and torques.

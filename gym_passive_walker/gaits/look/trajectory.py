@@ -165,7 +165,7 @@ def simulate(
     if state is None:
         held = one_actuation(walker, motors)
         state = state_on(controlled or StrideMap.of(walker, controller=held), slope, None)
-    state = check_state(state, size=size)
+    state = check_state(state, of=walker)
     if state.shape != (size,):
         raise ValueError(f"simulate follows one walker: state must be ({size},), not {state.shape}")
     strides, samples = whole(strides, "strides", 1, KEPT), whole(samples, "samples", 2, KEPT)

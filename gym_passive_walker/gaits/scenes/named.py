@@ -1,4 +1,4 @@
-"""Scenes by name: those of the package, and a user's own as "module:function"."""
+"""Scenes and walkers by name: those of the package, and a user's own as "module:name"."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from types import ModuleType
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from gym_passive_walker._tools.loading import function_at, has_address, untrusted
+from gym_passive_walker._tools.arguments import shown
+from gym_passive_walker._tools.loading import found_at, function_at, has_address, untrusted
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, make_scene
+from gym_passive_walker.models.model import Model
+from gym_passive_walker.models.walkers import Walker, WalkerError, as_walker
 
 
 def named_scene(name: Any, *, trust: bool, **changes: Any) -> Scene:
@@ -43,6 +46,25 @@ def named_scene(name: Any, *, trust: bool, **changes: Any) -> Scene:
             f"package, not {found!r}"
         )
     return make_scene(found, **changes)
+
+
+def named_walker(name: Any) -> Walker:
+    """Return a walker in a form that `as_walker` takes, or the system at "module:NAME".
+
+    The module is imported without a check of trust.
+
+    Raises:
+        WalkerError: if there is no such walker, or the name is of something else.
+    """
+    if not has_address(name):
+        return as_walker(name)
+    try:
+        found: Any = found_at(name, "the walker")
+    except ValueError as error:
+        raise WalkerError(str(error)) from None
+    if isinstance(found, Model):
+        return found  # type: ignore[return-value]
+    raise WalkerError(f"the walker {name!r} must be a System, not {shown(found)}")
 
 
 _SOURCES: WeakKeyDictionary[ModuleType, str] = WeakKeyDictionary()
