@@ -12,6 +12,7 @@ from gym_passive_walker.gaits.branches import continuation
 from gym_passive_walker.gaits.branches.bifurcation import BifurcationDiagram
 from gym_passive_walker.gaits.branches.doubling import Cascade
 from gym_passive_walker.gaits.branches.family import GaitFamily
+from gym_passive_walker.gaits.control.optimum import OptimalGait
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.look.reality import RealityCheck
 from gym_passive_walker.gaits.look.trajectory import Trajectory, simulate
@@ -385,6 +386,26 @@ def _torques(ax: Axes, walk: Trajectory, gait: Gait, optimum: Any) -> None:
         ax.set_ylim(-_NO_TORQUE, _NO_TORQUE)
     ax.set(xlabel=TIME, ylabel="hip torque τ / (m g l)")
     legend(ax, columns=2)
+
+
+@picture.register(OptimalGait)
+def _controls(gait: OptimalGait, ax: Axes | None = None, **style: Any) -> Axes:
+    """Draw the torques that work in each control step, with options of matplotlib's stairs."""
+    ax = axes_for(ax)
+    torques = {name: held for name, held in gait.held.items() if name != "push_off"}
+    working = {name: held for name, held in torques.items() if np.any(held)} or torques
+    for (label, colour, dash), held in zip(parts_of([*working]), working.values(), strict=True):
+        lines = {"color": colour, "linestyle": dash, "label": label, "baseline": None}
+        ax.stairs(held, **{**lines, **style})
+    ax.axhline(0.0, color=GREY, linewidth=0.4)
+    unit = "torque τ / (m g l)" if "units" in gait.walker.supports else "control"
+    ax.set(xlabel="control step", ylabel=unit)
+    ax.set_title(
+        f"optimal gait of walker {name_of(gait.walker)} at speed {gait.froude_speed:.4g} √(g l)",
+        fontsize="medium",
+    )
+    legend(ax, columns=2)
+    return ax
 
 
 def multipliers(ax: Axes, values: NDArray) -> None:

@@ -451,6 +451,7 @@ SHOWN = {  # for each class with a picture: an example, and what its picture can
         lambda: gpw.gait_family("D", 0.008, 0.01),
         {"by": "froude_speed", "linewidth": 9.0},
     ),
+    "OptimalGait": (lambda: baselines.optimal.load("level")[0], {"linewidth": 9.0}),
     "RealityCheck": (lambda: gpw.reality_check("lab", 0.036, gait("lab", 0.036).state), {}),
     "Robustness": (lambda: gpw.robustness("D", slope=0.009, walkers=8, strides=20, starts=8), {}),
     "Stride": (lambda: gait().stride, {}),

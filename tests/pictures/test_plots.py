@@ -13,6 +13,7 @@ from gym_passive_walker._tools.shown import Table
 from gym_passive_walker.gaits.control.baselines import LinearFeedback
 from gym_passive_walker.pictures import phase_portrait, plots, strobe
 from gym_passive_walker.pictures.axes import OWN
+from tests.own.statements import DRIVEN
 
 plt = pytest.importorskip("matplotlib.pyplot")
 
@@ -42,6 +43,8 @@ def shown(gait, family):
         gpw.bifurcation_diagram("C", [0.07, 0.075], n_transient=50, n_recorded=40),
         gpw.basin_of_attraction(lab, slope, resolution=12),
         gpw.closed_loop_gait(LinearFeedback("steep"), "steep"),
+        gpw.optimal_gait("level", 0.1),
+        gpw.optimal_gait({"system": DRIVEN, "slope": 0.02, "control": "stride"}, 0.185),
     ]
 
 

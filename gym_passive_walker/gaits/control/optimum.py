@@ -19,6 +19,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker._tools.shown import Table
 from gym_passive_walker.gaits.actuation import Actuation, to_own
 from gym_passive_walker.gaits.control.ticks import (
     PiecewiseConstantStride,
@@ -29,13 +30,13 @@ from gym_passive_walker.gaits.design.design_nlp import slsqp
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.map_result import NoStride
-from gym_passive_walker.gaits.measures import SHARES, Measured
+from gym_passive_walker.gaits.measures import SHARES, Measured, in_words
 from gym_passive_walker.gaits.scenes.rules import CHANNELS
 from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.gaits.section import Points, Section
 from gym_passive_walker.gaits.stride import Stride, account, one_of, reported_as
 from gym_passive_walker.models.model import check_supports
-from gym_passive_walker.models.walkers import Walker, describe
+from gym_passive_walker.models.walkers import Walker, describe, name_of
 
 _ITERATIONS = 600
 _FIRST = 6  # iterations among all unknowns, before those are set aside that stay at their bounds
@@ -54,9 +55,9 @@ _AHEAD = np.array([[-1.0, 1.0], [1.0, 1.0]])
 _CLEAR = 1e-3  # rad of either as the knee locks, at the least, where the toe has to clear
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class OptimalGait(Measured):
-    """A gait of least cost at its speed, in the walker's own units.
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class OptimalGait(Measured, Table):
+    """A gait of least cost at its speed, in the walker's own units; a table of its controls.
 
     It has the quantities of its stride, as a `Gait` has those of its own; so `froude_speed` is the
     speed over sqrt(g l), and `dimensionless` has the same attributes without units.
@@ -106,6 +107,26 @@ class OptimalGait(Measured):
         if "actuation" in self.walker.supports:
             held = zip(CHANNELS, np.broadcast_arrays(*held), strict=True)
         return dict(held)
+
+    def facts(self) -> dict[str, str]:
+        """Measures of the gait; its work is that which the scene charges."""
+        return {
+            "walker": name_of(self.walker),
+            "slope": f"{self.slope:.6g} rad",
+            "speed": in_words(self, "speed"),
+            "cost of motors": f"{self.charged_cost:.6g}",
+            "cost of transport": f"{self.cost_of_transport:.6g}",
+            "largest multiplier": f"{abs(self.multipliers[0]):.6g}",
+            "": ("stable" if self.stable else "unstable") + ", the toe stubs" * self.stubs,
+        }
+
+    def columns(self) -> dict[str, NDArray]:
+        """One row for each control step; a push-off acts at the end."""
+        held: Any = self.controller
+        controls = held._asdict() if "actuation" in self.walker.supports else held
+        count = max(np.size(values) for values in controls.values())
+        steps = {"control_step": np.arange(count)}
+        return steps | {name: np.broadcast_to(x, count) for name, x in controls.items()}
 
     def to_json(self) -> dict[str, Any]:
         """Return the gait as numbers, text and lists by name.
