@@ -47,13 +47,13 @@ class Case(NamedTuple):
     bound: float
     unit: str
 
-    def run(self, *, long: bool = False) -> Finding:
-        """Run the test, with random numbers that are equal in every run.
+    def run(self, trials: int) -> Finding:
+        """Run the test with about so many trials, whose random numbers are equal in every run.
 
         The seed is computed from the statement, so another wording has other random numbers.
         """
         rng = np.random.default_rng(zlib.crc32(self.statement.encode()))
-        return self.check(self.long if long else self.quick, rng)
+        return self.check(trials, rng)
 
     def holds(self, finding: Finding) -> bool:
         """Whether no trial failed and the error is within its bound."""

@@ -327,7 +327,7 @@ CELLS = [
 
 
 PAIRS = [
-    pytest.param(cell, name, marks=[pytest.mark.slow] * (cell in (pages, sweeps)))
+    pytest.param(cell, name, marks=[pytest.mark.slow] * (cell in (optima, pages, sweeps)))
     for cell in CELLS
     for name in MODELS
 ]

@@ -10,12 +10,12 @@ each = pytest.mark.parametrize("case", STATEMENTS, ids=[case.check.__name__ for 
 
 @each
 def test_it_holds(case: Case):
-    finding = case.run()
+    finding = case.run(case.quick)
     assert case.holds(finding), finding
 
 
 @pytest.mark.slow
 @each
 def test_it_still_holds_when_tried_much_more_often(case: Case):
-    finding = case.run(long=True)
+    finding = case.run(max(case.quick, case.long // 5))  # `benchmarks.stress --long` tries all
     assert case.holds(finding), finding
