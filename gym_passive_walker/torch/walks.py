@@ -314,10 +314,11 @@ def _walk(
     shape = max(shapes, key=len)
     if states.shape[-1:] != (size,) or len(shape) > 1 or not set(shapes) <= {shape, ()}:
         sizes = {name: tuple(x.shape) for name, x in zip(("slope", *names), held, strict=False)}
+        others = ", ".join(f"{name} {size}" for name, size in sizes.items() if size)
         raise ValueError(
             f"state must have shape ({size},) or (n, {size}), and slope, {names[0]} and all else "
             f"be numbers or (n,), but state is {tuple(states.shape)}"
-            + "".join(f", {name} {size}" for name, size in sizes.items() if size)
+            f"{f', and {others}' if others else ''}"
         )
     count = math.prod(shape)
     time = torch.as_tensor(units.time, dtype=torch.float64).expand(shape).reshape(count, 1)
