@@ -48,7 +48,7 @@ class Case(NamedTuple):
     unit: str
 
     def run(self, trials: int) -> Finding:
-        """Run the test with about so many trials, whose random numbers are equal in every run.
+        """Run the test with about so many trials; random numbers are equal in every run.
 
         The seed is computed from the statement, so another wording has other random numbers.
         """
