@@ -36,9 +36,8 @@ def strides(name: str) -> str:
     states = gait.state * (1.0 + 0.1 * rng.normal(size=(64, 6)))
     states[:, 1] = states[:, 2] = -states[:, 0]
     states[::7] = rng.normal(scale=3.0, size=states[::7].shape)
-    together = gpw.stride(name, gait.slope, states)
-    alone = gpw.stride(name, gait.slope, states[0])
-    return digest(*together, *alone)
+    walked = [gpw.stride(name, gait.slope, given) for given in (states, states[0])]
+    return digest(*(x for of in walked for key, x in of._asdict().items() if key != "walker"))
 
 
 def episodes(arguments: dict, count: int = 0) -> str:
