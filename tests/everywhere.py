@@ -23,10 +23,16 @@ STEPS = 60
 
 
 def digest(*arrays: object) -> str:
-    """Digest of the bytes of arrays."""
+    """Digest of the bytes of arrays of numbers.
+
+    Raises:
+        TypeError: if one has objects, of which the bytes are addresses.
+    """
     found = sha256()
-    for array in arrays:
-        found.update(np.ascontiguousarray(array).tobytes())
+    for array in map(np.ascontiguousarray, arrays):
+        if array.dtype.hasobject:
+            raise TypeError("the bytes of objects are addresses")
+        found.update(array.tobytes())
     return found.hexdigest()[:16]
 
 

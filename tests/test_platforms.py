@@ -11,9 +11,11 @@ from types import SimpleNamespace
 
 import pytest
 
+import gym_passive_walker as gpw
 from gym_passive_walker._tools import console, files
 from gym_passive_walker.apps import build
 from gym_passive_walker.engine import cache, machine
+from tests import everywhere
 
 
 class System:
@@ -110,3 +112,10 @@ def test_a_reader_that_closes_the_pipe_ends_a_program(system, error, status, mon
     monkeypatch.setattr(console, "forget_output", lambda: forgotten.append(True))
     assert console.run(work) == status
     assert bool(forgotten) == (status == 0) != ("error" in capsys.readouterr().err)
+
+
+def test_digests_of_walks_are_of_numbers_alone():
+    found = everywhere.strides("D")
+    assert found == everywhere.strides("D") != everywhere.strides("E")
+    with pytest.raises(TypeError, match="addresses"):
+        everywhere.digest(gpw.WALKERS["D"])
