@@ -103,7 +103,8 @@ def rules_for(layout: Layout) -> np.dtype:
         ("works", "f8", channels),
         ("weight", "f8"),  # weight of the walker, in the unit of its records
         ("reset_noise_scale", "f8"),
-        ("coordinates", "i8"),  # of a system, which is observed whole; 0 with the lock of a knee
+        # Of a system, which is observed whole and begins with its gait's; else 0.
+        ("coordinates", "i8"),
     ])  # fmt: skip
 
 
@@ -148,9 +149,12 @@ def begin(here, lanes, slopes, gaits, draws):
     angles, one the angular velocity of the stance leg, one those of the swing leg. Each factor lies
     between 1 - reset_noise_scale and 1 + reset_noise_scale. Columns 1 to 3 of the draws, from 0 to
     1, give the factors. Thigh and shank share a factor, so that the knee of a leg that has just
-    left the ground opens.
+    left the ground opens. A system keeps its coordinates, as other coordinates need not be on the
+    section; the factor of the stance leg scales its first rate, that of the swing leg the others.
     """
-    scale = here.rules[0].reset_noise_scale
+    rules = here.rules[0]
+    scale = rules.reset_noise_scale
+    scale_of_angles = scale if rules.coordinates == 0 else 0.0
     for j in range(len(lanes)):
         i = lanes[j]
         copy(entry(here.records, i), address(here.blank), here.blank.itemsize)
@@ -162,7 +166,8 @@ def begin(here, lanes, slopes, gaits, draws):
         links = len(record.start)
         for k in range(2 * links):
             which = 1 if k < links else (2 if k == links else 3)
-            record.state[k] = gait[k] * (1.0 + scale * (2.0 * draws[j, which] - 1.0))
+            share = scale_of_angles if k < links else scale
+            record.state[k] = gait[k] * (1.0 + share * (2.0 * draws[j, which] - 1.0))
         for k in range(links):
             record.start[k] = record.state[k]
         row.origin = here.radii[i if len(here.radii) > 1 else 0] * record.state[0]

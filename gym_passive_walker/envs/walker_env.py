@@ -137,7 +137,9 @@ class PassiveWalkerEnv(
     Just after a heelstrike, at the walker's passive gait on the slope of the episode. If there is
     no such gait, it is the gait on the nearest of a few gentle slopes. Angle, stance angular
     velocity and swing angular velocities are each multiplied by a number drawn from
-    1 - `reset_noise_scale` to 1 + `reset_noise_scale`. The slope is drawn first, if it is a range.
+    1 - `reset_noise_scale` to 1 + `reset_noise_scale`. A system begins with its gait's coordinates,
+    so that its contacts are where they are after an impact; one number multiplies its first rate
+    and one all others. The slope is drawn first, if it is a range.
     With `domain_randomization`, the gait is that of the walker without the changes.
     `reset(options={"state": ..., "slope": ...})` sets either of them instead. This state has the
     [stance, thigh, shank] angles in rad and their angular velocities in the walker's own units

@@ -429,14 +429,16 @@ class StrideMap(Section):
             supplied -= product(cosine, self._heights(walked.bodies, records.shape, place))
         supplied += product(sine, length)
         supplied += records["push_work"]
+        knee_times[:] = records["knee_time"]
         works = np.array(walked.system.works)  # no work of the hip on feet without mass
         each = slice(len(works))
         controls = records["control"][..., each]
+        if not np.any(controls):
+            return
         powers = product(controls, records["moved"][..., each])
         supplied += (works * powers).sum(axis=2)
         turned = product(np.sign(controls[:, :1]) * controls, records["turned"][..., each])
         braked += (works * (turned - powers)).sum(axis=2)
-        knee_times[:] = records["knee_time"]
 
     def _heights(self, bodies: NDArray, shape: tuple[int, ...], place: int) -> NDArray[np.float64]:
         """Return heights of the next contact points over these, in leg lengths, (n, 1 + k)."""

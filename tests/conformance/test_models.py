@@ -194,6 +194,17 @@ def single(m):
     assert np.isfinite(m.act(gym.make("PassiveWalker-v0", scene=m.scene()))).all()
 
 
+def starts(m):
+    envs = gym.make_vec("PassiveWalker-v0", num_envs=99, scene=m.scene(reset_noise_scale=0.2))
+    there = m.gait.dimensionless.state
+    seen = envs.reset(seed=0)[0][:, : m.model.size] / np.float32(there)
+    angles, rates = np.split(seen, 2, axis=1)
+    # An impact has just been: legs mirror each other, a system's coordinates are those of its gait.
+    on_section = angles[:, :1] if m.model.chart.trailing_leg_follows else 1.0
+    np.testing.assert_allclose(angles, on_section + 0.0 * angles, rtol=1e-6)
+    assert 0.8 <= rates.min() < 0.85 < 1.15 < rates.max() <= 1.2
+
+
 def vector(m):
     envs = gym.make_vec("PassiveWalker-v0", num_envs=3, scene=m.scene())
     assert np.isfinite(m.act(envs)).all()
@@ -320,9 +331,9 @@ def videos(m):
 CELLS = [
     strides, jacobian, slopes, parameters, diagrams, exponents, velocity_perturbations, robust,
     basins, trajectories, rough_ground, pictures, checks, collisions, tables, tunings, optima,
-    feedback, functions, constants, single, vector, stable_baselines, disturbed, terrains, previews,
-    commands, constraints, bodies, bodies_seen, rewards, saved_states, explanations, gradients,
-    rollouts, gpu_strides, gpu_episodes, pages, sweeps, videos,
+    feedback, functions, constants, single, starts, vector, stable_baselines, disturbed,
+    terrains, previews, commands, constraints, bodies, bodies_seen, rewards, saved_states,
+    explanations, gradients, rollouts, gpu_strides, gpu_episodes, pages, sweeps, videos,
 ]  # fmt: skip
 
 

@@ -135,7 +135,7 @@ def test_the_compass_earns_what_the_package_s_own_earns():
 
 def test_costs_do_not_depend_on_the_unit_of_mass():
     heavy = replace(DRIVEN, body=Legs(*(7.0 * mass for mass in DRIVEN.body)))
-    actions = np.full((30, 1), 0.3)
+    actions = np.full((40, 1), 0.3)
     ours, theirs = (
         walked(made(**SCENES["compass"] | {"system": s}), actions) for s in (heavy, DRIVEN)
     )

@@ -87,8 +87,10 @@ def newton(
         if damped:
             # The step that would follow shows better than the equations, as their scales differ,
             # whether a solution is nearer: the natural test.
-            following = _size(solved(derivatives[active], -new_values))
-            better = (new_sizes < old_sizes) | (np.isfinite(new_sizes) & (following < length))
+            better = new_sizes < old_sizes
+            if not better.all():
+                following = _size(solved(derivatives[active], -new_values))
+                better |= np.isfinite(new_sizes) & (following < length)
         else:
             better = new_sizes <= 4.0 * old_sizes
         won, lost = active[better], active[~better]

@@ -75,8 +75,8 @@ class Scene:
         energy: Actuator work that the reward subtracts: "absolute", "positive" or "net".
         end_on_toe_stub: Whether a locked swing leg below the ground ends the episode. None is True
             for walkers with knees; straight legs always pass through the ground.
-        reset_noise_scale: Largest relative change of the initial angle and angular velocities. None
-            is 0.10 for ticks and 0.05 for strides.
+        reset_noise_scale: Largest relative change of the initial angle and angular velocities; of
+            a system, of its rates alone. None is 0.10 for ticks and 0.05 for strides.
         domain_randomization: Largest relative change of walker parameters, drawn at each reset:
             ``{"foot_radius": 0.1}``.
         randomization_pool: Number of walkers from which `domain_randomization` draws, equal in all
