@@ -4,7 +4,8 @@
     python docs/render.py --notebooks      pages alone
     python docs/render.py --out FOLDER     into another folder than docs
 
-The reference of `PassiveWalker-v0` on environment.md is the docstring of `PassiveWalkerEnv`.
+The reference of `PassiveWalker-v0` on environment.md is the docstring of `PassiveWalkerEnv`. The
+arguments on commands.md are those of the parsers of `passive-walker`.
 names.md has the signature and the summary of each name on docs/api.md, and reference.md the whole
 docstring. Each notebook of docs/notebooks is executed, and written as .ipynb with its outputs.
 """
@@ -37,6 +38,8 @@ for _drawer in DRAWERS:  # they register the plots that the reference lists
 DOCS = Path(__file__).resolve().parent
 BEGIN, END = "copies it here.\n\n", "## Named scenes\n"
 """Texts before and after the reference on docs/environment.md."""
+ARGUMENTS = "## Arguments\n\n"
+"""Title of the last part of docs/commands.md."""
 _FENCE = re.compile(r"```\{code-cell\}[^\n]*\n(.*?)```\n?", re.S)
 _KINDS = {"class": "class ", "exception": "exception "}
 _CROSS = re.compile(r"``([^`]+)``")
@@ -58,6 +61,27 @@ def environment() -> str:
     reference = re.sub(r"^(?:>>> |\.\.\. )", "", reference, flags=re.M)  # code to copy
     reference = re.sub(r"\n\n```$", "\n```", reference, flags=re.M)
     return f"{above}{BEGIN}{reference.rstrip()}\n\n{END}{below}"
+
+
+def commands() -> str:
+    """The page of the command line with the arguments of today's commands."""
+    from gym_passive_walker.apps.cli import COMMANDS, parser
+
+    (chosen,) = (each for each in parser()._actions if isinstance(each.choices, dict))
+    found: dict[tuple[str, str], list[str]] = {}
+    for name, command in chosen.choices.items():
+        for each in command._actions:
+            values = f"{{{','.join(each.choices)}}}" if each.choices else each.metavar or ""
+            word = " ".join([*each.option_strings[-1:], values]).strip().replace("|", "\\|")
+            about = str(each.help) % {"default": each.default}
+            found.setdefault((word, about), []).append(name)
+    rows = [
+        f"| `{word}` | {about} | {'all' if len(of) == len(COMMANDS) else ', '.join(of)} |\n"
+        for (word, about), of in found.items()
+    ]
+    text = (DOCS / "commands.md").read_text(encoding="utf-8")
+    head = "| argument | meaning (default) | commands |\n|---|---|---|\n"
+    return f"{text.split(ARGUMENTS)[0]}{ARGUMENTS}{head}{''.join(rows)}"
 
 
 def _parameters(found: Any) -> dict[str, inspect.Parameter]:
@@ -342,7 +366,7 @@ def main() -> int:
     )  # fmt: skip
     arguments = parser.parse_args()
     (arguments.out / "notebooks").mkdir(parents=True, exist_ok=True)
-    for make in (environment, names, reference):
+    for make in (environment, commands, names, reference):
         (arguments.out / f"{make.__name__}.md").write_text(make(), encoding="utf-8")
     os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
     for name in arguments.notebooks:

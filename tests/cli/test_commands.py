@@ -218,7 +218,7 @@ def test_what_the_pages_type_is_understood(page, mine):
     assert lines
     for line in lines:
         if line not in NAMES:  # named, not typed
-            assert "run" in parser().parse_args(shlex.split(line))
+            assert "command" in parser().parse_args(shlex.split(line))
 
 
 def test_the_version_is_the_package_s(capsys):

@@ -31,17 +31,16 @@ def built(folder, *words, seed):
     return {path.name: path.read_bytes() for path in folder.rglob("*.*")}
 
 
-def test_two_builds_of_the_pages_are_equal_and_the_environments_is_the_tracked_one(
-    render, tmp_path
-):
+def test_two_builds_of_the_pages_are_equal_and_tracked_ones_are_up_to_date(render, tmp_path):
     for library in ("torch", "skrl", "torchrl", "rsl_rl", "anywidget"):
         pytest.importorskip(library)
     pages = built(tmp_path, "--notebooks", seed=1)
-    for make in (render.environment, render.names, render.reference):
+    for make in (render.environment, render.commands, render.names, render.reference):
         assert pages.pop(f"{make.__name__}.md").decode() == make()
     assert not pages
-    tracked = (ROOT / "docs" / "environment.md").read_text(encoding="utf-8")
-    assert tracked == render.environment(), "run python docs/render.py --notebooks"
+    for make in (render.environment, render.commands):
+        tracked = (ROOT / "docs" / f"{make.__name__}.md").read_text(encoding="utf-8")
+        assert tracked == make(), "run python docs/render.py --notebooks"
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.apps.cli import COMMANDS, main, parser
+from gym_passive_walker.apps.cli.arguments import call
 from gym_passive_walker.apps.cli.report import plain
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:ResourceWarning")
@@ -106,7 +107,7 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             "tune": "C 0.03 --tune",
             "kind": "C 0.03 --kind short",
             "friction": "C 0.03 --friction 0.01",
-            **{k: v for k, v in motors("0.036").items() if k != "push_off"},
+            **motors("0.036"),
         },
     ),
     "robustness": (
@@ -256,7 +257,7 @@ def answer(name: str, words: str, folder: Path, monkeypatch) -> tuple:
         folder.mkdir()
         monkeypatch.chdir(folder)
         arguments = parser().parse_args([name, *shlex.split(words)])
-        said = arguments.run(arguments)
+        said = call(arguments.command, arguments)
         for path, write in said.files.items():
             write(path)
         there = (path for path in sorted(folder.rglob("*")) if path.is_file())

@@ -1,8 +1,7 @@
 """The command line `passive-walker`: walkers, gaits, walks and pictures without writing Python.
 
-A command is a function in one of these modules. It adds its arguments to a parser and returns a
-function that runs the command. Its docstring is its help: a summary line, then examples. `COMMANDS`
-lists all commands.
+A command is a function in one of these modules. Its signature makes its arguments, and it returns
+its report. Its docstring is its help: a summary line, then examples. `COMMANDS` lists all commands.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from textwrap import dedent, indent
 
 from gym_passive_walker._tools import console
 from gym_passive_walker._version import __version__
-from gym_passive_walker.apps.cli.arguments import Parser
+from gym_passive_walker.apps.cli.arguments import Parser, add_arguments, call
 from gym_passive_walker.apps.cli.disturbances import gauntlet, robustness
 from gym_passive_walker.apps.cli.gaits import basin, bifurcation, check, family, gait, walkers
 from gym_passive_walker.apps.cli.pictures import figures, play, strobe, video
@@ -48,7 +47,8 @@ def parser() -> argparse.ArgumentParser:
             epilog="examples:\n" + indent(dedent(examples), "  ").rstrip(),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        below.set_defaults(run=command(below), by_option=below.by_option)
+        add_arguments(below, command)
+        below.set_defaults(command=command, by_option=below.by_option)
         below.add_argument("--json", action="store_true", help="print JSON, for programs")
     return top
 
@@ -71,11 +71,11 @@ def _command(words: Sequence[str] | None) -> None:
     """Print the report of a command, and write its files."""
     top = parser()
     arguments = top.parse_args(words)
-    if "run" not in arguments:
+    if "command" not in arguments:
         top.print_help()
         return
     try:
-        report = arguments.run(arguments)
+        report = call(arguments.command, arguments)
     except (GaitNotFound, ValueError) as error:
         error.args = (arguments.by_option(str(error)), *error.args[1:])
         raise

@@ -1,48 +1,45 @@
-"""Arguments that commands share: walkers, slopes, gaits."""
+"""Arguments of commands, made from the signatures of their functions, and those that many share.
+
+A parameter before the star is positional, one after it an option. Its annotation has the type, the
+help text, and settings for `add_argument`, as in ``Annotated[int, "period", {"nargs": 2}]``. A
+parameter that is annotated with a dataclass stands for all of the dataclass's fields.
+"""
 
 from __future__ import annotations
 
 import re
 from argparse import Action, ArgumentError, ArgumentParser, ArgumentTypeError, Namespace
-from typing import Any, NoReturn
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass, is_dataclass
+from functools import cached_property, partial
+from inspect import Parameter, signature
+from pathlib import Path
+from types import NoneType
+from typing import Annotated, Any, Literal, NoReturn, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import unknown
 from gym_passive_walker.apps.cli.report import PLAIN, SI
-from gym_passive_walker.envs.policies import load_policy
+from gym_passive_walker.envs.policies import load_policy, shipped_policies
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.control.baselines import BASELINES
 from gym_passive_walker.gaits.control.maps import stride_map
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.scenes.named import named_scene, named_walker
-from gym_passive_walker.gaits.scenes.scene import SCENES, Scene
+from gym_passive_walker.gaits.scenes.scene import SCENES
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.gaits.terrain import EXAMPLES, Terrain, terrain_from
-from gym_passive_walker.models.walkers import WALKERS, Walker, tune
-
-A_WALKER = (
-    f"{', '.join(WALKERS)}, or a JSON, YAML or TOML file of your own walker's parameters, such as "
-    '{"preset": "C", "hip_mass": 1.0}; or module:NAME, a System of yours'
-)
-"""Help text of an argument that names a walker."""
-
-A_SCENE = (
-    f"{', '.join(SCENES)}; or module:function, a function of yours that returns a scene or its "
-    "arguments"
-)
-"""Help text of an argument that names a scene."""
-
-A_POLICY = "the path of an exported folder, an ONNX file or a stable-baselines3 file (.zip)"
-"""Help text of an argument that names a policy of the user's own."""
-
+from gym_passive_walker.gaits.terrain import EXAMPLES, terrain_from
+from gym_passive_walker.models.walkers import WALKERS, describe, tune
 
 _OPTIONS = {
     "hip_torque": "--torque", "slope_min": "LOW", "slope_max": "HIGH", "folder": "--out",
 }  # fmt: skip
 """Options for arguments of Python that have another name."""
+
+_METAVARS: dict[Any, str] = {int: "N", float: "X", Path: "FILE", str: "NAME"}
 
 
 class Parser(ArgumentParser):
@@ -84,185 +81,232 @@ class Parser(ArgumentParser):
         return re.sub(calls, lambda found: names.get(found[1] or found[2], found[0]), message)
 
 
-def a_walker(text: str) -> Walker:
-    """Parse a walker by `named_walker`; the parser prints an error with the argument's name."""
-    try:
-        return named_walker(text)
-    except (ValueError, ImportError) as error:
-        raise ArgumentTypeError(str(error)) from None
+def add_arguments(parser: ArgumentParser, command: Callable[..., Any]) -> None:
+    """Add the arguments of a command, or the fields of a dataclass."""
+    for name, each in _parameters(command):
+        if is_dataclass(each.annotation):
+            add_arguments(parser, each.annotation)  # type: ignore[arg-type]
+        else:
+            _add_argument(parser, name, each)
 
 
-def a_scene(text: str) -> Scene:
-    """Parse a scene by `named_scene`; the parser prints an error with the argument's name."""
-    try:
-        return named_scene(text, trust=True)
-    except (ValueError, ImportError) as error:
-        raise ArgumentTypeError(str(error)) from None
+def _parameters(command: Callable[..., Any]) -> list[tuple[str, Parameter]]:
+    """Return the parameters of a command, or the fields of a dataclass, with their annotations."""
+    hints = get_type_hints(command, include_extras=True)  # also those that a dataclass inherits
+    found = signature(command).parameters.items()
+    return [(name, each.replace(annotation=hints[name])) for name, each in found]
 
 
-def a_terrain(text: str) -> Terrain:
-    """Parse a terrain by `terrain_from`; the parser prints an error with the argument's name."""
-    try:
-        return terrain_from(text)  # type: ignore[return-value]
-    except (ValueError, ImportError) as error:
-        raise ArgumentTypeError(str(error)) from None
+def _add_argument(parser: ArgumentParser, name: str, each: Parameter) -> None:
+    """Add the argument of one parameter."""
+    kind, about, *more = get_args(each.annotation)
+    kinds = [part for part in get_args(kind) if part is not NoneType]
+    option, given = each.kind is Parameter.KEYWORD_ONLY, {}
+    if get_origin(kind) is Literal:
+        given["choices"] = get_args(kind)
+    elif kind is bool:
+        given["action"] = "store_true"
+    else:
+        given["type"] = kinds[0] if kinds else kind
+        given["metavar"] = _METAVARS.get(given["type"]) if option else name.upper()
+    if each.kind is Parameter.VAR_POSITIONAL:
+        given["nargs"] = "*"
+    elif each.default is not Parameter.empty:
+        given["default"] = each.default
+        if each.default is not None and kind is not bool:
+            about += " (%(default)s)"
+        if not option:
+            given["nargs"] = "?"
+    flag = f"--{name.replace('_', '-')}" if option else name
+    parser.add_argument(flag, **{**given, "help": about, **(more[0] if more else {})})
 
 
-def add_terrain(command: ArgumentParser) -> None:
-    """Add the argument --terrain."""
-    about = f"{EXAMPLES}, or a mapping as JSON or in a file (smooth ground)"
-    command.add_argument("--terrain", type=a_terrain, metavar="GROUND", help=about)
+def call(command: Callable[..., Any], arguments: Namespace) -> Any:
+    """Call a command, or make a dataclass, with parsed arguments."""
+    given: list[Any] = []
+    rest: dict[str, Any] = {}
+    for name, each in _parameters(command):
+        value: Any = getattr(arguments, name, None)
+        if is_dataclass(each.annotation):
+            value = call(each.annotation, arguments)  # type: ignore[arg-type]
+        if each.kind is Parameter.VAR_POSITIONAL:
+            given += value
+        elif each.kind is Parameter.KEYWORD_ONLY:
+            rest[name] = value
+        else:
+            given.append(value)
+    return command(*given, **rest)
 
 
-def add_walker(command: ArgumentParser) -> None:
-    """Add arguments for a walker; `walker_of` returns the walker."""
-    command.add_argument("walker", type=a_walker, metavar="WALKER", help=A_WALKER)
-    command.add_argument(
-        "--tune", action="store_true", help="tune the walker first, for gaits at vanishing slope"
-    )
+def _read_by(read: Callable[[str], Any]) -> Callable[[str], Any]:
+    """Parse an argument by a function; the parser prints its error with the argument's name."""
+
+    def parsed(text: str) -> Any:
+        try:
+            return read(text)
+        except (ValueError, ImportError) as error:
+            raise ArgumentTypeError(str(error)) from None
+
+    return parsed
 
 
-def walker_of(arguments: Namespace) -> Any:
-    """The walker given by the arguments, tuned if requested."""
-    return tune(arguments.walker) if arguments.tune else arguments.walker
+A_WALKER = (
+    f"{', '.join(WALKERS)}, or a JSON, YAML or TOML file of your own walker's parameters, such as "
+    '{"preset": "C", "hip_mass": 1.0}; or module:NAME, a System of yours'
+)
+"""Help text of an argument that names a walker."""
+
+A_SCENE = (
+    f"{', '.join(SCENES)}; or module:function, a function of yours that returns a scene or its "
+    "arguments"
+)
+"""Help text of an argument that names a scene."""
+
+A_POLICY = "the path of an exported folder, an ONNX file or a stable-baselines3 file (.zip)"
+"""Help text of an argument that names a policy of the user's own."""
+
+CONTROLLERS = f"{', '.join([*shipped_policies(), *BASELINES])}, or {A_POLICY}"
+"""Help text of an argument that names a controller."""
+
+a_scene = _read_by(partial(named_scene, trust=True))
+"""Parses a scene."""
+
+OF_SCENE = {"type": a_scene, "metavar": "SCENE"}
+AScene = Annotated[Any, A_SCENE, OF_SCENE]
+AWalker = Annotated[Any, A_WALKER, {"type": _read_by(named_walker), "metavar": "WALKER"}]
+Ground = Annotated[
+    Any,
+    f"{EXAMPLES}, or a mapping as JSON or in a file (smooth ground)",
+    {"type": _read_by(terrain_from), "metavar": "GROUND"},
+]
+Slope = Annotated[float, "slope in rad, positive downhill"]
+Low = Annotated[float, "lowest slope in rad, above 0"]
+High = Annotated[float, "highest slope in rad"]
+Kind = Annotated[Literal["long", "short"], "long-step or short-step gait"]
+Strides = Annotated[int, "largest number of strides"]
+Trust = Annotated[
+    bool,
+    "permit a policy with a scene of its own, module:function; such code runs with your rights",
+]
+_HELD = "{} in {}, equal in each stride"
 
 
-def add_slope(command: ArgumentParser) -> None:
-    """Add an argument for a slope."""
-    command.add_argument(
-        "slope", type=float, metavar="SLOPE", help="slope in rad, positive downhill"
-    )
+@dataclass(frozen=True)
+class Machine:
+    """A walker with its actuation or controller, from arguments that many commands share."""
+
+    walker: AWalker
+    _: KW_ONLY
+    tune: Annotated[bool, "tune the walker first, for gaits at vanishing slope"] = False
+    dimensionless: Annotated[
+        bool,
+        "torques, push-off and initial state in units of m, l, √(l/g), as are results of gait, "
+        "family, simulate",
+    ] = False
+    torque: Annotated[float, _HELD.format("hip torque", "N m"), {"metavar": "T"}] = 0.0
+    ankle_torque: Annotated[
+        float, _HELD.format("ankle torque (requires point feet)", "N m"), {"metavar": "T"}
+    ] = 0.0
+    push_off: Annotated[
+        float,
+        _HELD.format("push-off impulse along the stance leg, just before heelstrike,", "N s"),
+        {"metavar": "P"},
+    ] = 0.0
+    controller: Annotated[
+        str | None,
+        f"controller: a feedback ({', '.join(BASELINES)}), a trained policy, or {A_POLICY}",
+    ] = None
+    scene: Annotated[
+        Any,
+        f"scene of the controller (its own, or level): {A_SCENE}",
+        OF_SCENE,
+    ] = None
+    trust: Trust = False
+
+    @cached_property
+    def model(self) -> Any:
+        """The walker, tuned if requested."""
+        return tune(self.walker) if self.tune else self.walker
+
+    @property
+    def title(self) -> str:
+        """The walker in words."""
+        return describe(self.model)
+
+    def map(self, slope: float | None = None) -> StrideMap:
+        """The stride map of the walker and its actuation or controller.
+
+        Raises:
+            ValueError: if both torques or a push-off and a controller are given.
+        """
+        held = (Actuation.dimensionless if self.dimensionless else Actuation)(
+            self.torque, self.ankle_torque, self.push_off
+        )
+        if self.controller is None:
+            for name, given in (("scene", self.scene is not None), ("trust", self.trust)):
+                if given:
+                    what = "is that of" if name == "scene" else "permits"
+                    raise ValueError(f"--{name} {what} a --controller, which is not given")
+            return stride_map(self.model, slope, controller=None if held.passive else held)
+        if not held.passive:
+            raise ValueError("--controller determines the actuation: omit torques and the push-off")
+        controller = read_policy(self.controller, self.trust)
+        return stride_map(self.model, slope, controller=controller, scene=self.scene)
+
+    def gait(self, slope: float, kind: Any) -> Gait:
+        """The gait of a kind at a slope.
+
+        Raises:
+            GaitNotFound: if there is none.
+        """
+        return find_gait(self.map(slope), kind=kind)
+
+    def shown(self, result: Any) -> tuple[Any, dict[str, str]]:
+        """Return a result in the units asked for, and the names of these units."""
+        plain = self.dimensionless or "units" not in result.walker.supports
+        return (result.dimensionless, PLAIN) if plain else (result, SI)
 
 
-def add_slopes(command: ArgumentParser) -> None:
-    """Add arguments for a range of slopes."""
-    command.add_argument("low", type=float, metavar="LOW", help="lowest slope in rad, above 0")
-    command.add_argument("high", type=float, metavar="HIGH", help="highest slope in rad")
+@dataclass(frozen=True)
+class Walk:
+    """A walk: walker, slope, initial state, actuation and terrain."""
+
+    machine: Machine
+    slope: Slope
+    _: KW_ONLY
+    kind: Kind = "long"
+    strides: Strides = 10
+    state: Annotated[
+        list[float] | None,
+        "stance, thigh and shank angle in rad, then angular velocities in rad/s, just after "
+        "heelstrike (the gait's)",
+        {"nargs": 6, "type": float, "metavar": "X"},
+    ] = None
+    terrain: Ground = None
+    terrain_seed: Annotated[int, "seed of random terrain"] = 0
+
+    @property
+    def map(self) -> StrideMap:
+        """The stride map."""
+        return self.machine.map(self.slope)
+
+    @property
+    def start(self) -> NDArray[np.float64]:
+        """Initial state, (6,): the one given, or the gait's."""
+        machine = self.machine
+        if self.state is not None:
+            state = np.array(self.state)
+            return machine.model.units.to_own(state) if machine.dimensionless else state
+        walks = self.map
+        # With constant actuation, a walk starts on the passive gait, to show the transient.
+        walker = walks if walks.controlled else machine.model
+        return find_gait(walker, self.slope, kind=self.kind).state
 
 
-def add_kind(command: ArgumentParser) -> None:
-    """Add an argument that selects the long-step or the short-step gait."""
-    command.add_argument(
-        "--kind",
-        choices=("long", "short"),
-        default="long",
-        help="long-step or short-step gait (%(default)s)",
-    )
-
-
-def add_motors(command: ArgumentParser, *, push_off: bool = True) -> None:
-    """Add arguments for the walker's actuation; `map_of` returns the stride map."""
-    add = command.add_argument
-    about = "{} in {}, equal in each stride (%(default)s)"
-    add("--dimensionless", action="store_true", help="torques, push-off and initial state "
-        "in units of m, l, √(l/g), as are results of gait, family, simulate")  # fmt: skip
-    add("--torque", type=float, default=0.0, metavar="T", help=about.format("hip torque", "N m"))
-    add("--ankle-torque", type=float, default=0.0, metavar="T",
-        help=about.format("ankle torque (requires point feet)", "N m"))  # fmt: skip
-    if push_off:
-        what = about.format("push-off impulse along the stance leg, just before heelstrike,", "N s")
-        add("--push-off", type=float, default=0.0, metavar="P", help=what)
-    add_controller(command)
-
-
-def add_controller(command: ArgumentParser) -> None:
-    """Add arguments for a controller; `map_of` returns the stride map."""
-    command.add_argument(
-        "--controller", metavar="NAME", help="controller: a feedback "
-        f"({', '.join(BASELINES)}), a trained policy, or {A_POLICY}"
-    )  # fmt: skip
-    command.add_argument(
-        "--scene", type=a_scene, metavar="SCENE",
-        help=f"scene of the controller (its own, or level): {A_SCENE}",
-    )  # fmt: skip
-    add_trust(command)
-
-
-def add_trust(command: ArgumentParser) -> None:
-    """Add the argument --trust; `read_policy` heeds it."""
-    command.add_argument(
-        "--trust", action="store_true", help="permit a policy with a scene of its own, "
-        "module:function; such code runs with your rights",
-    )  # fmt: skip
-
-
-def read_policy(arguments: Namespace, name: str) -> Any:
-    """Return a controller by its name; a trained policy is read here if --trust is given.
+def read_policy(name: str, trust: bool) -> Any:
+    """Return a controller by its name; a trained policy is read here if `trust` is True.
 
     Raises:
-        ValueError: if --trust is given and the name is not one of a trained policy.
+        ValueError: if `trust` is True and the name is not one of a trained policy.
     """
-    return load_policy(name, trust=True) if arguments.trust else name
-
-
-def shown_in(arguments: Namespace, result: Any) -> tuple[Any, dict[str, str]]:
-    """Return a result in the units asked for, and the names of these units."""
-    plain = arguments.dimensionless or "units" not in result.walker.supports
-    return (result.dimensionless, PLAIN) if plain else (result, SI)
-
-
-def chosen_map(arguments: Namespace, slope: float | None = None) -> StrideMap:
-    """The stride map of the walker and the actuation or controller given by the arguments.
-
-    Raises:
-        ValueError: if both torques or a push-off and a controller are given.
-    """
-    parts = (getattr(arguments, name, 0.0) for name in ("torque", "ankle_torque", "push_off"))
-    walker, plain = walker_of(arguments), arguments.dimensionless
-    held = Actuation.dimensionless(*parts) if plain else Actuation(*parts)
-    if arguments.controller is None and arguments.scene is not None:
-        raise ValueError("--scene is that of a --controller, which is not given")
-    if arguments.controller is None and arguments.trust:
-        raise ValueError("--trust permits a --controller, which is not given")
-    if arguments.controller is None:
-        return stride_map(walker, slope, controller=None if held.passive else held)
-    if not held.passive:
-        raise ValueError("--controller determines the actuation: omit torques and the push-off")
-    controller = read_policy(arguments, arguments.controller)
-    return stride_map(walker, slope, controller=controller, scene=arguments.scene)
-
-
-def gait_of(arguments: Namespace) -> Gait:
-    """The gait of the walker, slope and kind given by the arguments.
-
-    Raises:
-        GaitNotFound: if there is none.
-    """
-    return find_gait(chosen_map(arguments, arguments.slope), kind=arguments.kind)
-
-
-def add_walk(command: ArgumentParser, *, strides: int) -> None:
-    """Add arguments for a walk: walker, slope, initial state, actuation and terrain."""
-    add_walker(command)
-    add_slope(command)
-    add_kind(command)
-    add = command.add_argument
-    add(
-        "--strides",
-        type=int,
-        default=strides,
-        metavar="N",
-        help="largest number of strides (%(default)s)",
-    )
-    add("--state", type=float, nargs=6, metavar="X", help="stance, thigh and shank angle in rad, "
-        "then angular velocities in rad/s, just after heelstrike (the gait's)")  # fmt: skip
-    add_motors(command)
-    add_terrain(command)
-    add(
-        "--terrain-seed",
-        type=int,
-        default=0,
-        metavar="N",
-        help="seed of random terrain (%(default)s)",
-    )
-
-
-def start_of(arguments: Namespace) -> NDArray[np.float64]:
-    """Initial state of a walk, shape (6,): the state given by the arguments, or the gait's."""
-    if arguments.state is not None:
-        state = np.array(arguments.state)
-        return walker_of(arguments).units.to_own(state) if arguments.dimensionless else state
-    walks = chosen_map(arguments, arguments.slope)
-    # With constant actuation, a walk starts on the passive gait, so that it shows the transient.
-    passive = walker_of(arguments) if not walks.controlled else walks
-    return find_gait(passive, arguments.slope, kind=arguments.kind).state
+    return load_policy(name, trust=True) if trust else name

@@ -61,6 +61,11 @@ def record(source: Any, names: Iterable[str]) -> dict[str, Any]:
     return {name: getattr(source, name) for name in names}
 
 
+def rows_of(columns: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:
+    """The rows of a table from its columns."""
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
 def listing(title: str, values: Mapping[str, Any], units: Mapping[str, str] = SI) -> str:
     """A title, and below it one line for each quantity."""
     labels = [_label(name, units) for name in values]

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import time
-from argparse import ArgumentParser, Namespace
-from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 
 from gym_passive_walker._tools.progress import progress
@@ -13,23 +11,19 @@ from gym_passive_walker.apps.cli.report import Report
 from gym_passive_walker.engine.machine import is_built
 
 
-def warmup(command: ArgumentParser) -> Callable[[Namespace], Report]:
+def warmup() -> Report:
     """Compile all kernels once and cache them, so that later starts are quick.
 
     A package that was installed from a wheel has its kernels already.
 
     passive-walker warmup
     """
-
-    def run(_: Namespace) -> Report:
-        if is_built():
-            said = "there is nothing to compile: the package has machine code for this CPU"
-            return Report(said, {"seconds": 0.0})
-        begun, every = time.monotonic(), range(len(list(pieces())))
-        with ProcessPoolExecutor() as pool, progress("pieces compiled", len(every)) as compiled_one:
-            for _each in pool.map(compile_piece, every):
-                compiled_one()
-        took = time.monotonic() - begun
-        return Report(f"everything is compiled, after {took:.1f} s", {"seconds": took})
-
-    return run
+    if is_built():
+        said = "there is nothing to compile: the package has machine code for this CPU"
+        return Report(said, {"seconds": 0.0})
+    begun, every = time.monotonic(), range(len(list(pieces())))
+    with ProcessPoolExecutor() as pool, progress("pieces compiled", len(every)) as compiled_one:
+        for _each in pool.map(compile_piece, every):
+            compiled_one()
+    took = time.monotonic() - begun
+    return Report(f"everything is compiled, after {took:.1f} s", {"seconds": took})
