@@ -12,7 +12,7 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.apps.cli import COMMANDS, main, parser
-from gym_passive_walker.apps.cli.arguments import call
+from gym_passive_walker.apps.cli.arguments import call_with
 from gym_passive_walker.apps.cli.report import plain
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:ResourceWarning")
@@ -257,7 +257,7 @@ def answer(name: str, words: str, folder: Path, monkeypatch) -> tuple:
         folder.mkdir()
         monkeypatch.chdir(folder)
         arguments = parser().parse_args([name, *shlex.split(words)])
-        said = call(arguments.command, arguments)
+        said = call_with(arguments.command, arguments)
         for path, write in said.files.items():
             write(path)
         there = (path for path in sorted(folder.rglob("*")) if path.is_file())

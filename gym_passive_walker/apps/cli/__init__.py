@@ -13,7 +13,7 @@ from textwrap import dedent, indent
 
 from gym_passive_walker._tools import console
 from gym_passive_walker._version import __version__
-from gym_passive_walker.apps.cli.arguments import Parser, add_arguments, call
+from gym_passive_walker.apps.cli.arguments import Parser, add_arguments, call_with
 from gym_passive_walker.apps.cli.disturbances import gauntlet, robustness
 from gym_passive_walker.apps.cli.gaits import basin, bifurcation, check, family, gait, walkers
 from gym_passive_walker.apps.cli.pictures import figures, play, strobe, video
@@ -75,7 +75,7 @@ def _command(words: Sequence[str] | None) -> None:
         top.print_help()
         return
     try:
-        report = call(arguments.command, arguments)
+        report = call_with(arguments.command, arguments)
     except (GaitNotFound, ValueError) as error:
         error.args = (arguments.by_option(str(error)), *error.args[1:])
         raise

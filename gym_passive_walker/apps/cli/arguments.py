@@ -121,14 +121,14 @@ def _add_argument(parser: ArgumentParser, name: str, each: Parameter) -> None:
     parser.add_argument(flag, **{**given, "help": about, **(more[0] if more else {})})
 
 
-def call(command: Callable[..., Any], arguments: Namespace) -> Any:
+def call_with(command: Callable[..., Any], arguments: Namespace) -> Any:
     """Call a command, or make a dataclass, with parsed arguments."""
     given: list[Any] = []
     rest: dict[str, Any] = {}
     for name, each in _parameters(command):
         value: Any = getattr(arguments, name, None)
         if is_dataclass(each.annotation):
-            value = call(each.annotation, arguments)  # type: ignore[arg-type]
+            value = call_with(each.annotation, arguments)  # type: ignore[arg-type]
         if each.kind is Parameter.VAR_POSITIONAL:
             given += value
         elif each.kind is Parameter.KEYWORD_ONLY:
@@ -174,7 +174,7 @@ a_scene = _read_by(partial(named_scene, trust=True))
 OF_SCENE = {"type": a_scene, "metavar": "SCENE"}
 AScene = Annotated[Any, A_SCENE, OF_SCENE]
 AWalker = Annotated[Any, A_WALKER, {"type": _read_by(named_walker), "metavar": "WALKER"}]
-Ground = Annotated[
+ATerrain = Annotated[
     Any,
     f"{EXAMPLES}, or a mapping as JSON or in a file (smooth ground)",
     {"type": _read_by(terrain_from), "metavar": "GROUND"},
@@ -282,7 +282,7 @@ class Walk:
         "heelstrike (the gait's)",
         {"nargs": 6, "type": float, "metavar": "X"},
     ] = None
-    terrain: Ground = None
+    terrain: ATerrain = None
     terrain_seed: Annotated[int, "seed of random terrain"] = 0
 
     @property

@@ -14,7 +14,7 @@ from gym_passive_walker.apps.cli.arguments import (
     Trust,
     read_policy,
 )
-from gym_passive_walker.apps.cli.report import Report, listing, rows_of, table
+from gym_passive_walker.apps.cli.report import Report, listing, table_rows, table
 from gym_passive_walker.envs.evaluation.gauntlet import gauntlet as tested
 from gym_passive_walker.envs.evaluation.robustness import robustness as tried
 from gym_passive_walker.gaits.scenes.named import named_walker
@@ -42,7 +42,7 @@ def gauntlet(
     found = tested(read_policy(controller, trust), scene, walkers=walkers)
     low, high = found.score_interval
     data = {"controller": found.controller_name, "score": found.score, "low": low, "high": high}
-    return Report(str(found), {**data, "tests": rows_of(found.columns())})
+    return Report(str(found), {**data, "tests": table_rows(found.columns())})
 
 
 def robustness(
@@ -102,7 +102,7 @@ def robustness(
                 "forward (m √(g l))": row["push_forward"],
                 "backward (m √(g l))": row["push_backward"],
             }
-            for row in rows_of(found.columns())
+            for row in table_rows(found.columns())
         ]
     )
     said = [listing(facts.pop("controller"), facts), pushes]

@@ -9,7 +9,7 @@ import numpy as np
 
 from gym_passive_walker._tools.arguments import KEPT, one_slope, whole
 from gym_passive_walker.apps.cli.arguments import High, Kind, Low, Machine, Slope, Strides
-from gym_passive_walker.apps.cli.report import Report, listing, record, rows_of, table
+from gym_passive_walker.apps.cli.report import Report, listing, record, table_rows, table
 from gym_passive_walker.gaits.branches.bifurcation import bifurcation_diagram
 from gym_passive_walker.gaits.branches.family import gait_family
 from gym_passive_walker.gaits.find.fixed_point import find_gait, find_gaits
@@ -85,7 +85,7 @@ def family(machine: Machine, low: Low, high: High, *, kind: Kind = "long") -> Re
     for side, end in zip(("first", "last"), found.ends, strict=True):
         facts[f"{side} end"] = f"{end.value:.8g} rad: {end.reason}"
     title = f"{len(found)} {kind}-step gaits of {machine.title}"
-    text = f"{table(rows_of(shown), units)}\n\n{listing(title, facts)}"
+    text = f"{table(table_rows(shown), units)}\n\n{listing(title, facts)}"
     return Report(text, {"gaits": columns, **marks, "ends": found.ends})
 
 
@@ -113,7 +113,7 @@ def bifurcation(
         strides, chosen, kind=kind, n_transient=n_transient, n_recorded=n_recorded
     )
     angles = found.stance_angle
-    rows = rows_of(
+    rows = table_rows(
         {
             "slope": found.slope,
             "least stance angle (rad)": angles.min(axis=1),

@@ -61,7 +61,7 @@ def record(source: Any, names: Iterable[str]) -> dict[str, Any]:
     return {name: getattr(source, name) for name in names}
 
 
-def rows_of(columns: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:
+def table_rows(columns: Mapping[str, Iterable[Any]]) -> list[dict[str, Any]]:
     """The rows of a table from its columns."""
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 

@@ -16,7 +16,7 @@ from gym_passive_walker.apps.cli.arguments import (
     OF_SCENE,
     AScene,
     AWalker,
-    Ground,
+    ATerrain,
     Trust,
     Walk,
     read_policy,
@@ -130,7 +130,7 @@ def evaluate(
     walker: AWalker = None,
     slope: Annotated[float | None, "slope in rad (the scene's)", {"metavar": "RAD"}] = None,
     trust: Trust = False,
-    terrain: Ground = None,
+    terrain: ATerrain = None,
     episodes: Annotated[int, "number of episodes"] = 20,
     seed: Annotated[int, "seed of the first episode"] = 1000,
 ) -> Report:
