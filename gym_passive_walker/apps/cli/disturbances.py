@@ -14,7 +14,7 @@ from gym_passive_walker.apps.cli.arguments import (
     Trust,
     read_policy,
 )
-from gym_passive_walker.apps.cli.report import Report, listing, table_rows, table
+from gym_passive_walker.apps.cli.report import Report, listing, table, table_rows
 from gym_passive_walker.envs.evaluation.gauntlet import gauntlet as tested
 from gym_passive_walker.envs.evaluation.robustness import robustness as tried
 from gym_passive_walker.gaits.scenes.named import named_walker

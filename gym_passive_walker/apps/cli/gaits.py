@@ -9,7 +9,7 @@ import numpy as np
 
 from gym_passive_walker._tools.arguments import KEPT, one_slope, whole
 from gym_passive_walker.apps.cli.arguments import High, Kind, Low, Machine, Slope, Strides
-from gym_passive_walker.apps.cli.report import Report, listing, record, table_rows, table
+from gym_passive_walker.apps.cli.report import Report, listing, record, table, table_rows
 from gym_passive_walker.gaits.branches.bifurcation import bifurcation_diagram
 from gym_passive_walker.gaits.branches.family import gait_family
 from gym_passive_walker.gaits.find.fixed_point import find_gait, find_gaits
