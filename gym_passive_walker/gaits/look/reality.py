@@ -296,8 +296,8 @@ def reality_check(
         NoStride: if a stride does not end with a heelstrike, or if its straight-leg phase has no
             duration.
         ValueError: if a number is not finite or out of its range, or the state is not just after
-            heelstrike; or if the map has a terrain, where the foot's clearance between footholds
-            is not defined.
+            heelstrike (of a system, any state may be); or if the map has a terrain, where the
+            foot's clearance between footholds is not defined.
     """
     walker, slope, state, motors, period, controlled = walk_of(walker, slope, state, hip_torque)
     check_supports(walker, "reality check")
