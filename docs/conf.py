@@ -42,6 +42,7 @@ html_css_files = ["passive-walker/player.css", "explore.css"]
 
 REDIRECTS = {
     "gallery": "index.html",
+    "names": "reference.html",
     "performance": "benchmarks.html#where-the-time-goes",
     "validation-kneed": "validation.html#kneed-and-tuned-walkers",
     "validation-lab": "validation.html#the-laboratorys-walker",
