@@ -60,6 +60,6 @@ $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(VENV)/.created
 
 clean:
 	rm -rf $(VENV) build dist docs/_build docs/_generated *.egg-info
-	rm -f docs/names.md docs/reference.md docs/notebooks/*.ipynb
+	rm -f docs/reference.md docs/notebooks/*.ipynb
 	rm -rf .pytest_cache .ruff_cache .hypothesis .import_linter_cache .nox
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

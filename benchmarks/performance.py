@@ -3,7 +3,7 @@
     python -m benchmarks.performance               Run all parts, in a minute.
     python -m benchmarks.performance operations    Run one part.
 
-The tables are written to docs/performance.md. Run it on an otherwise idle machine.
+The tables are written to docs/benchmarks.md. Run it on an otherwise idle machine.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from gym_passive_walker.engine.step import StepCode
 
 call = PRIMITIVES[jit.call]
 
-PAGE = DOCS / "performance.md"
+PAGE = DOCS / "benchmarks.md"
 COUNTED = ("fma", "fmul", "fadd", "fsub", "fdiv", "sqrt")
 """Arithmetic instructions; signs, comparisons, selections and memory accesses cost little."""
 

@@ -33,7 +33,7 @@ SCRIPTS = {
     "benchmarks-speed/scene cost": "scene_cost",
     "benchmarks-start/cold start": "cold_start waits",
     **{f"benchmarks-start/{part}": f"cold_start {part}" for part in ("wheel", "levels", "kernels")},
-    **{f"performance/{part}": f"performance {part}" for part in ("strides", "operations")},
+    **{f"benchmarks/{part}": f"performance {part}" for part in ("strides", "operations")},
     "design/cheap": "design cost",
     "design/steady": "design return",
     **{f"design/{part}": f"design {part}" for part in ("steep", "tuned")},

@@ -40,6 +40,23 @@ html_theme_options = {"navigation_with_keys": True}
 html_static_path = ["_generated/static", "explore"]
 html_css_files = ["passive-walker/player.css", "explore.css"]
 
+REDIRECTS = {
+    "gallery": "index.html",
+    "names": "reference.html",
+    "performance": "benchmarks.html#where-the-time-goes",
+    "validation-kneed": "validation.html#kneed-and-tuned-walkers",
+    "validation-lab": "validation.html#the-laboratorys-walker",
+    "validation-literature": "validation.html#other-publications",
+    "validation-simplest": "validation.html#the-simplest-walker-and-point-feet",
+    "viewer": "web.html",
+    "notebooks/policy_bifurcations": "policy-bifurcations.html",
+}
+"""Targets by the names of former pages."""
+
+templates_path = ["_templates"]
+html_additional_pages = dict.fromkeys(REDIRECTS, "redirect.html")
+html_context = {"redirects": REDIRECTS}
+
 _DRAWS = re.compile(r"\.plot\(|\bplt\.")
 
 

@@ -5,9 +5,9 @@
     python docs/render.py --out FOLDER     into another folder than docs
 
 The reference of `PassiveWalker-v0` on environment.md is the docstring of `PassiveWalkerEnv`. The
-arguments on commands.md are those of the parsers of `passive-walker`.
-names.md has the signature and the summary of each name on docs/api.md, and reference.md the whole
-docstring. Each notebook of docs/notebooks is executed, and written as .ipynb with its outputs.
+arguments on commands.md are those of the parsers of `passive-walker`. reference.md has the
+signature and the docstring of each name on docs/api.md. Each notebook of docs/notebooks is
+executed, and written as .ipynb with its outputs.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import sys
 from collections.abc import Iterator
 from enum import Enum
 from functools import cached_property
+from itertools import groupby
 from pathlib import Path
 from types import FunctionType
 from typing import Any, NamedTuple
@@ -188,53 +189,41 @@ def listed() -> Iterator[Name]:
             yield last
 
 
-def names() -> str:
-    """The list of all names on docs/api.md, with signatures and first sentences."""
-    lines = [
-        "# Names in short",
-        "",
-        "Signature and summary of every public name; each one leads to its entry in the",
-        "[reference](reference.md). Names are attributes of `gym_passive_walker`, which is usually",
-        "imported as `gpw`.",
-        "",
-        "*`make docs` writes this page.*",
-    ]
-    section = ""
-    for name in listed():
-        if name.section != section:
-            section = name.section
-            lines += ["", section, "", "| name | description |", "|---|---|"]
-        paragraph = name.text or (inspect.getdoc(name.found) or "").partition("\n\n")[0]
-        first = " ".join(paragraph.split()).replace("|", "\\|")
-        linked = f"[`{name.call}`](reference.md#{name.link})"
-        lines.append(f"| {_KINDS.get(name.kind, '')}{linked} | {first} |")
-    return "\n".join(lines) + "\n"
+def _summary(name: Name) -> str:
+    """A row of a table of names: signature, linked to its entry, and first paragraph."""
+    paragraph = name.text or (inspect.getdoc(name.found) or "").partition("\n\n")[0]
+    first = " ".join(paragraph.split()).replace("|", "\\|")
+    return f"| {_KINDS.get(name.kind, '')}[`{name.call}`](#{name.link}) | {first} |"
 
 
 def reference() -> str:
-    """The docstrings of all names on docs/api.md, with parameters and fields as tables."""
+    """The docstrings of all names on docs/api.md, with parameters and fields as tables.
+
+    Each section begins with a table of its names.
+    """
     lines = [
         "# Reference",
         "",
-        "The documentation of every public name; [Names in short](names.md) is a list of them.",
+        "The documentation of every public name; each section begins with a list of its names.",
+        "They are attributes of `gym_passive_walker`, which is usually imported as `gpw`.",
         "Strides, gaits and analyses are in the walker's own units: metres, seconds and kilograms,",
         "or another consistent set. Environments, rewards and policies are dimensionless, in leg",
         "lengths l, masses m and sqrt(l/g). Angles are in rad. Entries say where units differ.",
         "",
         "*`make docs` writes this page from the docstrings.*",
     ]
-    section = ""
-    for name in listed():
-        if name.section != section:
-            section = name.section
-            lines += ["", section]
-        lines += ["", f"### {name.head}", ""]
-        if name.text:
-            lines.append(name.text)
-            continue
-        if name.call != name.short:
-            lines += ["```text", name.call, "```", ""]
-        lines += _described(name)
+    for section, group in groupby(listed(), lambda name: name.section):
+        entries = [*group]
+        lines += ["", section, "", "| name | description |", "|---|---|"]
+        lines += [_summary(name) for name in entries]
+        for name in entries:
+            lines += ["", f"### {name.head}", ""]
+            if name.text:
+                lines.append(name.text)
+                continue
+            if name.call != name.short:
+                lines += ["```text", name.call, "```", ""]
+            lines += _described(name)
     return "\n".join(lines) + "\n"
 
 
@@ -366,7 +355,7 @@ def main() -> int:
     )  # fmt: skip
     arguments = parser.parse_args()
     (arguments.out / "notebooks").mkdir(parents=True, exist_ok=True)
-    for make in (environment, commands, names, reference):
+    for make in (environment, commands, reference):
         (arguments.out / f"{make.__name__}.md").write_text(make(), encoding="utf-8")
     os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
     for name in arguments.notebooks:

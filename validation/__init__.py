@@ -2,6 +2,5 @@
 
     python -m validation --out docs/validation.md
 
-Each module computes the rows of some sections; `page` writes them to `docs/validation.md`, and
-to a page for each subject beside it.
+Each module computes the rows of some sections; `page` writes them to a file.
 """

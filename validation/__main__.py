@@ -1,4 +1,4 @@
-"""Compare with every number of Garcia (1999), chapter 4, and write the validation pages."""
+"""Compare with every number of Garcia (1999), chapter 4, and write the validation page."""
 
 from __future__ import annotations
 
@@ -11,17 +11,13 @@ from validation import page
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Write the pages; returns 0 if every row is as expected, else 1."""
+    """Write the page; returns 0 if every row is as expected, else 1."""
     return console.run(lambda: _write(words))
 
 
 def _write(words: Sequence[str] | None) -> int:
     parser = argparse.ArgumentParser(prog="python -m validation", description=__doc__)
-    parser.add_argument(
-        "--out",
-        default="validation.md",
-        help="Markdown file to write; pages of single subjects are written beside it",
-    )
+    parser.add_argument("--out", default="validation.md", help="Markdown file to write")
     path = parser.parse_args(words).out
     count = iter(range(1, len(page.sections()) + 1))
 

@@ -1,7 +1,8 @@
-"""The validation pages: their sections, their computation, and the pages in Markdown."""
+"""The validation page: its sections, their computation, and the page in Markdown."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
@@ -23,7 +24,7 @@ from validation.rows import Row
 
 
 class Section(NamedTuple):
-    """A part of a page.
+    """A part of the page.
 
     Attributes:
         title: Heading of the section.
@@ -34,18 +35,6 @@ class Section(NamedTuple):
     title: str
     rows: Callable[[], Iterable[Row]]
     text: str = ""
-
-
-class Page(NamedTuple):
-    """A page of its own, beside that of all differences.
-
-    Attributes:
-        title: Heading of the page.
-        sections: Its sections.
-    """
-
-    title: str
-    sections: tuple[Section, ...]
 
 
 _LAB = (
@@ -108,13 +97,13 @@ _LITERATURE = (
             "Walker D at slope 0.009, hip torques of at most 2 per foot mass over g l."),
 )  # fmt: skip
 
-PAGES = {
-    "lab": Page("The laboratory's walker", _LAB),
-    "simplest": Page("The simplest walker and point feet", _SIMPLEST),
-    "kneed": Page("Kneed and tuned walkers", _KNEED),
-    "literature": Page("Other publications", _LITERATURE),
+SUBJECTS = {
+    "The laboratory's walker": _LAB,
+    "The simplest walker and point feet": _SIMPLEST,
+    "Kneed and tuned walkers": _KNEED,
+    "Other publications": _LITERATURE,
 }
-"""Pages by the last part of their names."""
+"""Sections by the heading above them."""
 
 _HEAD = """# Validation
 
@@ -126,14 +115,17 @@ package computes; then numbers of other publications. Written by
 No parameter was fitted. A printed number is met if the computed one rounds to it, or differs by no
 more than what stands in brackets behind the difference. Walkers are those of
 `gym_passive_walker.WALKERS`; slopes are in rad, and γ is the slope.
+
+{statements} statements; {agree} agree and {differ} differ. Where one differs, "Agrees" is **no**,
+and the remark has the reason. Numbers of sections, figures and tables are those of the chapter,
+except beside a publication's name. [Sources](#sources) follow the tables.
 """
 
 _SOURCES = """## Sources
 
 - The document: M. Garcia, A. Chatterjee, A. Ruina, *Efficiency, speed, and scaling of
   two-dimensional passive-dynamic walking*, Dynamics and Stability of Systems 15 (2000) 75–99, in
-  its form as chapter 4 of M. Garcia's thesis (1999). Numbers of sections, figures and tables are
-  those of the chapter.
+  its form as chapter 4 of M. Garcia's thesis (1999).
 - M. Garcia, A. Chatterjee, A. Ruina, M. Coleman, *The simplest walking model: stability,
   complexity, and scaling*, J. Biomech. Eng. 120 (1998) 281–288.
 - A. Goswami, B. Thuilot, B. Espiau, *A study of the passive gait of a compass-like biped robot:
@@ -153,8 +145,6 @@ _SOURCES = """## Sources
   Phys. 19 (1978) 25–52.
 """
 
-_NOTE = "[Validation]({}) says how these tables are made, and lists all differences and sources."
-
 _COLUMNS = ("Where", "What", "Print", "Computed", "Difference", "Agrees", "Remark")
 
 
@@ -169,48 +159,36 @@ def _table(cells: list[tuple[str, ...]], columns: tuple[str, ...]) -> str:
     )
 
 
-def render(rows: dict[str, list[Row]], path: str | Path = "validation.md") -> dict[Path, str]:
-    """The pages as Markdown, by their files.
+def _link(title: str) -> str:
+    anchor = re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
+    return f"[{title}](#{anchor})"
+
+
+def render(rows: dict[str, list[Row]]) -> str:
+    """The page as Markdown.
 
     Args:
         rows: By the titles of their sections.
-        path: File of the first page, which lists all differences; the others are beside it.
     """
-    path, every = Path(path), [row for section in rows.values() for row in section]
-    apart = [row for row in every if not row.agrees]
-    files = {path.with_stem(f"{path.stem}-{name}"): page for name, page in PAGES.items()}
-    pages, links, names = {}, [], []
-    for file, page in files.items():
-        parts = [
-            f"# Validation: {page.title[0].lower()}{page.title[1:]}\n",
-            _NOTE.format(path.name),
-        ]
-        of_page = [row for section in page.sections for row in rows[section.title]]
-        agree = sum(row.agrees for row in of_page)
-        links.append((f"[{page.title}]({file.name})", str(len(of_page)), str(agree)))
-        names.append(file.stem)
-        for section in page.sections:
-            parts.append(f"\n## {section.title}\n")
-            if section.text:
-                parts.append(section.text + "\n")
-            parts.append(_table([_cells(row) for row in rows[section.title]], _COLUMNS))
-        pages[file] = "\n".join([*parts, ""])
-    first = [
-        _HEAD,
-        _table(links, ("Page", "Statements", "Agree")),
-        "\n## Where print and computation differ\n",
-        f"{len(every)} statements; {len(every) - len(apart)} agree and {len(apart)} differ:\n",
-        _table([(*row[:4], row.remark) for row in apart], (*_COLUMNS[:4], "Why")),
-        "",
-        _SOURCES,
-        "\n".join(["```{toctree}", ":hidden:", "", *names, "```", ""]),
-    ]
-    return {path: "\n".join(first)} | pages
+    contents, parts = [], []
+    for subject, sections in SUBJECTS.items():
+        parts.append(f"\n## {subject}\n")
+        for section in sections:
+            of = rows[section.title]
+            differ = sum(not row.agrees for row in of)
+            contents.append((_link(section.title), str(len(of)), str(differ) if differ else ""))
+            parts += [f"### {section.title}\n", *([section.text + "\n"] if section.text else [])]
+            parts.append(_table([_cells(row) for row in of], _COLUMNS) + "\n")
+    every = [row for of in rows.values() for row in of]
+    agree = sum(row.agrees for row in every)
+    head = _HEAD.format(statements=len(every), agree=agree, differ=len(every) - agree)
+    table = _table(contents, ("Section", "Statements", "Differ"))
+    return "\n".join([head, table, *parts, _SOURCES])
 
 
 def sections() -> list[Section]:
-    """The sections of all pages, in order."""
-    return [section for page in PAGES.values() for section in page.sections]
+    """The sections of the page, in order."""
+    return [section for sections in SUBJECTS.values() for section in sections]
 
 
 def compute(progress: Callable[[str], None] = lambda title: None) -> dict[str, list[Row]]:
@@ -230,12 +208,11 @@ def compute(progress: Callable[[str], None] = lambda title: None) -> dict[str, l
 
 
 def write(path: str | Path, progress: Callable[[str], None] = lambda title: None) -> list[Row]:
-    """Compute the pages and write them to a file and to those beside it.
+    """Compute the page and write it to a file.
 
     Returns:
         The rows that are not as expected; an empty list if there are none.
     """
     computed = compute(progress)
-    for file, text in render(computed, path).items():
-        file.write_text(text, encoding="utf-8")
+    Path(path).write_text(render(computed), encoding="utf-8")
     return [row for rows in computed.values() for row in rows if not row.sound]

@@ -1,5 +1,6 @@
 """Links of the documentation resolve, and each page is near the first one."""
 
+import ast
 import re
 import sys
 from importlib.util import module_from_spec, spec_from_file_location
@@ -10,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-BUILT = {DOCS / "names.md", DOCS / "reference.md"}
+BUILT = {DOCS / "reference.md"}
 """Pages that `make docs` writes: the site has them, and the repository does not."""
 
 PAGES = [
@@ -21,6 +22,8 @@ PAGES = [
 ]
 LONGEST = 3000
 """Words of a page, tables that commands write left out."""
+WRITTEN = {DOCS / "environment.md", DOCS / "validation.md"}
+"""Pages with a docstring, or of a program's tables."""
 
 
 def plain(page):
@@ -51,6 +54,23 @@ def test_each_link_leads_to_a_file_and_to_a_heading(page):
             assert DOCS in target.parents, f"{link}: Sphinx takes it for a page of the site"
 
 
+def redirects():
+    """Targets of the site by former addresses; importing docs/conf.py would build pages."""
+    for node in ast.parse((DOCS / "conf.py").read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "REDIRECTS":
+            return ast.literal_eval(node.value)
+    return {}
+
+
+@pytest.mark.parametrize(("former", "target"), redirects().items())
+def test_a_former_address_leads_to_a_page_and_to_a_heading(former, target):
+    name, _, anchor = target.partition("#")
+    page = (DOCS / former).parent / name
+    assert not (DOCS / former).with_suffix(".md").exists()
+    assert page.suffix == ".html" and page.with_suffix(".md") in {*PAGES, *BUILT}
+    assert not anchor or anchor in anchors(page.with_suffix(".md"))
+
+
 def test_each_page_is_two_links_from_the_first_at_most():
     near = {DOCS / "index.md"}
     for _ in range(2):
@@ -72,7 +92,7 @@ def test_each_page_is_in_one_table_of_contents():
 
 
 def test_no_page_is_longer_than_a_reader_wants():
-    for page in {*DOCS.glob("*.md")} - BUILT - {DOCS / "environment.md"}:  # has a docstring
+    for page in {*DOCS.glob("*.md")} - BUILT - WRITTEN:
         text = page.read_text(encoding="utf-8")
         text = re.sub(r"<!-- (.+?) -->\n.*?<!-- end of \1 -->", "", text, flags=re.S)
         assert len(text.split()) <= LONGEST, page.name

@@ -35,7 +35,7 @@ def test_two_builds_of_the_pages_are_equal_and_tracked_ones_are_up_to_date(rende
     for library in ("torch", "skrl", "torchrl", "rsl_rl", "anywidget"):
         pytest.importorskip(library)
     pages = built(tmp_path, "--notebooks", seed=1)
-    for make in (render.environment, render.commands, render.names, render.reference):
+    for make in (render.environment, render.commands, render.reference):
         assert pages.pop(f"{make.__name__}.md").decode() == make()
     assert not pages
     for make in (render.environment, render.commands):

@@ -27,7 +27,7 @@ MADE = {
 }
 """Texts between markers, by PAGE/NAME."""
 
-BY_HAND = ("anywhere", "learners", "off-policy", "performance", "scaling", "training", "web")
+BY_HAND = ("anywhere", "benchmarks", "learners", "off-policy", "scaling", "training", "web")
 """Pages with tables of results that no command writes."""
 
 CODE = {
@@ -124,7 +124,7 @@ def test_the_list_is_printed_and_an_unknown_name_is_an_error(capsys, monkeypatch
     assert tables.main() == 0
     printed = capsys.readouterr().out
     assert all(key in printed and command in printed for key, command in tables.TABLES.items())
-    for name, said in (("strides", "or performance/strides"), ("no such", "not in the list")):
+    for name, said in (("strides", "or benchmarks/strides"), ("no such", "not in the list")):
         monkeypatch.setattr(sys, "argv", ["tables", name])
         with pytest.raises(SystemExit):
             tables.main()
@@ -139,7 +139,7 @@ def test_tables_are_made_again_by_their_commands(monkeypatch, capsys):
         return subprocess.CompletedProcess(words, len(ran) - 1)
 
     monkeypatch.setattr(subprocess, "run", run)
-    monkeypatch.setattr(sys, "argv", ["tables", "tick", "performance/strides", "gauntlet"])
+    monkeypatch.setattr(sys, "argv", ["tables", "tick", "benchmarks/strides", "gauntlet"])
     assert tables.main() == 1  # the second fails, so that the third is not tried
     assert [words[1:] for words in ran] == [
         ["-m", "benchmarks.work_precision", "ticks"], ["-m", "benchmarks.performance", "strides"],
