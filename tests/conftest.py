@@ -54,6 +54,16 @@ def pytest_configure() -> None:
         raise pytest.UsageError(f"FAIL_ON_SKIP is set, and {', '.join(absent)} is not installed")
 
 
+@pytest.hookimpl(tryfirst=True)  # before pytest leaves marked tests out
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the functions and cases that `tests.slow` has found to be slow."""
+    measured = Path(__file__).with_name("slow.txt")
+    slow = set(measured.read_text("utf-8").splitlines()) if measured.exists() else set()
+    for item in items:
+        if {item.nodeid, item.nodeid.partition("[")[0]} & slow:
+            item.add_marker(pytest.mark.slow)
+
+
 def _failed_if_skipped(report: Any) -> Any:
     if name := lacking(report):
         report.outcome = "failed"

@@ -178,7 +178,7 @@ def test_every_analysis_is_compared_here_with_what_it_names():
         ("basin", {"resolution": 6, "strides": 6}),
         ("check", {}),
         ("optimal", {"speed": 0.18, "control": "stride"}),
-        ("evaluation", {"controller": "passive", "episodes": 2}),
+        ("evaluation", {"controller": "passive", "episodes": 2, "reset_noise_scale": 0.0}),
     ],
 )
 def test_a_compass_of_one_s_own_has_the_rows_of_the_package_s(analysis, given):
