@@ -1,7 +1,7 @@
 """Which tests are slow, by measurement: `tests/slow.txt` names the functions and the cases.
 
     python -m pytest -m "not learning" --durations=0 -vv > report.txt
-    python -m tests.slow report.txt          Write the list anew.
+    python -m tests.slow report.txt          Write the list.
 
 A function is slow if its cases take longer than the limit on average; else those of its cases are
 that do. Tests with a marker in their file are slow whatever they take.
