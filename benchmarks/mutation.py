@@ -23,7 +23,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from importlib import import_module
@@ -46,13 +46,8 @@ LIBRARIES = ("numba", "scipy.optimize", "scipy.linalg", "gymnasium", "torch", "s
 """Libraries that tests import and mutants do not change."""
 
 
-class Watch:
-    """Plugin of pytest: selects tests, and records their results and the lines they execute.
-
-    Args:
-        chosen: Tests to run, in this order; all if empty.
-        coverage: Coverage that is measured for each test.
-    """
+class _Watch:
+    """Plugin of pytest: selects tests, and records their results and the lines they execute."""
 
     def __init__(self, chosen: Sequence[str], coverage: Any) -> None:
         self.chosen, self.coverage = chosen, coverage
@@ -60,37 +55,29 @@ class Watch:
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_modifyitems(self, items: list) -> None:
-        """Select and order the tests."""
         if self.chosen:
             by_name = {item.nodeid: item for item in items}
             items[:] = [by_name[name] for name in self.chosen if name in by_name]
 
-    @pytest.hookimpl(wrapper=True)
-    def pytest_runtest_protocol(self, item: Any) -> Iterator[None]:
-        """Name the test to coverage."""
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
         if self.coverage:
-            self.coverage.switch_context(item.nodeid)
-        return (yield)
+            self.coverage.switch_context(nodeid)
 
     def pytest_runtest_logreport(self, report: Any) -> None:
-        """Record the result and the seconds of a test."""
         outcome, seconds = self.results.get(report.nodeid, ("passed", 0.0))
         outcome = outcome if report.outcome == "passed" else report.outcome
         self.results[report.nodeid] = outcome, seconds + report.duration
         self.pytest_collectreport(report)
 
     def pytest_collectreport(self, report: Any) -> None:
-        """Record the first failure, also that of a file that cannot be imported."""
         self.failed = self.failed or report.nodeid * bool(report.failed)
 
 
 class Copy:
-    """A copy of the repository.
+    """A copy of the repository in an empty folder.
 
-    Args:
-        tree: An empty folder.
-        filled: Folder with the unchanged package's compiled code. Changed sources of compiled code
-            have another fingerprint, so that all of it is compiled again for them.
+    Its cache begins with the unchanged package's compiled code, from the folder `filled`. Changed
+    sources of compiled code have another fingerprint, so that all of it is compiled for them.
     """
 
     def __init__(self, tree: Path, filled: Path) -> None:
@@ -106,23 +93,17 @@ class Copy:
         mutant: Mutant | None = None,
         measured: Path | None = None,
     ) -> tuple[str, dict[str, tuple[str, float]]]:
-        """Run tests in a fork of this process, which has imported the slow libraries.
+        """Run tests, or all tests of files, in a fork of this process, which has the libraries.
 
-        Args:
-            tests: Tests, or files of which all tests run.
-            patience: Seconds until they are stopped.
-            mutant: The change; None for the unchanged code.
-            measured: File of executed lines to write. Without one, the first failure ends the run.
-
-        Returns:
-            The first failure ("time" if they ran too long, "crash" if they ended without results,
-            "" if they pass), and the outcome and the seconds of each test.
+        The lines that they execute are written to a file. Without one, the first failure ends the
+        run. Returns the first failure ("time" if they ran too long, "crash" if there are no
+        results, "" if they pass), and the outcome and the seconds of each test.
         """
         shutil.rmtree(self.cache, ignore_errors=True)
         shutil.copytree(self.filled, self.cache)
         said = self.tree / "said.json"
         said.unlink(missing_ok=True)
-        changed = self.tree / (mutant or Mutant("train.py", 0, "", "")).file
+        changed = self.tree / (mutant.file if mutant else "pyproject.toml")
         original = changed.read_bytes()
         if mutant:
             changed.write_text(mutant.source, "utf-8")
@@ -172,7 +153,7 @@ class Copy:
             coverage.set_option("run:relative_files", True)
             coverage.set_option("run:core", "ctrace")  # others know no contexts
             coverage.start()
-        watch = Watch([test for test in tests if "::" in test], coverage)
+        watch = _Watch([test for test in tests if "::" in test], coverage)
         options = ["-q", "--tb=short", "-p", "no:cacheprovider", *["-x"] * (not measured)]
         paths = dict.fromkeys(test.split("::")[0] for test in tests)
         code = pytest.main([*options, *paths], plugins=[watch])
@@ -186,18 +167,16 @@ class Copy:
 class Measured:
     """Tests that pass, their seconds, and the lines that they execute; tests that do not pass.
 
-    Args:
-        copy: The copy to measure.
-        kept: Folder of measurements, one for each file of tests.
-        tests: Files of tests.
+    Each file of tests is measured once, in a folder of measurements.
     """
 
     def __init__(self, copy: Copy, kept: Path, tests: Sequence[str]) -> None:
         from coverage import CoverageData
 
-        self.data, self.seconds, self.left = [], {}, {}
+        self.copy, self.data, self.seconds, self.left = copy, [], {}, {}
         for number, test in enumerate(tests, 1):
-            results = kept / test.replace("/", "-").replace(".py", ".json")
+            stem = test.removesuffix(".py").replace("/", "-")
+            results = kept / f"{stem}-{digest([test])}.json"
             lines = results.with_suffix(".coverage")
             if not results.exists():
                 print(f"measure {number} of {len(tests)}: {test}", flush=True)
@@ -227,7 +206,7 @@ class Measured:
 
     def of_line(self, file: str, line: int) -> set[str]:
         """Tests that execute a line, or the lines before it of the same statement."""
-        tree = ast.parse((ROOT / file).read_text("utf-8"))
+        tree = ast.parse((self.copy.tree / file).read_text("utf-8"))
         statements = [node.lineno for node in ast.walk(tree) if isinstance(node, ast.stmt)]
         first = max((begin for begin in statements if begin <= line), default=line)
         return set().union(*(self.lines(file).get(i, ()) for i in range(first, line + 1)))
@@ -248,15 +227,15 @@ class Measured:
         always = (test for test in self.seconds if test.startswith(f"{ALWAYS}::"))
         return [*dict.fromkeys([*chosen, *always])], len(self.seconds.keys() & on_line)
 
-    def attempt(self, copy: Copy, mutant: Mutant) -> dict[str, Any]:
+    def attempt(self, mutant: Mutant) -> dict[str, Any]:
         """Try a mutant. A failure counts if the same tests pass without the change."""
         began, failed = time.monotonic(), ""
         tests, on_line = self.choose(mutant)
         while tests:
             patience = PATIENCE + 5.0 * sum(self.seconds[test] for test in tests)
-            failed, _ = copy.run(tests, patience, mutant)
+            failed, _ = self.copy.run(tests, patience, mutant)
             upto = tests[: tests.index(failed) + 1] if failed in tests else tests
-            without = copy.run(upto, patience)[0] if failed else ""
+            without = self.copy.run(upto, patience)[0] if failed else ""
             if not without:
                 break
             self.left[without] = "failed without a change"
@@ -276,6 +255,14 @@ def listed() -> list[str]:
     return sorted(name for name in names if name and (ROOT / name).is_file())
 
 
+def digest(names: Iterable[str]) -> str:
+    """A hash of files."""
+    hashed = hashlib.sha256()
+    for name in names:
+        hashed.update(name.encode() + (ROOT / name).read_bytes())
+    return hashed.hexdigest()[:16]
+
+
 def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
@@ -284,6 +271,7 @@ def main() -> None:
     add("--seed", type=int, help="seed of the draw, to resume a run; random if not given")
     add("--packages", nargs="+", metavar="FOLDER", default=[], help="draw from these folders only")
     add("--tests", nargs="+", metavar="PATH", default=["tests"], help="use these tests only")
+    add("--again", action="store_true", help="repeat changes that were not noticed")
     options = parser.parse_args()
     seed = random.SystemRandom().randrange(10**6) if options.seed is None else options.seed
     given = {"--seed": [seed], "--packages": options.packages, "--tests": options.tests}
@@ -300,26 +288,27 @@ def main() -> None:
         with suppress(ImportError):
             import_module(library)
 
-    digest = hashlib.sha256()
-    for name in listed():
-        if name.startswith((*FOLDERS, "tests", "pyproject.toml")):
-            digest.update(name.encode() + (ROOT / name).read_bytes())
-    kept = ROOT / "build" / "mutation" / digest.hexdigest()[:16]
+    mutants = [*islice(draw(seed, modules), options.fresh)]
+    sources = [name for name in listed() if name.startswith((*FOLDERS, "tests", "pyproject.toml"))]
+    sources = [name for name in sources if not Path(name).match("test_*.py")]
+    kept = ROOT / "build" / "mutation" / digest(sources)
     (kept / "cache").mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         copy = Copy(Path(folder), kept / "cache")
         measured = Measured(copy, kept, [*dict.fromkeys([*tests, ALWAYS])])
-        log = kept / f"{hashlib.sha256(words.encode()).hexdigest()[:16]}.jsonl"
+        log, records = kept / f"{hashlib.sha256(words.encode()).hexdigest()[:16]}.jsonl", []
         old = log.read_text("utf-8").splitlines() if log.exists() else []
-        records = [json.loads(line) for line in old][: options.fresh]
-        mutants = draw(seed, modules) if len(records) < options.fresh else iter(())
-        for mutant in islice(mutants, len(records), options.fresh):
-            records.append(measured.attempt(copy, mutant))
-            with log.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(records[-1]) + "\n")
-            result = records[-1]["noticed_by"] or "NOT NOTICED"
-            took = f"{len(records)} of {options.fresh}, {records[-1]['seconds']} s"
-            print(f"{took}: {mutant.name}: {result}", flush=True)
+        known = {record["name"]: record for record in map(json.loads, old)}
+        for number, mutant in enumerate(mutants, 1):
+            record = known.get(mutant.name)
+            if not record or (options.again and not record["noticed_by"]):
+                record = measured.attempt(mutant)
+                with log.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(record) + "\n")
+                result = record["noticed_by"] or "NOT NOTICED"
+                took = f"{number} of {options.fresh}, {record['seconds']} s"
+                print(f"{took}: {mutant.name}: {result}", flush=True)
+            records.append(record)
 
     print("", *(f"test left out: {each}" for each in measured.left.items()), sep="\n")
     unnoticed = [record for record in records if not record["noticed_by"]]
