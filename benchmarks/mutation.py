@@ -289,8 +289,9 @@ def main() -> None:
             import_module(library)
 
     mutants = [*islice(draw(seed, modules), options.fresh)]
-    sources = [name for name in listed() if name.startswith((*FOLDERS, "tests", "pyproject.toml"))]
-    sources = [name for name in sources if not Path(name).match("test_*.py")]
+    used = (*FOLDERS, "tests", "train.py", "pyproject.toml")
+    sources = (name for name in listed() if name.startswith(used))
+    sources = (name for name in sources if not Path(name).match("test_*.py"))
     kept = ROOT / "build" / "mutation" / digest(sources)
     (kept / "cache").mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
@@ -307,7 +308,7 @@ def main() -> None:
                     file.write(json.dumps(record) + "\n")
                 result = record["noticed_by"] or "NOT NOTICED"
                 took = f"{number} of {options.fresh}, {record['seconds']} s"
-                print(f"{took}: {mutant.name}: {result}", flush=True)
+                print(f"{took}: {mutant.name}\n    {result}", flush=True)
             records.append(record)
 
     print("", *(f"test left out: {each}" for each in measured.left.items()), sep="\n")
@@ -315,8 +316,9 @@ def main() -> None:
     for record in unnoticed:
         tests = f"{record['tests']} tests, of which {record['on_line']} execute the line"
         print(f"not noticed by {tests}: {record['name']}")
-    print(f"\nnoticed: {len(records) - len(unnoticed)} of {len(records)}, seed {seed}, "
-          f"commit {commit()}, {machine('cosmic-ray', 'coverage')}")  # fmt: skip
+    share = 1.0 - len(unnoticed) / max(1, len(records))
+    print(f"\nnoticed: {share:.0%} of {len(records)}, seed {seed}, commit {commit()}, "
+          f"{machine('cosmic-ray', 'coverage')}")  # fmt: skip
 
 
 if __name__ == "__main__":
