@@ -183,7 +183,7 @@ class Measured:
                 lines.unlink(missing_ok=True)
                 failed, found = copy.run([test], 3600.0, measured=lines)
                 shutil.copytree(copy.cache, copy.filled, dirs_exist_ok=True)
-                results.write_text(json.dumps(found or {test: (failed, 0.0)}), "utf-8")
+                results.write_text(json.dumps(found or {test: (failed or "skipped", 0.0)}), "utf-8")
             for name, (outcome, seconds) in json.loads(results.read_text("utf-8")).items():
                 self.left |= {} if outcome == "passed" else {name: outcome}
                 self.seconds |= {name: seconds} if outcome == "passed" else {}
@@ -311,7 +311,8 @@ def main() -> None:
                 print(f"{took}: {mutant.name}\n    {result}", flush=True)
             records.append(record)
 
-    print("", *(f"test left out: {each}" for each in measured.left.items()), sep="\n")
+    left = (f"test left out, {outcome}: {test}" for test, outcome in measured.left.items())
+    print("", *left, sep="\n")
     unnoticed = [record for record in records if not record["noticed_by"]]
     for record in unnoticed:
         tests = f"{record['tests']} tests, of which {record['on_line']} execute the line"
