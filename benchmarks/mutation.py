@@ -1,287 +1,330 @@
-"""Mutation tests: put one fault at a time into the package, and check that a test fails.
+"""Mutation tests: make one random change at a time, and run the tests that execute its line.
 
-    python -m benchmarks.mutation                      Try all deliberate faults.
-    python -m benchmarks.mutation --blind              Try faults written without knowing the tests.
-    python -m benchmarks.mutation --unseen             Try others, for which no test was written.
-    python -m benchmarks.mutation --changes 100        Change single signs of equations and engine.
+    pip install cosmic-ray coverage
+    python -m benchmarks.mutation --fresh 120                         Draw 120 changes and try them.
+    python -m benchmarks.mutation --fresh 20 --packages gaits --tests tests/gaits
 
-Each mutant is a copy of the package with one fault. In the packages from `gaits` up, it is a
-plausible error of a programmer (`faults`). In `equations` and `engine`, one sign, number, operator
-or comparison is changed. The tests that concern the module run, the likeliest to fail first, until
-one fails. Code that the change may affect is recompiled, which takes some twenty seconds. Results
-are saved, one line of JSON for each mutant, and an interrupted run is resumed.
+Which tests execute a line is measured once by coverage.py, with the unchanged code. Measurements
+and results are in `build/mutation`, so that an interrupted run is resumed by its seed.
 """
 
 from __future__ import annotations
 
 import argparse
+import ast
+import hashlib
 import json
 import os
+import random
+import shlex
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from functools import lru_cache
 from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
+from itertools import islice
 from pathlib import Path
-from typing import NoReturn
+from types import ModuleType
+from typing import Any
 
 import pytest
 
-from benchmarks.equivalent_mutants import EQUIVALENT
-from benchmarks.mutants import (
-    BESIDE,
-    BLIND,
-    FAULTS,
-    PACKAGE,
-    ROOT,
-    UNSEEN,
-    Mutant,
-    faults,
-    path_of,
-    sample,
-)
-from benchmarks.related_tests import CHANGED, tests_of
-from benchmarks.report import machine, table
-from benchmarks.tables import DOCS, keep
+from benchmarks.mutants import FOLDERS, PACKAGE, ROOT, Mutant, draw, files, importers
+from benchmarks.report import machine
+from benchmarks.tables import commit
 
-PAGE = DOCS / "mutation.md"
-PATIENCE = 300.0  # seconds after which a mutant that still runs counts as detected
+MOST = 150  # tests for a mutant
+ALWAYS = "tests/test_refusals.py"  # and these
+PATIENCE = 300.0  # seconds beyond five times the usual time, after which a mutant is noticed
 LIBRARIES = ("numba", "scipy.optimize", "scipy.linalg", "gymnasium", "torch", "stable_baselines3")
 """Libraries that tests import and mutants do not change."""
-_TICKS = ("ticks.*",)
-_DISTURBED = ("disturbance_kernels.*", "*-pushed-*", "*-watched-*", *_TICKS)
-WITHIN = {
-    **dict.fromkeys(
-        ("gaits/scenes/checks", "envs/constraints", "gaits/look/forces", "gaits/terrain"),
-        _DISTURBED,
-    ),
-    "envs/disturbance_kernels": _TICKS,
-    "envs/memory": _TICKS,
-    "gaits/scenes/rules": _DISTURBED,
-    "gaits/scenes/starts": _TICKS,
-    "envs/task": _TICKS,
-    "envs/transitions": _TICKS,
-    "models/math": _DISTURBED,
-}
-"""Patterns of compiled code, besides a file's own, that depends on the file."""
-CHANGED_BY_COPY = "tests/engine/test_cache.py::test_a_source_that_changes_has_another_fingerprint"
-"""A test that is skipped, because the copy changes the behaviour under test."""
+
+
+class _Watch:
+    """Plugin of pytest: selects tests, and records their results and the lines they execute."""
+
+    def __init__(self, chosen: Sequence[str], coverage: Any) -> None:
+        self.chosen, self.coverage = chosen, coverage
+        self.failed, self.results = "", {}
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items: list) -> None:
+        if self.chosen:
+            by_name = {item.nodeid: item for item in items}
+            items[:] = [by_name[name] for name in self.chosen if name in by_name]
+
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        if self.coverage:
+            self.coverage.switch_context(nodeid)
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        outcome, seconds = self.results.get(report.nodeid, ("passed", 0.0))
+        outcome = outcome if report.outcome == "passed" else report.outcome
+        self.results[report.nodeid] = outcome, seconds + report.duration
+        self.pytest_collectreport(report)
+
+    def pytest_collectreport(self, report: Any) -> None:
+        self.failed = self.failed or report.nodeid * bool(report.failed)
 
 
 class Copy:
-    """A copy of the package and its tests, with a cache of the unchanged package's compiled code.
+    """A copy of the repository in an empty folder.
 
-    Args:
-        tree: An empty folder.
+    Its cache begins with the unchanged package's compiled code, from the folder `filled`. Changed
+    sources of compiled code have another fingerprint, so that all of it is compiled for them.
     """
 
-    def __init__(self, tree: Path) -> None:
-        self.tree, self.cache, self.filled = tree, tree / "cache", tree / "filled"
-        left = shutil.ignore_patterns("__pycache__", "_build", "jupyter_execute")
-        for name in (PACKAGE, *BESIDE, "tests", "benchmarks", "docs"):
-            shutil.copytree(ROOT / name, tree / name, ignore=left)
-        for name in ("pyproject.toml", "constraints.txt", "train.py", "README.md"):
-            shutil.copy(ROOT / name, tree)
-        # The cache's path depends on all sources. In a copy the path is fixed, and `notice` removes
-        # the code that a change makes stale.
-        folder = tree / PACKAGE / "engine" / "cache.py"
-        text = folder.read_text("utf-8")
-        start = text.index("    digest = ")
-        end = text.index("    return digest")
-        folder.write_text(
-            text[:start] + '    return "copy"\n' + text[text.index("\n", end) + 1 :], "utf-8"
-        )
+    def __init__(self, tree: Path, filled: Path) -> None:
+        self.tree, self.cache, self.filled = tree, tree / "cache", filled
+        for name in listed():
+            (tree / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, tree / name)
 
-    def fill(self, every: Sequence[str]) -> None:
-        """Run tests on the unchanged package, and save its compiled code."""
-        if failure := self.tests_fail(every, patience=20.0 * PATIENCE):
-            raise SystemExit(f"tests fail without any change: {failure}")
-        self.cache.rename(self.filled)
+    def run(
+        self,
+        tests: Sequence[str],
+        patience: float,
+        mutant: Mutant | None = None,
+        measured: Path | None = None,
+    ) -> tuple[str, dict[str, tuple[str, float]]]:
+        """Run tests, or all tests of files, in a fork of this process, which has the libraries.
 
-    def notice(self, mutant: Mutant) -> str:
-        """Return the test that detects a mutant, or an empty string."""
-        path = self.tree / path_of(mutant.file)
-        path.write_text(mutant.source, "utf-8")
-        shutil.rmtree(self.cache, ignore_errors=True)
-        if mutant.package not in ("equations", "engine", "models"):
-            # numba notices a change of a kernel's own file, but not of other files that it uses.
-            stale = shutil.ignore_patterns(*WITHIN.get(mutant.file, ()))
-            shutil.copytree(self.filled, self.cache, ignore=stale)
-        elif mutant.package == "equations" and mutant.file != "models/equations/hybrid":
-            # Code compiled by numba does not contain the equations: only object files are stale.
-            shutil.copytree(self.filled, self.cache, ignore=shutil.ignore_patterns("*.o"))
-        try:
-            return self.tests_fail(tests_of(mutant.file))
-        finally:
-            # Restore the modification time too, which numba's cache compares.
-            shutil.copy2(ROOT / path_of(mutant.file), path)
-
-    def tests_fail(self, tests: Sequence[str], patience: float = PATIENCE) -> str:
-        """Result of tests: the first failure, "time" if they ran too long, "" if they pass.
-
-        They run in a fork of this process, which has already imported the slow libraries.
+        The lines that they execute are written to a file. Without one, the first failure ends the
+        run. Returns the first failure ("time" if they ran too long, "crash" if there are no
+        results, "" if they pass), and the outcome and the seconds of each test.
         """
-        said = self.tree / "said"
-        child = os.fork()
-        if child == 0:
-            self._be_tested([test for test in tests if (self.tree / test).exists()], said)
-        until, ended, status = time.monotonic() + patience, 0, 0
+        shutil.rmtree(self.cache, ignore_errors=True)
+        shutil.copytree(self.filled, self.cache)
+        said = self.tree / "said.json"
+        said.unlink(missing_ok=True)
+        changed = self.tree / (mutant.file if mutant else "pyproject.toml")
+        original = changed.read_bytes()
+        if mutant:
+            changed.write_text(mutant.source, "utf-8")
+        sys.stdout.flush()
+        if (child := os.fork()) == 0:
+            try:
+                self._test(tests, said, measured)
+            finally:
+                os._exit(1)
+        until, ended = time.monotonic() + patience, 0
         try:
-            while not ended:
-                if time.monotonic() > until:
-                    return "time"
+            while not ended and time.monotonic() < until:
                 time.sleep(0.05)
-                ended, status = os.waitpid(child, os.WNOHANG)
+                ended, _ = os.waitpid(child, os.WNOHANG)
         finally:
+            with suppress(ProcessLookupError):
+                os.killpg(child, signal.SIGKILL)  # with the processes that tests have left
             if not ended:
-                os.killpg(child, signal.SIGKILL)
                 os.waitpid(child, 0)
-        if os.waitstatus_to_exitcode(status) == 0:
-            return ""
-        lines = [
-            x for x in said.read_text("utf-8").splitlines() if x.startswith(("FAILED", "ERROR"))
-        ]
-        return lines[0].split(" - ")[0] if lines else "does not run"
+            changed.write_bytes(original)
+        if said.exists():
+            return tuple(json.loads(said.read_text("utf-8")))
+        return ("crash" if ended else "time"), {}
 
-    def _be_tested(self, tests: list[str], said: Path) -> NoReturn:
-        """Run tests of the copy in this (child) process, and write their output to a file."""
+    def _test(self, tests: Sequence[str], said: Path, measured: Path | None) -> None:
+        """Run tests in this (child) process, and write their results to a file."""
         os.setsid()
-        with said.open("w", encoding="utf-8") as out:
+        with (self.tree / "output").open("wb") as output:
             for stream in (1, 2):
-                os.dup2(out.fileno(), stream)
+                os.dup2(output.fileno(), stream)
         os.chdir(self.tree)
         sys.path.insert(0, str(self.tree))
-        paths = [str(self.tree), os.environ.get("PYTHONPATH", "")]
+        sys.argv, sys.dont_write_bytecode = ["pytest"], True
         os.environ |= {
             "NUMBA_CACHE_DIR": str(self.cache),
-            "PYTHONPATH": os.pathsep.join(paths),
+            "PYTHONPATH": os.pathsep.join([str(self.tree), os.environ.get("PYTHONPATH", "")]),
             "PYTHONDONTWRITEBYTECODE": "1",
         }
-        sys.dont_write_bytecode = True
         for name in [name for name in sys.modules if name.split(".")[0] == "benchmarks"]:
             del sys.modules[name]
-        options = ["-x", "-q", "--no-header", "--tb=no", "-p", "no:cacheprovider"]
-        options += ["--deselect", CHANGED_BY_COPY]
-        code = 1
-        try:
-            code = int(pytest.main([*options, *tests]))
-            sys.stdout.flush()
-        finally:
-            os._exit(code)
+        sys.modules["__main__"] = ModuleType("__main__")  # or spawned processes import this module
+        coverage = None
+        if measured:
+            from coverage import Coverage
+
+            coverage = Coverage(str(measured), config_file=False, source=list(FOLDERS))
+            coverage.set_option("run:relative_files", True)
+            coverage.set_option("run:core", "ctrace")  # others know no contexts
+            coverage.start()
+        watch = _Watch([test for test in tests if "::" in test], coverage)
+        options = ["-q", "--tb=short", "-p", "no:cacheprovider", *["-x"] * (not measured)]
+        paths = dict.fromkeys(test.split("::")[0] for test in tests)
+        code = pytest.main([*options, *paths], plugins=[watch])
+        if coverage:
+            coverage.stop()
+            coverage.save()
+        bad = code not in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
+        said.write_text(json.dumps([watch.failed or "pytest" * bad, watch.results]), "utf-8")
 
 
-def run(
-    chosen: list[Mutant], results: Path, *, again: bool = False, tried: bool = False
-) -> list[dict]:
-    """Try the mutants that have no result yet, and return the results of all.
+class Measured:
+    """Tests that pass, their seconds, and the lines that they execute; tests that do not pass.
 
-    Args:
-        chosen: The mutants.
-        results: File of results.
-        again: Whether to retry mutants that were not detected.
-        tried: Whether to try none, and return the existing results.
+    Each file of tests is measured once, in a folder of measurements.
     """
-    results.parent.mkdir(parents=True, exist_ok=True)
-    lines = (
-        [json.loads(line) for line in results.open(encoding="utf-8")] if results.exists() else []
-    )
-    known = {record["name"]: record for record in lines}
-    if tried:
-        chosen = [mutant for mutant in chosen if mutant.name in known]
-    waiting = [
-        mutant
-        for mutant in ([] if tried else chosen)
-        if mutant.name not in known or (again and not known[mutant.name]["noticed_by"])
-    ]
-    if PACKAGE in sys.modules:
-        raise RuntimeError("the package is loaded already: tests would not meet a changed one")
-    for library in LIBRARIES:
-        with suppress(ImportError):
-            import_module(library)
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Copy(Path(folder))
-        if waiting:
-            copy.fill(list(dict.fromkeys(t for mutant in waiting for t in tests_of(mutant.file))))
-        for mutant in waiting:
-            failure = copy.notice(mutant)
-            record = {"name": mutant.name, "line": mutant.line, "noticed_by": failure}
-            known[mutant.name] = record
-            with results.open("a", encoding="utf-8") as log:
-                log.write(json.dumps(record) + "\n")
-            print("noticed " if failure else "SURVIVED", mutant.line, mutant.name, flush=True)
-    return [{"package": mutant.package, **known[mutant.name]} for mutant in chosen]
+
+    def __init__(self, copy: Copy, kept: Path, tests: Sequence[str]) -> None:
+        from coverage import CoverageData
+
+        self.copy, self.data, self.seconds, self.left = copy, [], {}, {}
+        for number, test in enumerate(tests, 1):
+            stem = test.removesuffix(".py").replace("/", "-")
+            results = kept / f"{stem}-{digest([test])}.json"
+            lines = results.with_suffix(".coverage")
+            if not results.exists():
+                print(f"measure {number} of {len(tests)}: {test}", flush=True)
+                lines.unlink(missing_ok=True)
+                failed, found = copy.run([test], 3600.0, measured=lines)
+                shutil.copytree(copy.cache, copy.filled, dirs_exist_ok=True)
+                results.write_text(json.dumps(found or {test: (failed or "skipped", 0.0)}), "utf-8")
+            for name, (outcome, seconds) in json.loads(results.read_text("utf-8")).items():
+                self.left |= {} if outcome == "passed" else {name: outcome}
+                self.seconds |= {name: seconds} if outcome == "passed" else {}
+            if lines.exists():
+                self.data.append(CoverageData(str(lines)))
+                self.data[-1].read()
+
+    @lru_cache  # noqa: B019 (lives as long as the program)
+    def lines(self, file: str) -> dict[int, set[str]]:
+        """Tests that execute each line of a module; what its import executes has none."""
+        found: dict[int, set[str]] = {}
+        for data in self.data:
+            for line, tests in data.contexts_by_lineno(file).items():
+                found.setdefault(line, set()).update(tests)
+        return found
+
+    def of(self, chosen: Iterable[str]) -> set[str]:
+        """Tests that execute any line of some modules."""
+        return set().union(*(tests for file in chosen for tests in self.lines(file).values()))
+
+    def of_line(self, file: str, line: int) -> set[str]:
+        """Tests that execute a line, or the lines before it of the same statement."""
+        tree = ast.parse((self.copy.tree / file).read_text("utf-8"))
+        statements = [node.lineno for node in ast.walk(tree) if isinstance(node, ast.stmt)]
+        first = max((begin for begin in statements if begin <= line), default=line)
+        return set().union(*(self.lines(file).get(i, ()) for i in range(first, line + 1)))
+
+    def choose(self, mutant: Mutant) -> tuple[list[str], int]:
+        """Choose tests for a mutant, those of quick files first; and how many execute its line."""
+        on_line = self.of_line(mutant.file, mutant.line)
+        chosen: list[str] = []
+        for pool in (on_line, self.of([mutant.file]), self.of(importers(mutant.file))):
+            rest = sorted((self.seconds.keys() & pool).difference(chosen))
+            rest.sort(key=self.seconds.__getitem__)
+            room = min(MOST - len(chosen), len(rest))
+            # Quick and slow ones: the quickest alone are tests of arguments.
+            chosen += [rest[i * len(rest) // room] for i in range(room)]
+        chosen.sort(key=self.seconds.__getitem__)
+        quick = [*dict.fromkeys(test.split("::")[0] for test in chosen)]
+        chosen.sort(key=lambda test: quick.index(test.split("::")[0]))  # they share fixtures
+        always = (test for test in self.seconds if test.startswith(f"{ALWAYS}::"))
+        return [*dict.fromkeys([*chosen, *always])], len(self.seconds.keys() & on_line)
+
+    def attempt(self, mutant: Mutant) -> dict[str, Any]:
+        """Try a mutant. A failure counts if the same tests pass without the change."""
+        began, failed = time.monotonic(), ""
+        tests, on_line = self.choose(mutant)
+        while tests:
+            patience = PATIENCE + 5.0 * sum(self.seconds[test] for test in tests)
+            failed, _ = self.copy.run(tests, patience, mutant)
+            upto = tests[: tests.index(failed) + 1] if failed in tests else tests
+            without = self.copy.run(upto, patience)[0] if failed else ""
+            if not without:
+                break
+            self.left[without] = "failed without a change"
+            failed = ""
+            if without not in tests:
+                break
+            tests.remove(without)
+            del self.seconds[without]
+        return {"name": mutant.name, "noticed_by": failed, "tests": len(tests), "on_line": on_line,
+                "seconds": round(time.monotonic() - began)}  # fmt: skip
 
 
-def report(records: list[dict]) -> str:
-    """The score of each package, and the mutants that were not detected."""
-    rows: list[list] = []
-    for package in dict.fromkeys(record["package"] for record in records):
-        mine = [record for record in records if record["package"] == package]
-        left = [record["name"] for record in mine if not record["noticed_by"]]
-        argued = sum(name in EQUIVALENT for name in left)
-        rows.append([package, len(mine), len(mine) - len(left), argued, len(left) - argued])
-    rows.append(["all", *(sum(row[i] for row in rows) for i in range(1, 5))])
-    for row in rows:
-        row.append(f"{row[2] / max(1, row[1] - row[3]):.0%}")
-    heads = ["package", "faults", "noticed", "without effect", "survived", "score"]
-    text = table(heads, rows)
-    left = [record["name"] for record in records if not record["noticed_by"]]
-    if left:
-        reasons = [(code(name), EQUIVALENT.get(name, "**survived**")) for name in left]
-        text += "\n\n" + table(["not noticed", "why it changes no trajectory"], reasons)
-    return text
+def listed() -> list[str]:
+    """Files of the repository: tracked ones, and others that git does not ignore."""
+    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    names = subprocess.check_output(command, cwd=ROOT, text=True, encoding="utf-8").split("\0")
+    return sorted(name for name in names if name and (ROOT / name).is_file())
 
 
-def code(text: str) -> str:
-    """Source code in Markdown, for a table."""
-    return "`" + text.replace("|", "\\|") + "`"
+def digest(names: Iterable[str]) -> str:
+    """A hash of files."""
+    hashed = hashlib.sha256()
+    for name in names:
+        hashed.update(name.encode() + (ROOT / name).read_bytes())
+    return hashed.hexdigest()[:16]
 
 
 def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     add = parser.add_argument
-    add("--changes", type=int, default=0, help="try this number of single changes instead")
-    add("--seed", type=int, default=1, help="seed of their order")
-    add("--blind", action="store_true", help="faults by someone who had not read the tests")
-    add("--unseen", action="store_true", help="those of them that were not tried before")
-    add("--sample", type=Path, metavar="JSON", help="those of `benchmarks.cosmic_ray_sample`")
-    add("--packages", nargs="+", metavar="PACKAGE", help="only these packages")
-    add("--again", action="store_true", help="repeat faults that were not noticed")
-    add("--tried", action="store_true", help="only report results so far")
-    add("--results", type=Path, default=ROOT / "build" / "mutants.jsonl")
-    add("--write", action="store_true", help=f"put the tables into {PAGE.name}")
+    add("--fresh", type=int, default=120, metavar="N", help="number of changes to draw")
+    add("--seed", type=int, help="seed of the draw, to resume a run; random if not given")
+    add("--packages", nargs="+", metavar="FOLDER", default=[], help="draw from these folders only")
+    add("--tests", nargs="+", metavar="PATH", default=["tests"], help="use these tests only")
+    add("--again", action="store_true", help="repeat changes that were not noticed")
     options = parser.parse_args()
-    pool = sample(list(CHANGED), options.seed)
-    folder = UNSEEN if options.unseen else BLIND if options.blind else FAULTS
-    thought_up, gone = faults(folder)
-    if options.sample:
-        drawn = json.loads(options.sample.read_text(encoding="utf-8"))
-        thought_up, gone = [Mutant(**each) for each in drawn], []
-    chosen = pool[: options.changes] or thought_up
-    if options.packages:
-        chosen = [mutant for mutant in chosen if mutant.package in options.packages]
-    records = run(chosen, options.results, again=options.again, tried=options.tried)
-    from gym_passive_walker._tools import console  # not before mutants are tried: see `run`
+    seed = random.SystemRandom().randrange(10**6) if options.seed is None else options.seed
+    given = {"--seed": [seed], "--packages": options.packages, "--tests": options.tests}
+    words = shlex.join(str(x) for key, values in given.items() if values for x in (key, *values))
+    print(f"resumed by: python -m benchmarks.mutation --fresh {options.fresh} {words}", flush=True)
+    modules = files(options.packages)
+    tests = [name for name in listed() if Path(name).match("test_*.py")
+             and any(Path(name).is_relative_to(path) for path in options.tests)]  # fmt: skip
+    if not modules or not tests:
+        parser.error(f"there is no {'test' if modules else 'module'} in these folders")
+    if PACKAGE in sys.modules:
+        raise RuntimeError("the package is loaded already: tests would not meet a changed one")
+    for library in LIBRARIES:
+        with suppress(ImportError):
+            import_module(library)
 
-    console.print_in_any_encoding()
-    found = report(records)
-    share = f"{len(records)} of {len(pool)} single changes."
-    if not options.changes:
-        share = f"{len(records)} of {len(thought_up)} faults."
-    for name in [] if options.changes else gone:
-        share += f"\nThe code that this fault was written for has changed: {name}."
-    text = "\n\n".join([share, found, f"{machine('scipy')}."])
-    if options.write:
-        faulty = "faults" if folder == FAULTS else f"{folder.name} faults"
-        faulty = "sample" if options.sample else faulty
-        keep("mutation" if options.changes else faulty, text, PAGE)
-    else:
-        print(f"\n{text}")
+    mutants = [*islice(draw(seed, modules), options.fresh)]
+    used = (*FOLDERS, "tests", "train.py", "pyproject.toml")
+    sources = (name for name in listed() if name.startswith(used))
+    sources = (name for name in sources if not Path(name).match("test_*.py"))
+    kept = ROOT / "build" / "mutation" / digest(sources)
+    (kept / "cache").mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Copy(Path(folder), kept / "cache")
+        measured = Measured(copy, kept, [*dict.fromkeys([*tests, ALWAYS])])
+        log, records = kept / f"{hashlib.sha256(words.encode()).hexdigest()[:16]}.jsonl", []
+        old = log.read_text("utf-8").splitlines() if log.exists() else []
+        known = {record["name"]: record for record in map(json.loads, old)}
+        for number, mutant in enumerate(mutants, 1):
+            record = known.get(mutant.name)
+            if not record or (options.again and not record["noticed_by"]):
+                record = measured.attempt(mutant)
+                with log.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(record) + "\n")
+                result = record["noticed_by"] or "NOT NOTICED"
+                took = f"{number} of {options.fresh}, {record['seconds']} s"
+                print(f"{took}: {mutant.name}\n    {result}", flush=True)
+            records.append(record)
+
+    left = (f"test left out, {outcome}: {test}" for test, outcome in measured.left.items())
+    print("", *left, sep="\n")
+    unnoticed = [record for record in records if not record["noticed_by"]]
+    for record in unnoticed:
+        tests = f"{record['tests']} tests, of which {record['on_line']} execute the line"
+        print(f"not noticed by {tests}: {record['name']}")
+    share = 1.0 - len(unnoticed) / max(1, len(records))
+    print(f"\nnoticed: {share:.0%} of {len(records)}, seed {seed}, commit {commit()}, "
+          f"{machine('cosmic-ray', 'coverage')}")  # fmt: skip
 
 
 if __name__ == "__main__":
-    main()
+    # The module alone: the package must not be loaded before a change is made.
+    spec = spec_from_file_location("console", ROOT / PACKAGE / "_tools" / "console.py")
+    console = module_from_spec(spec)  # type: ignore[arg-type]
+    spec.loader.exec_module(console)  # type: ignore[union-attr]
+    raise SystemExit(console.run(main))

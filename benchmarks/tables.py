@@ -46,8 +46,6 @@ SCRIPTS = {
     **{f"stability/stress {topic}": f"stress --long --only '{topic}' --write" for topic in (
         "anything at all", "uneven ground")},
     "stability/kills": "kills --kills 5 --write",
-    "mutation/faults": "mutation --write",
-    "mutation/mutation": "mutation --changes 74 --write",
     **{f"scaling/{part}": f"sweeps {part}" for part in (
         "walkers", "parameters", "tasks", "keeper", "naps", "minutes")},
 }  # fmt: skip

@@ -72,7 +72,6 @@ def test_every_program_prints_in_any_encoding():
     programs = {name: text for name, text in programs.items() if begins.search(text)}
     # One prints JSON for another process, with whichever package is there; others print nothing.
     silent = {
-        "benchmarks/cosmic_ray_sample.py",
         "benchmarks/regress_work.py",
         "gym_passive_walker/gaits/scenes/starts.py",
         "gym_passive_walker/devices/web/bookkeeping.py",

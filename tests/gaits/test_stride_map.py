@@ -114,6 +114,13 @@ def test_walkers_that_differ_in_a_parameter_walk_as_each_would():
         np.testing.assert_array_equal(change.lengths[i], by_own.lengths[0])
 
 
+def test_maps_are_equal_only_to_themselves_and_may_be_keys():
+    walker_map = StrideMap.of("lab")
+    others = [replace(walker_map, actuation=Actuation(0.01)),
+              walker_map.with_parameter("shank_length", [0.44, 0.46])]  # fmt: skip
+    assert len({walker_map, *others}) == 3
+
+
 def test_falls_and_strides_have_their_outcomes():
     walker_map, slope, points = beside("E", 6)
     points[1, 1] *= 0.1  # too slow to get over the vertical
