@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 
 _UNSAID = 1.0  # seconds of work before a notice
 _UNSEEN = 2.0  # seconds of work before a bar
@@ -143,13 +143,25 @@ def said(what: str) -> Iterator[None]:
             _tell(f" {time.monotonic() - began:.1f} s\n")
 
 
-def compiling(what: str) -> AbstractContextManager[None]:
+@contextmanager
+def compiling(what: str) -> Iterator[None]:
     """Write a notice of a compilation, if it takes longer than a second.
 
     Args:
         what: Name of what is compiled.
     """
-    return said(f"gym_passive_walker compiles {what}, this once")
+    with said(f"gym_passive_walker compiles {what}, this once"):
+        for called in COMPILING:
+            called(True)
+        try:
+            yield
+        finally:
+            for called in COMPILING:
+                called(False)
+
+
+COMPILING: list[Callable[[bool], object]] = []
+"""Functions that are called with True before each compilation, and with False after it."""
 
 
 def _tell(text: str) -> None:
