@@ -58,7 +58,7 @@ def compiles(x):
     from gym_passive_walker._tools.progress import compiling
 
     with compiling("a test"):
-        time.sleep(1.0)
+        time.sleep(1.5)
     time.sleep(60.0 * x)
     return {"square": x * x}
 

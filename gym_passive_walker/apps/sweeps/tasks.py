@@ -66,7 +66,8 @@ def gait(slope: float | None = None, **options: Any) -> Row:
     held, on = Actuation(**_taken(options, Actuation._fields)), _taken(options, _MAP)
     if on.get("controller") is not None and any(held):
         raise ValueError(f"{on['controller']} determines the actuation: omit torques and push-off")
-    strides = stride_map(slope=slope, **on | {"controller": on.get("controller") or held})
+    on["controller"] = on.get("controller") or held
+    strides = stride_map(slope=slope, **on)
     try:
         found = find_gait(strides, slope, **options)
     except GaitNotFound:

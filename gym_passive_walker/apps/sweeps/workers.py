@@ -85,7 +85,7 @@ class Workers:
 
     def __init__(self, analysis: str, count: int, time_out: float | None) -> None:
         self._analysis, self._time_out, self._count = analysis, time_out, count
-        self._pool = [_Worker(analysis) for _ in range(count)]
+        self._pool = [_Worker(analysis, silent=number > 0) for number in range(count)]
         self._stillborn = 0
 
     def outcomes(self, tasks: Sequence[Task]) -> Iterator[TaskOutcome]:
@@ -167,10 +167,10 @@ class _Worker:
     If it is ready, the first task is running; otherwise the process starts or compiles.
     """
 
-    def __init__(self, analysis: str) -> None:
+    def __init__(self, analysis: str, silent: bool = True) -> None:
         context = multiprocessing.get_context("spawn")
         self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs, analysis))
+        self.process = context.Process(target=_serve, args=(theirs, analysis, silent))
         self.process.start()
         theirs.close()  # so that the pipe reports the end of the process
         self.ready, self.since, self.tasks = False, time.monotonic(), deque[Task]()
@@ -201,11 +201,11 @@ class _Worker:
         self.pipe.close()
 
 
-def _serve(pipe: Connection, analysis: str) -> None:
+def _serve(pipe: Connection, analysis: str, silent: bool) -> None:
     """Do tasks in a worker process, until the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     threading.Thread(target=_leave_with_parent, daemon=True).start()
-    disable_progress()
+    disable_progress(notices=silent)  # all workers compile the same
     os.environ[THREADS] = "1"
     COMPILING.append(lambda begins: pipe.send(not begins))
     try:
