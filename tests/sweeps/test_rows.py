@@ -155,7 +155,7 @@ def test_a_row_is_written_to_a_file_after_a_time_also_if_rows_are_few(tmp_path, 
 
 @pytest.mark.parametrize("retry", [False, True])
 @pytest.mark.parametrize("failed", [FAILED, TIMED_OUT])
-def test_what_failed_in_any_way_is_left_for_another_try_alone(failed, retry, tmp_path):
+def test_what_failed_in_any_way_is_left_for_another_try_alone(failed, retry, tmp_path, monkeypatch):
     description = Description(analysis="a:b", over={"x": [1, 2]})
     first = Store(tmp_path / "out", description, "1")
     for task, status in enumerate((failed, DONE)):
@@ -163,6 +163,11 @@ def test_what_failed_in_any_way_is_left_for_another_try_alone(failed, retry, tmp
         first.add({**row, "error": None}, {"y": 1} if status == DONE else {})
     first.flush(last=True)
     first.close()
+    if retry:  # and is killed before the other rows are in a file again
+        with monkeypatch.context() as patch:
+            patch.setattr(Store, "flush", lambda _: None)
+            Store(tmp_path / "out", description, "1", retry=True).close()
+        assert not [*(tmp_path / "out" / "rows").iterdir()]
     again = Store(tmp_path / "out", description, "1", retry=retry)
     assert again.done == ({1: DONE} if retry else {0: failed, 1: DONE})
     again.close()
