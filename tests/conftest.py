@@ -80,8 +80,8 @@ def pytest_runtest_makereport() -> Iterator[None]:
     return _failed_if_skipped((yield))
 
 
-OF_LIBRARIES = ("pymp-", "torchinductor_", "pytest-of-", ".ses")
-"""How the names of files begin that multiprocessing, torch, pytest and onnxruntime make."""
+OF_LIBRARIES = ("pymp-", "torchinductor_", "pytest-of-", ".ses", "ray")
+"""How the names of files begin that multiprocessing, torch, pytest, onnxruntime and Ray make."""
 
 
 @pytest.fixture(scope="session")

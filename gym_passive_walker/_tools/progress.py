@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager, nullcontext
 
 _UNSAID = 1.0  # seconds of work before a notice
 _UNSEEN = 2.0  # seconds of work before a bar
@@ -46,7 +46,7 @@ class _Line:
 
     def __init__(self) -> None:
         self.bars: list[_Bar] = []
-        self.hushed = False
+        self.hushed = self.silent = False
         self._drawn = False
         self._shown = self._reported = -_REPORT
 
@@ -88,9 +88,13 @@ def show() -> None:
     _LINE.show()
 
 
-def disable_progress() -> None:
-    """Disable progress bars in this process; its terminal belongs to another process."""
-    _LINE.hushed = True
+def disable_progress(*, notices: bool = False) -> None:
+    """Disable progress bars in this process; its terminal belongs to another process.
+
+    Args:
+        notices: Whether to disable notices of compilation too.
+    """
+    _LINE.hushed, _LINE.silent = True, notices
 
 
 @contextmanager
@@ -143,13 +147,26 @@ def said(what: str) -> Iterator[None]:
             _tell(f" {time.monotonic() - began:.1f} s\n")
 
 
-def compiling(what: str) -> AbstractContextManager[None]:
+@contextmanager
+def compiling(what: str) -> Iterator[None]:
     """Write a notice of a compilation, if it takes longer than a second.
 
     Args:
         what: Name of what is compiled.
     """
-    return said(f"gym_passive_walker compiles {what}, this once")
+    notice = f"gym_passive_walker compiles {what}, this once"
+    with nullcontext() if _LINE.silent else said(notice):
+        for called in COMPILING:
+            called(True)
+        try:
+            yield
+        finally:
+            for called in COMPILING:
+                called(False)
+
+
+COMPILING: list[Callable[[bool], object]] = []
+"""Functions that are called with True before each compilation, and with False after it."""
 
 
 def _tell(text: str) -> None:

@@ -54,6 +54,15 @@ def hangs(x):
     return {"square": x * x}
 
 
+def compiles(x):
+    from gym_passive_walker._tools.progress import compiling
+
+    with compiling("a test"):
+        time.sleep(1.5)
+    time.sleep(60.0 * x)
+    return {"square": x * x}
+
+
 def changeable(x):
     return {"square": x} if x else {"cube": x}
 '''

@@ -1,6 +1,5 @@
 """A description determines the tasks, or raises an error with the reason."""
 
-import dataclasses
 import json
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.apps.sweeps.description import Description
-from gym_passive_walker.apps.sweeps.quantities import sizes
 from gym_passive_walker.apps.sweeps.run import _described
 from gym_passive_walker.apps.sweeps.tasks import ANALYSES, flat, task
 
@@ -55,45 +53,10 @@ def test_the_first_half_of_a_sobol_sample_is_the_smaller_sample():
     assert many[:16] == few and len({each["slope"] for each in many}) == 32
 
 
-def test_a_digest_knows_any_change_and_no_other_order_of_names():
-    one = {
-        "analysis": "gait",
-        "over": {"slope": [0.02]},
-        "given": {"walker": "lab", "kind": "long"},
-    }
-    same = {**one, "given": {"kind": "long", "walker": "lab"}}
-    assert Description.of(one).digest == Description.of(same).digest
-    other = {**one, "over": {"slope": [0.02, 0.03]}}
-    assert Description.of(one).digest != Description.of(other).digest
-
-
 def test_a_walker_in_a_description_is_its_parameters():
     found = Description(analysis="gait", over={"slope": [0.03]}, given={"walker": gpw.WALKERS["C"]})
     call = task("gait", found.tasks[0])
     assert call.keywords == {"walker": gpw.WALKERS["C"], "slope": 0.03}
-
-
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        ({"analysis": "gait"}, "needs an analysis, and `over`"),
-        ({"analysis": "gait", "over": {"slope": [1]}, "sampels": 3}, "sampels \\(samples\\?\\)"),
-        ({"analysis": "gait", "over": {"slope": 0.1}}, "over a list of values"),
-        ({"analysis": "gait", "over": {}}, "over must name what varies"),
-        ({"analysis": "gait", "over": {"slope": [1]}, "how": "random"}, "how must be one of"),
-        ({"analysis": "gait", "over": {"slope": [0, 1]}, "how": "sobol"}, "samples is the size"),
-        (
-            {"analysis": "gait", "over": {"slope": [2, 1]}, "how": "sobol", "samples": 2},
-            "sampled from \\[low, high\\]",
-        ),
-        ({"analysis": "gait", "over": {"a": [1], "b": [1, 2]}, "how": "list"}, "a has 1, b has 2"),
-        ({"analysis": "gait", "over": {"a": [1]}, "given": {"a": 2}}, "not in both"),
-        ({"analysis": "gait", "over": {"status": [1]}}, "status is a column"),
-    ],
-)
-def test_what_describes_no_sweep_is_refused_in_a_sentence(content, said):
-    with pytest.raises(ValueError, match=said):
-        Description.of(content)
 
 
 @pytest.mark.parametrize(
@@ -149,40 +112,6 @@ def test_a_swept_gait_is_the_gait():
     gait = gpw.find_gait(gpw.Walker(**{**vars(walker), "foot_radius": 0.22}), 0.036)
     assert row["stance_angle"] == gait.stance_angle and row["stable"] == gait.stable
     assert row["multiplier"] == np.abs(gait.multipliers[0])
-
-
-@pytest.mark.parametrize(
-    ("column", "unit"),
-    [
-        ("thigh_com", lambda mass, leg, gravity: leg),
-        ("shank_mass", lambda mass, leg, gravity: mass),
-        ("hip_stiffness", lambda mass, leg, gravity: mass * gravity * leg),
-        ("hip_friction", lambda mass, leg, gravity: mass * gravity * leg * np.sqrt(leg / gravity)),
-        ("push_off", lambda mass, leg, gravity: mass * np.sqrt(gravity * leg)),
-        ("step_period", lambda mass, leg, gravity: np.sqrt(leg / gravity)),
-        ("stance_angle", lambda mass, leg, gravity: 1.0),
-    ],
-)
-def test_a_column_is_measured_by_the_walker_s_mass_length_and_gravity(column, unit):
-    walkers = [dataclasses.replace(gpw.WALKERS["lab"], gravity=gravity) for gravity in (1.0, 4.0)]
-    found = sizes(column, "gait", [{"walker": walker, "slope": 0.03} for walker in walkers])
-    expected = [unit(each.total_mass, each.leg_length, each.gravity) for each in walkers]
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
-
-
-def test_an_ankle_torque_of_the_simplest_walker_is_over_its_weight_and_length():
-    heavy = dataclasses.replace(gpw.WALKERS["D"], hip_mass=2.0 * gpw.WALKERS["D"].hip_mass)
-    (found,) = sizes("ankle_torque", "gait", [{"walker": heavy, "slope": 0.01}])
-    assert found == pytest.approx(heavy.total_mass * heavy.gravity * heavy.leg_length)
-    (gravity,) = sizes("gravity", "gait", [{"walker": heavy, "slope": 0.01}])
-    assert gravity == 1.0
-
-
-def test_the_fastest_gait_of_a_family_has_the_family_s_largest_speed():
-    lab = gpw.WALKERS["lab"]
-    row = ANALYSES["family"](walker=lab, slope_min=0.02, slope_max=0.04)
-    largest = gpw.gait_family(lab, 0.02, 0.04).speed.max() / np.sqrt(lab.gravity * lab.leg_length)
-    assert row["fastest"] == pytest.approx(largest, rel=1e-12)
 
 
 def test_a_seed_that_is_given_to_all_tasks_is_theirs_and_the_sweep_s_draws_the_sample():

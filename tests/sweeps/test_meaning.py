@@ -1,16 +1,11 @@
 """Rows of sweeps by a second way: strides one after another, gaits one by one, closed relations."""
 
-import inspect
-
-import gymnasium as gym
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.apps.sweeps.quantities import label
-from gym_passive_walker.apps.sweeps.tasks import ANALYSES, flat, task
-from gym_passive_walker.envs.evaluation import walks
-from gym_passive_walker.gaits.control.controllers import acting
+from gym_passive_walker.apps.sweeps.tasks import flat, task
 
 
 def row(analysis, **given):
@@ -91,21 +86,10 @@ def test_costs_of_an_optimal_gait_add_up_to_its_cost_of_transport():
     assert type(found["stable"]) is bool and type(found["stubs"]) is bool
 
 
-def test_a_row_of_an_evaluation_is_the_mean_of_its_episodes():
-    given = {"controller": "lqr", "scene": "steep", "episodes": 4, "seed": 7}
-    found = row("evaluation", **given)
-    assert found != row("evaluation", **given | {"seed": 8})
-    arena = gym.make_vec("PassiveWalker-v0", num_envs=4, scene="steep")
-    agent, _ = acting("lqr", "steep")
-    assert found == flat(walks.evaluate(agent, arena, seed=7).summary())
-
-
 @pytest.mark.parametrize(
     ("passive", "changes"),
-    [(True, {"roughness": 1e-4}), (True, {"walkers": 20}), (True, {"strides": 9}),
-     (True, {"initial_error": 0.1}), (True, {"starts": 9}), (True, {"seed": 1}),
-     (False, {"initial_error": 0.1, "walkers": 20}), (False, {"seed": 1, "starts": 9})],
-)  # fmt: skip
+    [(True, {"strides": 9}), (False, {"initial_error": 0.1, "walkers": 20, "seed": 1})],
+)
 def test_robustness_hears_each_option(passive, changes):
     options = {"walkers": 30, "strides": 12, "starts": 16, "roughness": 4e-4} | changes
     on = {"walker": "D", "slope": 0.009} if passive else {"controller": "lqr", "scene": "steep"}
@@ -120,27 +104,9 @@ def test_robustness_hears_each_option(passive, changes):
         row("robustness", **on, **options, first_passage="nothing")
 
 
-TERRAIN = {"terrain": {"stairs": {"rise": -0.002}}}
-
-
-@pytest.mark.parametrize(
-    ("analysis", "given", "changes"),
-    [
-        ("gait", {"walker": "lab", "slope": 0.036}, TERRAIN),
-        ("gait", {"controller": "lab-ppo", "slope": 0.03}, {"scene": "steep"}),
-        ("family", {"walker": "D", "slope_min": 0.012, "slope_max": 0.013}, TERRAIN),
-        ("family", {"walker": "D", "slope_min": 0.012, "slope_max": 0.013}, {"kind": "short"}),
-        ("bifurcation", {"walker": "D", "slope": 0.012, "n_transient": 5}, TERRAIN),
-        ("bifurcation", {"walker": "D", "slope": 0.012, "n_transient": 5}, {"kind": "short"}),
-        ("bifurcation", {"walker": "D", "slope": 0.0185, "n_transient": 1}, {"n_transient": 100}),
-        ("bifurcation", {"walker": "D", "slope": 0.0185, "n_transient": 90}, {"n_recorded": 40}),
-        ("basin", {"walker": "D", "slope": 0.012, "resolution": 20, "strides": 20}, TERRAIN),
-        ("check", {"walker": "C", "slope": 0.03, "friction": 0.2}, {"friction": 0.8}),
-        ("check", {"controller": "lqr", "scene": "steep"}, {"scene": "lab"}),
-    ],
-)
-def test_an_option_of_an_analysis_changes_the_row(analysis, given, changes):
-    assert row(analysis, **given) != row(analysis, **given | changes)
+def test_a_check_is_that_of_the_scene():
+    one, other = (row("check", controller="lqr", scene=scene) for scene in ("steep", "lab"))
+    assert one != other
 
 
 LABELS = {
@@ -160,7 +126,8 @@ LABELS = {
     "hip_mass": "hip mass / m", "hip_stiffness": "hip stiffness / (m g l)",
     "hip_friction": "hip friction / (m l √(g l))", "push_off": "push off / (m √(g l))",
     "hip_torque": "hip torque / (m g l)", "ankle_torque": "ankle torque / (m g l)",
-    "foot_angle": "foot angle (rad)", "gravity": "gravity", "status": "status",
+    "foot_radius": "foot radius / l", "foot_angle": "foot angle (rad)",
+    "gravity": "gravity", "status": "status",
 }  # fmt: skip
 
 
@@ -182,8 +149,3 @@ def test_what_is_no_function_of_a_module_is_refused():
         task("math:pi", {})
     with pytest.raises(ValueError, match=r"'math:pie' cannot be found"):
         task("math:pie", {})
-
-
-def test_every_analysis_is_computed_here_or_beside_python():
-    source = inspect.getsource(inspect.getmodule(row))
-    assert [name for name in ANALYSES if f'("{name}", ' not in source] == []

@@ -81,28 +81,6 @@ def test_as_many_processes_work_as_are_asked_for(odd):
         assert len({line.split()[1] for line in lines}) == count
 
 
-def test_another_sweep_in_a_folder_is_refused_or_stands_beside_it(odd):
-    gpw.sweep(SQUARES, odd / "out", trust=True, workers=1)
-    other = {**SQUARES, "seed": 9}
-    with pytest.raises(ValueError, match="another"):
-        gpw.sweep(other, odd / "out", trust=True, workers=1)
-    beside = gpw.sweep(other, odd / "out", trust=True, workers=1, branch=True)
-    assert beside.folder != odd / "out" and beside.tasks == 3
-
-
-def test_only_trusted_functions_are_called_and_failed_tasks_done_again_on_request(odd):
-    fails = {"analysis": "odd_tasks:dies", "over": {"x": [5, 6]}}
-    fails |= {"given": {"times": 9, "folder": str(odd)}}
-    with pytest.raises(ValueError, match="trust"):
-        gpw.sweep(fails, odd / "out", workers=1)
-    assert not (odd / "lives").exists()
-    tried = []
-    for retry in (False, False, True):
-        gpw.sweep(fails, odd / "out", trust=True, workers=1, retry=retry)
-        tried.append(len((odd / "lives").read_text()))
-    assert tried[0] == tried[1] < tried[2]
-
-
 def test_words_of_the_command_are_the_options_of_python(odd, capsys, monkeypatch):
     """Each is passed on: by what the command calls."""
     asked = {}

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.apps.sweeps import node, run, store, workers
+from gym_passive_walker.apps.sweeps import lock, run, store, workers
 from gym_passive_walker.apps.sweeps.description import RESERVED, Description
-from gym_passive_walker.apps.sweeps.node import locked
+from gym_passive_walker.apps.sweeps.lock import locked
 from gym_passive_walker.apps.sweeps.quantities import label, sizes
 from gym_passive_walker.apps.sweeps.store import DONE, FAILED, TIMED_OUT, Store
 from gym_passive_walker.apps.sweeps.tasks import flat
@@ -155,7 +155,7 @@ def test_a_row_is_written_to_a_file_after_a_time_also_if_rows_are_few(tmp_path, 
 
 @pytest.mark.parametrize("retry", [False, True])
 @pytest.mark.parametrize("failed", [FAILED, TIMED_OUT])
-def test_what_failed_in_any_way_is_left_for_another_try_alone(failed, retry, tmp_path):
+def test_what_failed_in_any_way_is_left_for_another_try_alone(failed, retry, tmp_path, monkeypatch):
     description = Description(analysis="a:b", over={"x": [1, 2]})
     first = Store(tmp_path / "out", description, "1")
     for task, status in enumerate((failed, DONE)):
@@ -163,6 +163,11 @@ def test_what_failed_in_any_way_is_left_for_another_try_alone(failed, retry, tmp
         first.add({**row, "error": None}, {"y": 1} if status == DONE else {})
     first.flush(last=True)
     first.close()
+    if retry:  # and is killed before the other rows are in a file again
+        with monkeypatch.context() as patch:
+            patch.setattr(Store, "flush", lambda _: None)
+            Store(tmp_path / "out", description, "1", retry=True).close()
+        assert not [*(tmp_path / "out" / "rows").iterdir()]
     again = Store(tmp_path / "out", description, "1", retry=retry)
     assert again.done == ({1: DONE} if retry else {0: failed, 1: DONE})
     again.close()
@@ -173,7 +178,7 @@ def locks(request, monkeypatch):
     """The locks of a system; those of Windows by a stand-in for its module."""
     if request.param == "POSIX":
         return
-    flock, exclusive = node.fcntl.flock, node.fcntl.LOCK_EX | node.fcntl.LOCK_NB
+    flock, exclusive = lock.fcntl.flock, lock.fcntl.LOCK_EX | lock.fcntl.LOCK_NB
 
     def locking(number, way, count):
         assert (way, count) == ("at once", 1)
@@ -182,7 +187,7 @@ def locks(request, monkeypatch):
         except BlockingIOError:
             raise PermissionError(13, "Permission denied") from None
 
-    monkeypatch.setattr(node, "fcntl", None)
+    monkeypatch.setattr(lock, "fcntl", None)
     windows = SimpleNamespace(locking=locking, LK_NBLCK="at once")
     monkeypatch.setitem(sys.modules, "msvcrt", windows)
 
@@ -215,6 +220,29 @@ def test_text_of_any_kind_returns_as_it_was(text, tmp_path):
     columns = written(tmp_path / "out", description, [{"y": text}, None]).columns()
     assert columns["x"].tolist() == [text, text + "2"] and columns["y"].tolist() == [text, None]
     assert description == run.SweepResult(tmp_path / "out", 2, 1).description()
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars", "duckdb"])
+def test_other_readers_leave_missing_numbers_out_of_means_and_of_the_first_rows(library, tmp_path):
+    module = pytest.importorskip(library)
+    found = [0.25, math.nan, 0.75, 0.5]  # and a task that failed
+    rows = [*({"speed": speed, "recovery": math.inf} for speed in found), None]
+    description = Description(analysis="a:b", over={"x": list(range(5))})
+    swept = written(tmp_path / "out", description, rows)
+    folder = swept.folder / "rows"
+    match library:
+        case "pandas":
+            speeds = module.read_parquet(folder)["speed"]
+            seen = speeds.mean(), [*speeds.nlargest(2)], int(speeds.isna().sum())
+        case "polars":
+            speeds = module.read_parquet(folder / "*.parquet")["speed"]
+            seen = speeds.mean(), [*speeds.top_k(2).sort(descending=True)], speeds.null_count()
+        case _:
+            columns = "avg(speed), list(speed order by speed desc)[:2], count(*) - count(speed)"
+            (seen,) = module.sql(f"select {columns} from '{folder}/*.parquet'").fetchall()
+    assert seen == (0.5, [0.75, 0.5], 2)
+    assert swept.columns()["recovery"].tolist()[:4] == [math.inf] * 4
+    np.testing.assert_array_equal(swept.columns()["speed"], [*found, math.nan])
 
 
 # Pictures.
@@ -338,29 +366,6 @@ def test_results_in_a_walker_s_own_units_are_those_of_gaits_alone(name, analysis
     assert size == (pytest.approx({"step_length": 4.0, "step_period": 0.5}[name]) if own else 1.0)
 
 
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        ("stable_from", "stable from (rad)"),
-        ("least_angle", "least angle (rad)"),
-        ("first_passage", "first passage (strides)"),
-        ("recovery", "recovery (strides)"),
-        ("step_length", "step length / l"),
-        ("step_up", "step up / l"),
-        ("step_period", "step period / √(l/g)"),
-        ("seconds", "run time (s)"),
-        ("multiplier", "modulus of the largest multiplier"),
-        ("gravity", "gravity"),
-        ("gaits", "gaits"),
-        ("cost_of_transport", "cost of transport"),
-        ("foot_radius", "foot radius / l"),
-        ("foot_angle", "foot angle (rad)"),
-    ],
-)
-def test_a_label_names_the_column_and_its_unit(name, expected):
-    assert label(name) == expected
-
-
 # Descriptions.
 
 GAIT = {"analysis": "gait", "over": {"slope": [0.02, 0.03]}}
@@ -396,11 +401,21 @@ def test_no_parameter_takes_a_column_of_every_sweep_but_the_seed(name):
         ({"over": [0.1]}, "over must name values"),
         ({"given": [0.1]}, "given must name values"),
         ({"analysis": 3}, "analysis must be a name, not 3"),
+        ({"sampels": 3}, "sampels \\(samples\\?\\)"),
+        ({"over": {"slope": 0.1}}, "over a list of values"),
+        ({"over": {}}, "over must name what varies"),
+        ({"how": "random"}, "how must be one of"),
+        ({"how": "sobol"}, "samples is the size"),
+        ({"how": "sobol", "samples": 2, "over": {"slope": [2, 1]}}, r"\[low, high\]"),
+        ({"how": "list", "over": {"a": [1], "b": [1, 2]}}, "a has 1, b has 2"),
+        ({"given": {"slope": 2}}, "not in both"),
     ],
 )
 def test_an_entry_that_no_sweep_can_have_is_refused_by_its_name(changes, said):
     with pytest.raises(ValueError, match=said):
         Description.of(GAIT | changes)
+    with pytest.raises(ValueError, match="needs an analysis, and `over`"):
+        Description.of({"analysis": "gait"})
 
 
 @pytest.mark.parametrize(
@@ -412,7 +427,8 @@ def test_an_entry_that_no_sweep_can_have_is_refused_by_its_name(changes, said):
 def test_a_digest_knows_each_entry(changes):
     one, other = Description.of(GAIT), Description.of(GAIT | changes)
     assert len(one.digest) == 16 and one.digest != other.digest
-    assert Description.of(other.content).digest == other.digest
+    content = dict(reversed(other.content.items()))
+    assert Description.of(content).digest == other.digest
 
 
 def test_values_of_an_array_are_those_of_a_list():
@@ -585,18 +601,19 @@ def test_a_task_that_raises_or_exits_reports_the_kind_and_the_words(odd):
 
 def test_a_pool_waits_to_the_first_time_out_and_never_longer_than_a_report(monkeypatch):
     class Still:
-        def __init__(self, since, tasks):
-            self.since, self.tasks = since, tasks
+        def __init__(self, since, tasks, ready=True):
+            self.since, self.tasks, self.ready = since, tasks, ready
             self.pipe = type("Pipe", (), {"poll": staticmethod(lambda: False)})
 
     monkeypatch.setattr(workers.time, "monotonic", lambda: 103.0)
     pool = Workers("gait", 0, 4.0)
     old, idle, new = Still(100.0, [(1, {})]), Still(0.0, []), Still(102.5, [(2, {})])
-    pool._pool = [new, old, idle]
+    compiles = Still(0.0, [(3, {})], ready=False)
+    pool._pool = [new, old, idle, compiles]
     assert pool._patience() == pytest.approx(1.0)
-    assert [pool._overdue(each) for each in pool._pool] == [False, False, False]
+    assert [pool._overdue(each) for each in pool._pool] == [False] * 4
     monkeypatch.setattr(workers.time, "monotonic", lambda: 104.0)
     assert pool._patience() == 0.0
-    assert [pool._overdue(each) for each in pool._pool] == [False, True, False]
+    assert [pool._overdue(each) for each in pool._pool] == [False, True, False, False]
     pool._time_out = None
     assert pool._patience() == 5.0 and not pool._overdue(old)

@@ -1,21 +1,23 @@
 """Results of a sweep in a folder: a Parquet dataset that is valid at any moment.
 
-Each finished row is written to a journal at once, as a line of JSON. At intervals the journal's
-rows become a Parquet file, which is written under another name and renamed. The journal is then
-emptied. A continued sweep reads both.
+Each finished row is written to a journal at once, as a line of JSON with a checksum. At intervals
+the journal's rows become a Parquet file, which is written under another name and renamed. The
+journal is then emptied. A continued sweep reads both. The name of a Parquet file holds a digest of
+its bytes.
 """
 
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import os
 import time
-import uuid
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +25,14 @@ from numpy.typing import NDArray
 from gym_passive_walker._tools.extras import extra
 from gym_passive_walker._tools.loading import parse_json, reason
 from gym_passive_walker.apps.sweeps.description import Description
-from gym_passive_walker.apps.sweeps.node import locked
+from gym_passive_walker.apps.sweeps.lock import locked
 
 DONE, FAILED, TIMED_OUT = "done", "failed", "timed out"
 
 _MANIFEST, _JOURNAL = "sweep.json", "journal.jsonl"
 _SECONDS, _ROWS = 20.0, 50_000  # after which a Parquet file is written
 _TYPES = {bool: "bool", int: "int64", float: "double", str: "string"}
+_START = len('{"crc32": "01234567", ')
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _BEFORE = {"task": "int64", "sweep": "string", "version": "string", "seed": "int64"}
 _AFTER = {"status": "string", "error": "string", "seconds": "double"}
@@ -56,7 +59,6 @@ class Store:
     ) -> None:
         with extra("sweep"):
             import pyarrow  # type: ignore[import-not-found]
-            import pyarrow.compute  # type: ignore[import-not-found]
             import pyarrow.parquet  # type: ignore[import-not-found]
         self._arrow, self._parquet = pyarrow, pyarrow.parquet
         self.folder, self._rows_folder = folder, folder / "rows"
@@ -67,7 +69,6 @@ class Store:
         self._written = time.monotonic()
         self._held = ExitStack()
         _check(folder, description, version)
-        self._count = len(description.tasks)
         try:
             self._open(description, retry)
         except BaseException:
@@ -91,46 +92,51 @@ class Store:
             with self._writing():
                 self._save_manifest()
         self._read(retry)
-        with self._writing():
-            self._journal = self._new_journal()
-        self.flush()
 
     def _read(self, retry: bool) -> None:
         """Read the rows of the folder; if a file is damaged, the folder is not changed."""
-        parts = sorted(self._rows_folder.glob("*.parquet"))
-        for path in parts:
+        failed: list[Path] = []
+        for path in sorted(self._rows_folder.glob("*.parquet")):
             with _reading(path, "part"):
-                self._check_part(path)
+                self.done |= (found := self._statuses(path))
+            if retry and {*found.values()} != {DONE}:
+                failed.append(path)
         rows = self._journal_rows()
         with self._writing():
             for left in self.folder.glob("*.aside"):
                 if not left.is_dir():
                     left.unlink()
-        for path in parts:
-            if not retry or self._take_failed_out(path):
-                table = self._parquet.read_table(path, columns=["task", "status"])
-                columns = (column.to_pylist() for column in table.columns)
-                self.done |= dict(zip(*columns, strict=True))
         for row in rows:
             if row["task"] not in self.done and not (retry and row["status"] != DONE):
                 self.done[row["task"]] = row["status"]
                 self._pending.append(row)
+        with self._writing():
+            aside = self.folder / f"{_JOURNAL}.aside"
+            aside.write_bytes(b"".join(map(_line, self._pending)))
+            os.replace(aside, self.folder / _JOURNAL)
+            self._journal = (self.folder / _JOURNAL).open("ab")
+        self.flush()
+        for path in failed:  # its finished rows move to the journal, and to another file
+            rows = [row for row in _table(path).to_pylist() if row["status"] == DONE]
+            self._keep(*rows)
+            with self._writing():
+                path.unlink()
+            self.flush()
+        if retry:
+            self.done = {task: status for task, status in self.done.items() if status == DONE}
 
-    def _check_part(self, path: Path) -> None:
-        """Check that a file is a part of this sweep's dataset.
+    def _statuses(self, path: Path) -> dict[int, str]:
+        """Return the status of each task of a file of the dataset.
 
         Raises:
-            ValueError: if it is not.
+            ValueError: if the file is damaged, or not of this sweep.
         """
-        if not self._parquet.read_schema(path).equals(self._schema):
+        table = _table(path)
+        if not table.schema.equals(self._schema):
             raise ValueError("it has columns that differ from the sweep's")
-        table = self._parquet.read_table(path, columns=["task", "sweep", "version", "status"])
-        tasks, sweeps, versions, statuses = (column.to_pylist() for column in table.columns)
-        if {*sweeps, *versions} - {*self._same.values()}:
+        if any(table[name].unique().to_pylist() != [said] for name, said in self._same.items()):
             raise ValueError("it has rows of another sweep, or of another version")
-        known = {*statuses} <= {DONE, FAILED, TIMED_OUT}
-        if not known or not all(0 <= task < self._count for task in tasks):
-            raise ValueError("it has rows of unknown tasks")
+        return dict(zip(table["task"].to_pylist(), table["status"].to_pylist(), strict=True))
 
     def _journal_rows(self) -> list[dict[str, Any]]:
         """Return the rows of the journal; an incomplete last line is ignored.
@@ -142,43 +148,24 @@ class Store:
         if not journal.exists():
             return rows
         with _reading(journal, "journal"):
-            lines = [*enumerate(journal.read_bytes().split(b"\n"), 1)]
-        written = [(number, line) for number, line in lines if line.strip()]
-        for number, line in written:
+            lines = journal.read_bytes().split(b"\n")
+        for number, line in enumerate(lines, 1):
             try:
-                row = parse_json(line)
+                row = _checked_row(line)
+                if any(row.get(name) != value for name, value in self._same.items()):
+                    raise ValueError("it is of another sweep, or of another version")
+                results = self._manifest["columns"]
+                if row["status"] == DONE and (results is None or not row.keys() >= results.keys()):
+                    raise ValueError(f"its results are not those that {_MANIFEST} names")
             except ValueError as error:
-                if (number, line) == written[-1]:
+                if number == len(lines) or not line.strip():
                     continue
-                wrong = f"it is not JSON: {error}"
-            else:
-                wrong = self._wrong(row)
-            if wrong:
                 raise ValueError(
-                    f"line {number} of {journal} is not a row of this sweep ({wrong}): correct "
-                    "that line, or remove it to repeat its task; nothing was changed"
-                )
+                    f"line {number} of {journal} is not a row of this sweep ({error}): remove "
+                    "that line to repeat its task; nothing was changed"
+                ) from None
             rows.append(row)
         return rows
-
-    def _wrong(self, row: Any) -> str | None:
-        """Return the reason why a row of the journal is invalid; None if it is valid."""
-        if not isinstance(row, dict):
-            return "it is not a mapping"
-        lacking = [name for name in ("task", "sweep", "version", "status") if name not in row]
-        if lacking:
-            return f"it lacks {', '.join(lacking)}"
-        if any(row[name] != value for name, value in self._same.items()):
-            return "it is of another sweep, or of another version"
-        if type(row["task"]) is not int or not 0 <= row["task"] < self._count:
-            return f"there is no task {row['task']!r}"
-        if row["status"] not in (DONE, FAILED, TIMED_OUT):
-            return f"its status is {row['status']!r}"
-        results = self._manifest["columns"]
-        if row["status"] == DONE and (results is None or not row.keys() >= results.keys()):
-            return f"its results are not those that {_MANIFEST} names"
-        odd = [n for n, kind in self._kinds.items() if not _holds(row.get(n), kind)]
-        return f"{', '.join(odd)} of another type" if odd else None
 
     @property
     def _kinds(self) -> dict[str, str]:
@@ -192,29 +179,12 @@ class Store:
             [(name, self._arrow.type_for_alias(kind)) for name, kind in self._kinds.items()]
         )
 
-    def _take_failed_out(self, path: Path) -> bool:
-        """Remove the failed tasks from a file of the dataset; return whether rows remain."""
-        table = self._parquet.read_table(path)
-        done = table.filter(self._arrow.compute.equal(table["status"], DONE))
+    def _keep(self, *rows: dict[str, Any]) -> None:
+        """Write rows to the journal."""
         with self._writing():
-            if not len(done):
-                path.unlink()
-            elif len(done) < len(table):
-                self._put(done, path.name)
-        return len(done) > 0
-
-    def _put(self, table: Any, name: str) -> None:
-        """Write or replace a file of the dataset, atomically."""
-        aside = self.folder / f"{name}.aside"
-        self._parquet.write_table(table, aside)
-        os.replace(aside, self._rows_folder / name)
-
-    def _new_journal(self) -> TextIO:
-        """Write and open a journal of the rows that are not in the dataset yet."""
-        aside = self.folder / f"{_JOURNAL}.aside"
-        aside.write_text("".join(f"{json.dumps(row)}\n" for row in self._pending), "utf-8")
-        os.replace(aside, self.folder / _JOURNAL)
-        return (self.folder / _JOURNAL).open("a", encoding="utf-8")
+            self._journal.write(b"".join(map(_line, rows)))
+            self._journal.flush()
+        self._pending += rows
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -250,11 +220,8 @@ class Store:
                 said = f"it found {_said(kinds)}, where others found {_said(columns)}"
                 row, results = row | {"status": FAILED, "error": said}, {}
         row = self._same | row | dict(results)
-        with self._writing():
-            self._journal.write(json.dumps(row) + "\n")
-            self._journal.flush()
+        self._keep(row)
         self.done[row["task"]] = row["status"]
-        self._pending.append(row)
         if len(self._pending) >= _ROWS or time.monotonic() - self._written > _SECONDS:
             self.flush()
 
@@ -273,9 +240,14 @@ class Store:
             rows = sorted(self._pending, key=lambda row: row["task"])
             parts = {n: [_as(row.get(n), kind) for row in rows] for n, kind in self._kinds.items()}
             table = self._arrow.Table.from_pydict(parts, schema=self._schema)
+            sink = self._arrow.BufferOutputStream()
+            self._parquet.write_table(table, sink, write_page_checksum=True)
+            data = sink.getvalue()
+            name = f"{rows[0]['task']:08d}-{_digest(data)}.parquet"
+            aside = self.folder / f"{name}.aside"
             with self._writing():
-                # First task and a random part in the name, so that no file is overwritten.
-                self._put(table, f"{rows[0]['task']:08d}-{uuid.uuid4().hex[:16]}.parquet")
+                aside.write_bytes(data)
+                os.replace(aside, self._rows_folder / name)
                 self._pending = []
                 self._journal.truncate(0)
 
@@ -309,6 +281,42 @@ def _reading(path: Path, what: str) -> Iterator[None]:
         yield
     except Exception as error:  # a damaged file may raise anything
         raise ValueError(f"{path} cannot be read ({reason(error)}): {_REMEDIES[what]}") from None
+
+
+def _digest(data: Any) -> str:
+    return hashlib.sha256(data).hexdigest()[:16]
+
+
+def _table(path: Path) -> Any:
+    """Return the table in a file of the dataset.
+
+    Raises:
+        ValueError: if the digest in the file's name is not that of its bytes.
+    """
+    import pyarrow.parquet  # type: ignore[import-not-found]
+
+    data = path.read_bytes()
+    if path.stem.rpartition("-")[2] != _digest(data):
+        raise ValueError("its name does not have the digest of its bytes")
+    return pyarrow.parquet.read_table(pyarrow.BufferReader(data))
+
+
+def _line(row: dict[str, Any]) -> bytes:
+    """Return a row as a line of the journal: JSON that begins with a checksum of the rest."""
+    rest = json.dumps(row)[1:]
+    return f'{{"crc32": "{zlib.crc32(rest.encode()):08x}", {rest}\n'.encode()
+
+
+def _checked_row(line: bytes) -> dict[str, Any]:
+    """Return the row in a line of the journal.
+
+    Raises:
+        ValueError: if its checksum is wrong.
+    """
+    start, rest = line[:_START], line[_START:]
+    if start != f'{{"crc32": "{zlib.crc32(rest):08x}", '.encode():
+        raise ValueError("its checksum is wrong")
+    return json.loads(b"{" + rest)
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -362,7 +370,7 @@ def read_columns(folder: Path) -> dict[str, NDArray]:
     tables: list[Any] = []
     for path in paths:
         with _reading(path, "part"):
-            tables.append(pyarrow.parquet.read_table(path))
+            tables.append(_table(path))
             if not tables[-1].schema.equals(tables[0].schema):
                 raise ValueError(f"it has other columns than {paths[0].name}")
     table = pyarrow.concat_tables(tables).sort_by("task")
@@ -426,24 +434,13 @@ def _fits(kinds: dict[str, str], columns: dict[str, str]) -> bool:
 
 
 def _as(value: Any, kind: str) -> Any:
-    """Convert a value to the type of its column."""
-    if value is None:
+    """Convert a value to the type of its column; NaN to None, which is null in the dataset."""
+    if value is None or value != value:
         return None
     if kind == "string":
         text = value if isinstance(value, str) else json.dumps(value)
         return text.encode("utf-8", "backslashreplace").decode("utf-8")
     return float(value) if kind == "double" else value
-
-
-def _holds(value: Any, kind: str) -> bool:
-    """Return whether a column of a type may hold a value."""
-    if value is None or kind == "string":
-        return True
-    if kind == "double":
-        return type(value) in (float, int)
-    if kind == "bool":
-        return type(value) is bool
-    return type(value) is int and -(2**63) <= value < 2**63
 
 
 def _said(kinds: dict[str, str]) -> str:

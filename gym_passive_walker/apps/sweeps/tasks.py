@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
 from functools import partial
 from inspect import Parameter, signature
-from typing import Any, Literal
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
-from gym_passive_walker._tools.arguments import gait_kind, unknown, whole
+from gym_passive_walker._tools.arguments import unknown
 from gym_passive_walker._tools.loading import function_at, has_address, untrusted
 from gym_passive_walker.envs.evaluation import robustness as robust
 from gym_passive_walker.envs.evaluation import walks
@@ -23,7 +23,7 @@ from gym_passive_walker.gaits.control.controllers import acting, with_changes
 from gym_passive_walker.gaits.control.maps import stride_map
 from gym_passive_walker.gaits.control.optimal import optimal_gait
 from gym_passive_walker.gaits.find.fixed_point import find_gait
-from gym_passive_walker.gaits.find.search import seek
+from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.look.reality import reality_check
 from gym_passive_walker.gaits.robust.basin import basin_of_attraction
 from gym_passive_walker.gaits.scenes.named import named_scene, named_walker
@@ -31,30 +31,47 @@ from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.models.walkers import Walker
 
 Row = dict[str, Any]
+Analysis = Callable[..., Row]
 
 _WALKER = tuple(f.name for f in fields(Walker))
 _SCENE = tuple(f.name for f in fields(Scene))
 
 
-def gait(
-    walker: Walker | None = None,
-    slope: float | None = None,
-    kind: str = "long",
-    period: int = 1,
-    hip_torque: float = 0.0,
-    ankle_torque: float = 0.0,
-    push_off: float = 0.0,
-    controller: str | None = None,
-    scene: Any = None,
-    terrain: Any = None,
-) -> Row:
+def takes(function: Callable[..., Any], *names: str) -> Callable[[Analysis], Analysis]:
+    """Declare that an analysis passes these arguments to a function, which has their defaults."""
+
+    def declared(analysis: Analysis) -> Analysis:
+        there, own = signature(function).parameters, signature(analysis)
+        added = [there[name].replace(kind=Parameter.KEYWORD_ONLY) for name in names]
+        plain = [each for each in own.parameters.values() if each.kind is not each.VAR_KEYWORD]
+        analysis.__signature__ = own.replace(parameters=plain + added)  # type: ignore[attr-defined]
+        return analysis
+
+    return declared
+
+
+def _taken(options: Row, names: Iterable[str]) -> Row:
+    """Remove arguments from the options, and return them."""
+    return {name: options.pop(name) for name in names if name in options}
+
+
+_MAP = ("walker", "controller", "scene", "terrain")
+
+
+@takes(find_gait, "kind", "period")
+@takes(Actuation, *Actuation._fields)
+@takes(stride_map, *_MAP)
+def gait(slope: float | None = None, **options: Any) -> Row:
     """Search for a gait of a kind at a slope; return its stability and its measures."""
-    held = Actuation(hip_torque, ankle_torque, push_off)
-    if controller is not None and any(held):
-        raise ValueError(f"{controller} determines the actuation: omit torques and push-off")
-    strides = stride_map(walker, slope, controller=controller or held, scene=scene, terrain=terrain)
-    sought = strides.chosen(slope), gait_kind(kind)
-    found = seek(strides, *sought, period=whole(period, "period")).gait
+    held, on = Actuation(**_taken(options, Actuation._fields)), _taken(options, _MAP)
+    if on.get("controller") is not None and any(held):
+        raise ValueError(f"{on['controller']} determines the actuation: omit torques and push-off")
+    on["controller"] = on.get("controller") or held
+    strides = stride_map(slope=slope, **on)
+    try:
+        found = find_gait(strides, slope, **options)
+    except GaitNotFound:
+        found = None
     names = ("stance_angle", "step_period", "step_length", "froude_speed", "cost_of_transport")
     return {
         "found": found is not None,
@@ -64,18 +81,12 @@ def gait(
     }
 
 
-def family(
-    slope_min: float,
-    slope_max: float,
-    walker: Walker | None = None,
-    kind: str = "long",
-    controller: str | None = None,
-    scene: Any = None,
-    terrain: Any = None,
-) -> Row:
+@takes(gait_family, "kind")
+@takes(stride_map, *_MAP)
+def family(slope_min: float, slope_max: float, **options: Any) -> Row:
     """Continue a branch of gaits; return its ends, their reasons, its stable range and speed."""
-    strides = stride_map(walker, controller=controller, scene=scene, terrain=terrain)
-    found = gait_family(strides, slope_min, slope_max, kind)  # type: ignore[arg-type]
+    strides = stride_map(**_taken(options, _MAP))
+    found = gait_family(strides, slope_min, slope_max, **options)
     steady = found.slope[found.stable]
     ends = {
         f"{side}_{name}": value
@@ -93,21 +104,13 @@ def family(
     }
 
 
-def bifurcation(
-    slope: float,
-    walker: Walker | None = None,
-    n_transient: int = 500,
-    n_recorded: int = 64,
-    kind: str = "long",
-    controller: str | None = None,
-    scene: Any = None,
-    terrain: Any = None,
-) -> Row:
+@takes(bifurcation_diagram, "n_transient", "n_recorded", "kind")
+@takes(stride_map, *_MAP)
+def bifurcation(slope: float, **options: Any) -> Row:
     """Return the attractor at a slope: its period and the range of stance angles."""
-    strides = stride_map(walker, slope, controller=controller, scene=scene, terrain=terrain)
     found = bifurcation_diagram(
-        strides, [slope], n_transient=n_transient, n_recorded=n_recorded, kind=kind  # type: ignore[arg-type]
-    )  # fmt: skip
+        stride_map(slope=slope, **_taken(options, _MAP)), [slope], **options
+    )
     angles = found.stance_angle[0]
     return {
         "walks": bool(found.walks[0]),
@@ -117,18 +120,11 @@ def bifurcation(
     }
 
 
-def basin(
-    walker: Walker | None = None,
-    slope: float | None = None,
-    resolution: int = 100,
-    strides: int = 300,
-    controller: str | None = None,
-    scene: Any = None,
-    terrain: Any = None,
-) -> Row:
+@takes(basin_of_attraction, "resolution", "strides")
+@takes(stride_map, *_MAP)
+def basin(slope: float | None = None, **options: Any) -> Row:
     """Return the shares of a slice of initial states that keep walking and that reach gaits."""
-    where = stride_map(walker, slope, controller=controller, scene=scene, terrain=terrain)
-    found = basin_of_attraction(where, slope, resolution=resolution, strides=strides)
+    found = basin_of_attraction(stride_map(slope=slope, **_taken(options, _MAP)), slope, **options)
     return {
         "gaits": len(found.gaits),
         "walks": float(found.walks.mean()),
@@ -136,38 +132,26 @@ def basin(
     }
 
 
-def check(
-    walker: Walker | None = None,
-    slope: float | None = None,
-    kind: str = "long",
-    friction: float = 0.8,
-    controller: str | None = None,
-    scene: Any = None,
-) -> Row:
+@takes(find_gait, "kind")
+@takes(reality_check, "friction")
+@takes(stride_map, *_MAP[:-1])
+def check(slope: float | None = None, **options: Any) -> Row:
     """Check the feasibility constraints of a gait, item by item."""
-    strides = stride_map(walker, slope, controller=controller, scene=scene)
-    gait = find_gait(strides, slope, kind)  # type: ignore[arg-type]
-    found = reality_check(gait, friction=friction)
+    strides = stride_map(slope=slope, **_taken(options, _MAP))
+    found = reality_check(find_gait(strides, slope, **_taken(options, ["kind"])), **options)
     items = {name.replace(" ", "_"): passed for name, passed in found.passed.items()}
     return {"holds": found.holds, **items}
 
 
+@takes(robust.robustness, "roughness", "first_passage", "walkers", "strides", "initial_error",
+       "starts", "seed")  # fmt: skip
 def robustness(
     changes: Mapping[str, Any],
     controller: str | None = None,
     scene: str | None = None,
-    roughness: float = 0.002,
-    first_passage: Literal["sampled", "mesh"] = "sampled",
-    walkers: int | None = None,
-    strides: int = 200,
-    initial_error: float = 0.5,
-    starts: int = 512,
-    seed: int = 0,
+    **options: Any,
 ) -> Row:
     """Measure the robustness of a passive walker or of a controller."""
-    options: Row = {"roughness": roughness, "walkers": walkers, "strides": strides}
-    options["first_passage"] = first_passage
-    options |= {"initial_error": initial_error, "starts": starts, "seed": seed}
     if controller is None and scene is None and changes.keys() == {"walker", "slope"}:
         found = robust.robustness(changes["walker"], slope=changes["slope"], **options)
     else:
@@ -206,7 +190,7 @@ def evaluation(
     return walks.evaluate(agent, arena, seed=seed).summary()
 
 
-ANALYSES: dict[str, Callable[..., Row]] = {
+ANALYSES: dict[str, Analysis] = {
     each.__name__: each
     for each in (gait, family, bifurcation, basin, robustness, check, optimal, evaluation)
 }

@@ -2,7 +2,8 @@
 
 Each worker has a pipe. It receives tasks for about one second, and returns results one by one, so
 its current task is known. If that task times out or crashes the process, the worker is replaced.
-Its remaining tasks go back to the queue.
+Its remaining tasks go back to the queue. A worker compiles what its tasks need, and reports that:
+compilation does not count towards the time-out.
 """
 
 from __future__ import annotations
@@ -17,10 +18,9 @@ from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection, wait
 from typing import Any, NamedTuple
 
-from gym_passive_walker._tools.progress import disable_progress, show
-from gym_passive_walker.apps.sweeps.node import compile_once
+from gym_passive_walker._tools.progress import COMPILING, disable_progress, show
 from gym_passive_walker.apps.sweeps.store import DONE, FAILED, TIMED_OUT
-from gym_passive_walker.apps.sweeps.tasks import ANALYSES, flat, task
+from gym_passive_walker.apps.sweeps.tasks import flat, task
 from gym_passive_walker.engine.machine import THREADS
 
 _MOST = 2000  # tasks sent at once
@@ -85,7 +85,7 @@ class Workers:
 
     def __init__(self, analysis: str, count: int, time_out: float | None) -> None:
         self._analysis, self._time_out, self._count = analysis, time_out, count
-        self._pool = [_Worker(analysis) for _ in range(count)]
+        self._pool = [_Worker(analysis, silent=number > 0) for number in range(count)]
         self._stillborn = 0
 
     def outcomes(self, tasks: Sequence[Task]) -> Iterator[TaskOutcome]:
@@ -124,13 +124,13 @@ class Workers:
 
     def _patience(self) -> float:
         """Return the seconds to the next time-out or the next report of progress."""
-        since = [worker.since for worker in self._pool if worker.tasks]
+        since = [worker.since for worker in self._pool if worker.ready and worker.tasks]
         if self._time_out is None or not since:
             return _LOOK
         return max(0.0, min(_LOOK, min(since) + self._time_out - time.monotonic()))
 
     def _overdue(self, worker: _Worker) -> bool:
-        if self._time_out is None or not worker.tasks or worker.pipe.poll():
+        if self._time_out is None or not (worker.ready and worker.tasks) or worker.pipe.poll():
             return False
         return time.monotonic() - worker.since >= self._time_out
 
@@ -138,7 +138,7 @@ class Workers:
         """Replace a process that ended; its task is tried once more, then fails."""
         worker.process.join()
         code, at = worker.process.exitcode, worker.tasks[0] if worker.tasks else None
-        self._stillborn += not worker.ready
+        self._stillborn += not (worker.ready or worker.tasks)
         if self._stillborn >= STILLBORN:
             raise RuntimeError(
                 f"worker processes end before they start (exit code {code}): a script that sweeps "
@@ -162,12 +162,15 @@ class Workers:
 
 
 class _Worker:
-    """A worker process, its pipe, and its remaining tasks; the first one is running."""
+    """A worker process, its pipe, and its remaining tasks.
 
-    def __init__(self, analysis: str) -> None:
+    If it is ready, the first task is running; otherwise the process starts or compiles.
+    """
+
+    def __init__(self, analysis: str, silent: bool = True) -> None:
         context = multiprocessing.get_context("spawn")
         self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs, analysis))
+        self.process = context.Process(target=_serve, args=(theirs, analysis, silent))
         self.process.start()
         theirs.close()  # so that the pipe reports the end of the process
         self.ready, self.since, self.tasks = False, time.monotonic(), deque[Task]()
@@ -182,11 +185,11 @@ class _Worker:
             pass
 
     def hear(self) -> TaskOutcome | None:
-        """Receive an outcome; None for the first message, that the process is ready."""
+        """Receive an outcome; None for a message on whether the process is ready."""
         said = self.pipe.recv()
         self.since = time.monotonic()
-        if said is None:
-            self.ready = True
+        if isinstance(said, bool):
+            self.ready = said
             return None
         self.tasks.popleft()
         return said
@@ -198,16 +201,15 @@ class _Worker:
         self.pipe.close()
 
 
-def _serve(pipe: Connection, analysis: str) -> None:
+def _serve(pipe: Connection, analysis: str, silent: bool) -> None:
     """Do tasks in a worker process, until the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     threading.Thread(target=_leave_with_parent, daemon=True).start()
-    disable_progress()
+    disable_progress(notices=silent)  # all workers compile the same
     os.environ[THREADS] = "1"
-    if analysis in ANALYSES:
-        compile_once()
+    COMPILING.append(lambda begins: pipe.send(not begins))
     try:
-        pipe.send(None)
+        pipe.send(True)
         while True:
             for number, given in pipe.recv():
                 pipe.send(_done(analysis, number, given))

@@ -1,4 +1,4 @@
-"""Work that one process on each machine does for all: compilation, while the others wait."""
+"""Lock of a folder against other processes."""
 
 from __future__ import annotations
 
@@ -6,10 +6,6 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-
-from gym_passive_walker.apps.build import GROUPS, pieces
-from gym_passive_walker.engine.cache import cache_directory
-from gym_passive_walker.engine.machine import is_built
 
 try:
     import fcntl
@@ -48,15 +44,3 @@ def _locked_on_windows(number: int) -> bool:
     except PermissionError:
         return False
     return True
-
-
-def compile_once() -> None:
-    """Compile all that sweeps use, unless the package has it or this machine has done so before."""
-    folder = None if is_built() else cache_directory()
-    if folder is None or (folder / "swept").exists():
-        return
-    with locked(folder / "sweeping"):
-        if not (folder / "swept").exists():
-            for piece in pieces(GROUPS[:-1]):  # those of larger systems when one is used
-                piece()
-            (folder / "swept").touch()
