@@ -147,7 +147,9 @@ def test_a_bar_is_full_at_most_and_counts_what_was_done(terminal):
 
 
 def test_a_bar_is_no_longer_than_the_terminal(terminal, monkeypatch):
-    monkeypatch.setattr(module.shutil, "get_terminal_size", lambda: SimpleNamespace(columns=30))
+    monkeypatch.setattr(
+        module.shutil, "get_terminal_size", lambda *_, **__: SimpleNamespace(columns=30)
+    )
     with progress("a name that is much longer than the line", 4) as done:
         done()
         shorter = len(terminal.getvalue())
