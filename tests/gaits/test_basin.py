@@ -167,6 +167,16 @@ def test_where_there_is_no_gait_a_slice_must_be_given():
     assert basin.gaits == () and not np.any(basin.walks)
 
 
+def test_rates_of_the_literature_are_noticed():
+    """Garcia, Chatterjee, Coleman and Ruina (1998) state them in units of sqrt(g/l)."""
+    angles, rates = np.linspace(0.15, 0.25, 10), np.linspace(-0.25, -0.15, 10)
+    with pytest.warns(UserWarning, match="multiplied by 3.132"):
+        empty = basin_of_attraction("D", 0.009, stance_angles=angles, stance_rates=rates)
+    assert not empty.walks.any()
+    rates *= np.sqrt(9.81)
+    assert basin_of_attraction("D", 0.009, stance_angles=angles, stance_rates=rates).walks.any()
+
+
 @pytest.mark.parametrize("bad", [{"stance_angles": [0.0]}, {"stance_rates": [[1.0]]}])
 def test_a_senseless_slice_is_refused(bad):
     with pytest.raises(ValueError, match="stance_"):

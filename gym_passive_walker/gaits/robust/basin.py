@@ -11,6 +11,7 @@ References:
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -321,6 +322,7 @@ def basin_of_attraction(
         raise ValueError("the slice of a basin needs a system of two coordinates or more")
     rates = share[::-1] * (gait.state[stride_map.size // 2] if gait else 0.0)
     rates = _axis(stance_rates, rates, "stance_rates")
+    _warn_of_units(stride_map, gait, rates)
     if np.any(angles <= 0.0) and stride_map.chart.balance is not None:
         raise ValueError("stance_angles must be positive: they are those just after heelstrike")
     grid = np.meshgrid(angles, rates * stride_map.units.time)
@@ -338,6 +340,20 @@ def basin_of_attraction(
         np.concatenate(pieces).reshape(grid[0].shape) for pieces in zip(*parts, strict=True)
     )
     return Basin(walker, slope, angles, rates, tuple(stable), settled, outcome, taken)
+
+
+def _warn_of_units(stride_map: StrideMap, gait: Gait | None, rates: NDArray) -> None:
+    """Warn if the gait's rate is among the rates in units of √(g/l) only."""
+    if gait is None:
+        return
+    rate, time = gait.state[stride_map.size // 2], stride_map.units.time
+    own, plain = (rates.min() <= each <= rates.max() for each in (rate, rate * time))
+    if plain and not own:
+        warnings.warn(
+            f"stance_rates are in the walker's own units, and the gait's is {rate:.4g}: rates of "
+            f"the literature, in units of √(g/l), are to be multiplied by {1.0 / time:.4g}",
+            stacklevel=3,
+        )
 
 
 def _axis(given: ArrayLike | None, otherwise: NDArray, name: str) -> NDArray[np.float64]:
