@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 
 from gym_passive_walker import (
     WALKERS,
+    Actuation,
     GaitNotFound,
     find_gait,
     find_gaits,
@@ -15,6 +16,7 @@ from gym_passive_walker import (
     parameter_family,
     simulate,
     stride,
+    stride_map,
     tune,
 )
 from gym_passive_walker.gaits.branches.continuation import (
@@ -73,6 +75,56 @@ def test_a_family_measures_its_gaits_as_each_measures_itself(lab):
         gait = find_gait("lab", lab.slope[i], guess=lab.state[i])
         assert lab.froude_speed[i] == pytest.approx(gait.froude_speed, rel=1e-9)
         assert lab.speed[i] == pytest.approx(gait.speed, rel=1e-9)
+
+
+def test_a_family_is_a_sequence_of_its_gaits(lab):
+    first, *_, last = lab
+    for gait, i in (
+        (first, 0),
+        (last, -1),
+        (lab[3], 3),
+        *zip(lab[-4:-1], (-4, -3, -2), strict=True),
+    ):
+        assert gait.slope == lab.slope[i]
+        np.testing.assert_allclose(gait.state, lab.state[i], rtol=1e-9)
+        np.testing.assert_allclose(gait.multipliers, lab.multipliers[i], rtol=1e-6, atol=1e-8)
+    with pytest.raises(IndexError):
+        lab[len(lab)]
+
+
+def test_beyond_a_fold_a_family_has_two_gaits_at_a_slope():
+    found, known = (gait_family("C", 0.0003, 0.05).at(0.03), find_gaits("C", 0.03))
+    assert {gait.kind for gait in found} == {"long", "short"}
+    for gait in known:
+        (same,) = (each for each in found if each.kind == gait.kind)
+        np.testing.assert_allclose(same.state, gait.state, rtol=1e-10)
+    with pytest.raises(GaitNotFound, match=r"at slope 0\.2: it reaches from 0\.005 to 0\.01"):
+        gait_family("D", 0.005, 0.01).at(0.2)
+
+
+def heavier(mass):
+    return WALKERS["lab"].with_parameters(hip_mass=mass)
+
+
+def pushed(push_off):
+    return stride_map("D", 0.0, controller=Actuation(push_off=push_off))
+
+
+@pytest.mark.parametrize(
+    ("varied", "parameter", "low", "high", "make"),
+    [
+        ("lab", "hip_mass", 0.0, 2.0, heavier),
+        (pushed(0.1), "push_off", 0.05, 0.2, pushed),
+        (pushed, "impulse", 0.05, 0.2, pushed),
+    ],
+    ids=["of the walker", "of its actuation", "of a function"],
+)
+def test_a_gait_at_a_value_of_a_parameter_is_that_of_the_map_there(
+    varied, parameter, low, high, make
+):
+    value, slope = 0.4 * low + 0.6 * high, 0.036 if parameter == "hip_mass" else 0.0
+    (gait,) = parameter_family(varied, parameter, low, high, slope=slope).at(value)
+    np.testing.assert_allclose(gait.state, find_gait(make(value), slope).state, rtol=1e-10)
 
 
 def test_no_gait_of_a_family_comes_twice(lab):

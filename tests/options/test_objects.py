@@ -149,6 +149,12 @@ TICKS = dict(
 )
 
 OPTIONS = {
+    "GaitFamily.at": Call(
+        lambda value: gpw.gait_family("D", 0.005, 0.01).at(value)[0].stance_angle,
+        dict(value=0.006),
+        dict(value=0.007),
+        of=gpw.GaitFamily.at,
+    ),
     "Walker.titled": Call(
         lambda title: name_of(gpw.WALKERS["lab"].titled(title)),
         dict(title="mine"),

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +24,8 @@ import scipy
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.progress import progress
-from gym_passive_walker.gaits.branches.varied_map import MapOfValue, VariedMap
+from gym_passive_walker.gaits.actuation import Actuation
+from gym_passive_walker.gaits.branches.varied_map import MapOfValue, VariedMap, map_at
 from gym_passive_walker.gaits.find.newton import newton, solved
 from gym_passive_walker.gaits.flow import RATE_BEFORE
 from gym_passive_walker.gaits.gait import gait_equations
@@ -95,6 +96,20 @@ class Axis(NamedTuple):
     def rate(self, coordinate: float) -> float:
         """Return the derivative of the value by its coordinate."""
         return float(np.exp(coordinate)) if self.downhill else self.high - self.low
+
+    def setting(self, stride_map: StrideMap, value: float) -> tuple[StrideMap, float]:
+        """Return the stride map and the slope in rad of one value."""
+        if self.parameter == "slope":
+            return stride_map, value
+        if self.make is not None:
+            there = map_at(self.make, self.parameter, value, stride_map.tolerance)
+        elif self.parameter in Actuation._fields:
+            varied = {self.parameter: value / self.unit}
+            there = replace(stride_map, actuation=stride_map.actuation._replace(**varied))
+        else:
+            walker = stride_map.walker.with_parameters(**{self.parameter: value})
+            there = stride_map.with_walker(walker)
+        return there, there.chosen(self.slope)
 
 
 class Point(NamedTuple):

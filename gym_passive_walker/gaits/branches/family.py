@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ from gym_passive_walker.gaits.branches.sensitivity import size_of
 from gym_passive_walker.gaits.branches.varied_map import MapOfValue, map_at
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.find.search import seek
-from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
+from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, gait_at, multipliers_of
 from gym_passive_walker.gaits.measures import InUnits, StrideQuantities
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.walkers import Walker, describe, name_of
@@ -42,10 +43,11 @@ _TRIED = 9  # values of a function's parameter at which a gait to begin with is 
 class GaitFamily(InUnits, Table):
     """A curve of gaits, in order along the curve; arrays have one entry per gait.
 
+    It is also a sequence of gaits: ``family[3]``, ``family[-5:]``, ``for gait in family``. Each is
+    made when it is asked for, with all that `find_gait` reports.
+
     Attributes:
         walker: The walker (at the first gait, if a parameter of the walker is varied).
-        parameter: "slope", or the part of `Actuation` or the walker's parameter that is varied, or
-            the name of what a function varies.
         period: Strides until each motion repeats.
         value: Varied quantity, in the walker's own units, (n,).
         slope: Slope in rad, (n,).
@@ -61,10 +63,10 @@ class GaitFamily(InUnits, Table):
             of each it barely passes the vertical; on the other it turns back for a while first.
         ends: The first and the last gait's end of the curve, with the reason of each.
         stride_map: The stride map, apart from the varied quantity.
+        axis: The varied quantity and its range.
     """
 
     walker: Walker
-    parameter: str
     period: int
     value: NDArray[np.float64]
     slope: NDArray[np.float64]
@@ -79,6 +81,16 @@ class GaitFamily(InUnits, Table):
     halts: tuple[float, ...]
     ends: tuple[End, End]
     stride_map: StrideMap
+    axis: Axis
+
+    @property
+    def parameter(self) -> str:
+        """The quantity that is varied.
+
+        "slope", a part of `Actuation`, a parameter of the walker, or the name of what a function
+        varies.
+        """
+        return self.axis.parameter
 
     @property
     def controller(self) -> Any:
@@ -101,6 +113,61 @@ class GaitFamily(InUnits, Table):
 
     def __len__(self) -> int:
         return len(self.value)
+
+    @overload
+    def __getitem__(self, index: int) -> Gait: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[Gait]: ...
+
+    def __getitem__(self, index: int | slice) -> Gait | list[Gait]:
+        if isinstance(index, slice):
+            return [self[i] for i in range(len(self))[index]]
+        i = range(len(self))[index]
+        return self._gait(self.value[i], self.state[i])
+
+    def __iter__(self) -> Iterator[Gait]:
+        return (self[i] for i in range(len(self)))
+
+    def at(self, value: float) -> list[Gait]:
+        """Find the gaits of the family at a value of the varied quantity, in order along the curve.
+
+        Beyond a fold there are two or more.
+
+        Args:
+            value: The value, such as a slope in rad.
+
+        Raises:
+            GaitNotFound: if the family has none there.
+        """
+        beyond = self.value - number(value, self.parameter)
+        crossed = np.flatnonzero(beyond[:-1] * beyond[1:] <= 0.0)
+        crossed = crossed[(beyond[crossed + 1] != 0.0) | (crossed == len(self) - 2)]
+        if len(crossed) == 0:
+            raise GaitNotFound(
+                f"no gait of this family at {self.parameter} {value:g}: it reaches from "
+                f"{self.value.min():g} to {self.value.max():g}"
+            )
+        share = beyond[crossed] / (beyond[crossed] - beyond[crossed + 1])
+        between = self.state[crossed] + share[:, None] * np.diff(self.state, axis=0)[crossed]
+        return [self._gait(value, state) for state in between]
+
+    def _gait(self, value: float, state: NDArray) -> Gait:
+        """Return the gait at a value, near a state.
+
+        Raises:
+            GaitNotFound: if there is none near.
+        """
+        curve = Curve(self.stride_map.with_tolerance(_TOLERANCE), self.axis, self.period)
+        there, slope = self.axis.setting(curve.stride_map, float(value))
+        guess = there.points(state[None]).search[0]
+        found = curve.correct(np.append(guess, self.axis.coordinate(value)))
+        if found is None:
+            raise GaitNotFound(
+                f"no gait near those of this family beside {self.parameter} {value:g}: follow it "
+                "again with a smaller resolution"
+            )
+        return gait_at(there.searched(found.y[None, :-1]), slope, self.period)
 
     def facts(self) -> dict[str, str]:
         """Range of the family, its bifurcations and its ends."""
@@ -135,6 +202,11 @@ class GaitFamily(InUnits, Table):
             "speed": self.speed,
             "froude_speed": self.froude_speed,
             "largest_multiplier": np.abs(self.multipliers[:, 0]),
+            **{
+                f"multiplier_{k}_{part}": getattr(multipliers, part)
+                for k, multipliers in enumerate(self.multipliers.T, 1)
+                for part in ("real", "imag")
+            },
             "stable": self.stable,
         }
 
@@ -156,7 +228,6 @@ def _family(
     halts, ends = _halts(curve, along, (down.end, up.end))
     return GaitFamily(
         walker=walker,
-        parameter=axis.parameter,
         period=period,
         value=values,
         slope=slopes,
@@ -171,6 +242,7 @@ def _family(
         halts=halts,
         ends=ends,
         stride_map=stride_map,
+        axis=axis,
     )
 
 
