@@ -16,7 +16,7 @@ from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.branches.bifurcation import (
     BifurcationDiagram,
     bifurcation_diagram,
-    crisis_slope,
+    crisis,
     lyapunov_exponents,
 )
 from gym_passive_walker.gaits.branches.doubling import Cascade, doubling_cascade
@@ -105,7 +105,7 @@ __all__ = [
     "closed_loop_gait",
     "collision_matrix",
     "combine",
-    "crisis_slope",
+    "crisis",
     "doubling_cascade",
     "explain",
     "find_gait",

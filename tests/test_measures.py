@@ -44,7 +44,7 @@ def attributes(of):
 
 RESULTS = [of for name in gpw.__all__ if inspect.isclass(of := getattr(gpw, name))
            if issubclass(of, InUnits)]  # fmt: skip
-PARAMETER = {"value"}
+PARAMETER = {"value", "axis"}
 """The quantity that a family varies has the unit of its own parameter."""
 
 

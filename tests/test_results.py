@@ -136,7 +136,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "short family of D": lambda: gpw.gait_family("D", 0.001, 0.02, kind="short"),
     "family in a mass": lambda: gpw.parameter_family("lab", "shank_mass", 0.6, 1.4, slope=0.036),
     "doublings": lambda: gpw.doubling_cascade("D", 0.01, 0.02, doublings=3),
-    "crisis": lambda: gpw.crisis_slope(
+    "crisis": lambda: gpw.crisis(
         "D", 0.017, 0.022, strides=200, walkers=16, accuracy=1e-5
     ),
     "exponents": lambda: gpw.lyapunov_exponents("D", [0.009, 0.0165], strides=100),

@@ -41,7 +41,7 @@ def simplest_walker() -> Iterator[Row]:
     said = "4.4 | chaotic walking ends at slope | 0.019"
     why = "Where one of 64 walkers falls within 1000 strides."
     yield number(
-        said, gpw.crisis_slope("D", 0.0185, 0.02, strides=1000, accuracy=1e-6), digits=5, remark=why
+        said, gpw.crisis("D", 0.0185, 0.02, strides=1000, accuracy=1e-6), digits=5, remark=why
     )
     said = "4.4 | slopes at which gaits of period 1, 2, 4, … double | 0.015 to 0.019"
     why = f"They accumulate at {cascade.limit:.8f}."
@@ -96,12 +96,11 @@ def kneed_walker() -> Iterator[Row]:
     yield claim(said, listed(periods), periods.tolist() == [1, 2, 4, 8], remark=why)
     yield _feigenbaum(cascade, "last ratio of distances between C's doublings")
     ends = [
-        gpw.crisis_slope(each, 0.09, 0.13, strides=400, accuracy=1e-5)
-        for each in (of_table, extreme)
+        gpw.crisis(each, 0.09, 0.13, strides=400, accuracy=1e-5) for each in (of_table, extreme)
     ]
     yield number(
         "4.7 | slope up to which C walks at all | 0.103",
-        gpw.crisis_slope(walker, 0.09, 0.12, strides=1000, accuracy=1e-6),
+        gpw.crisis(walker, 0.09, 0.12, strides=1000, accuracy=1e-6),
         known="0.0965",
         digits=5,
         remark=f"It is {ends[0]:.4f} for the table's digits and {ends[1]:.4f} for the walker "

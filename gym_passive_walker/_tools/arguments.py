@@ -109,21 +109,22 @@ def one_slope(slope: Any, name: str = "slope") -> float:
     return float(check_slope(_single(slope, name), name, ""))
 
 
-def several_slopes(slopes: ArrayLike, *, downhill: bool = True) -> NDArray[np.float64]:
+def several_slopes(slopes: ArrayLike, name: str, *, downhill: bool = True) -> NDArray[np.float64]:
     """Return slopes in rad, (n,).
 
     Args:
         slopes: Slopes in rad, a number or (n,).
+        name: Name of the argument.
         downhill: Whether slopes must be above 0, as passive walkers require.
 
     Raises:
         ValueError: if the slopes are not one or more angles, above 0 if `downhill`.
     """
-    values = np.atleast_1d(check_slope(slopes, "slopes"))
+    values = np.atleast_1d(check_slope(slopes, name))
     if values.ndim != 1 or len(values) == 0 or (downhill and np.any(values <= 0.0)):
         above = " above 0" * downhill
         raise ValueError(
-            f"slopes must be one or more angles in rad{above}, in one row, not {shown(slopes)}"
+            f"{name} must be one or more angles in rad{above}, in one row, not {shown(slopes)}"
         )
     return values
 

@@ -118,7 +118,7 @@ _OTHERS = {
     "outcome outcomes controller parameter folds period_doublings neimark_sackers "
     "halts ends stride_map knee_locked settled gaits walks strides friction stance_friction "
     "holds passed readings stride_index phases terrain terrain_seed struck ending needed_friction "
-    "charged_cost on_edge optimality stubs held point cycle stride mean axis",
+    "charged_cost on_edge optimality stubs held point cycle stride mean",
     "angle": "slope stance_angle tilts knee_flexion",
     "time": "time times",
     "length": "clearance release_depth contact_x contact_y distance",

@@ -182,17 +182,18 @@ def _family(family: GaitFamily, ax: Axes | None = None, by: str = "stance_angle"
 
 @picture.register(BifurcationDiagram)
 def _diagram(diagram: BifurcationDiagram, ax: Axes | None = None, **style: Any) -> Axes:
-    """Draw settled walks' stance angles over the slope, with options of matplotlib's lines."""
+    """Draw settled walks' stance angles over what varies, with options of matplotlib's lines."""
     ax = axes_for(ax, (6.4, 4.6))
     dots = {"color": BLACK, "markersize": 0.7, "markeredgewidth": 0.0, "rasterized": True}
-    ax.plot(diagram.slope, diagram.stance_angle, ".", **{**dots, **style})
-    ax.set(xlabel=SLOPE, ylabel=ANGLE)
+    ax.plot(diagram.value, diagram.stance_angle, ".", **{**dots, **style})
+    ax.set(xlabel=varied_label(diagram.parameter), ylabel=ANGLE)
     ax.set_title(f"bifurcation diagram of walker {name_of(diagram.walker)}", fontsize="medium")
-    last = diagram.slope[diagram.walks].max() if diagram.walks.any() else np.nan
-    if last < diagram.slope.max():
+    last = diagram.value[diagram.walks].max() if diagram.walks.any() else np.nan
+    if last < diagram.value.max():
         ax.axvline(last, color=GREY, linewidth=0.8, linestyle="--")
+        unit = " rad" * (diagram.parameter == "slope")
         ax.annotate(
-            f"beyond {last:.5g} rad\nall simulated walks end in a fall",
+            f"beyond {last:.5g}{unit}\nall simulated walks end in a fall",
             (last, 0.03), (-4, 0), xycoords=("data", "axes fraction"),
             textcoords="offset points", ha="right", fontsize="small", color=GREY,
         )  # fmt: skip
@@ -203,12 +204,15 @@ def _diagram(diagram: BifurcationDiagram, ax: Axes | None = None, **style: Any) 
 def _cascade(cascade: Cascade, ax: Axes | None = None, **style: Any) -> Axes:
     """Draw how the doublings approach their limit, with options of matplotlib's lines."""
     ax = axes_for(ax)
-    gaps = cascade.limit - np.array(cascade.slopes)
+    gaps, unit = cascade.limit - np.array(cascade.values), " rad" * (cascade.parameter == "slope")
     ax.semilogy(cascade.periods, gaps, **{**series(0), **style})
     ax.set_xscale("log", base=2)
-    ax.set(xlabel="period before the doubling (strides)", ylabel="limit minus slope (rad)")
+    ax.set(
+        xlabel="period before the doubling (strides)",
+        ylabel=f"limit minus {varied_label(cascade.parameter)}",
+    )
     ax.set_title(
-        f"period doublings of walker {name_of(cascade.walker)}, limit {cascade.limit:.6g} rad",
+        f"period doublings of walker {name_of(cascade.walker)}, limit {cascade.limit:.6g}{unit}",
         fontsize="medium",
     )
     return ax

@@ -230,7 +230,7 @@ def test_walks_under_a_policy_have_a_bifurcation_diagram_and_exponents():
 
 def test_a_crisis_is_found_from_level_ground_on():
     strides = gpw.stride_map("D", 0.0, controller=Actuation(push_off=0.05))
-    found = gpw.crisis_slope(strides, 0.0, 0.1, strides=50, walkers=2, accuracy=1e-3)
+    found = gpw.crisis(strides, 0.0, 0.1, strides=50, walkers=2, accuracy=1e-3)
     assert 0.0 < found < 0.1
 
 

@@ -107,7 +107,7 @@ ANALYSES = {
     "period-doubling cascade": lambda n: gpw.doubling_cascade(
         of(n), *near(max(gait(n).slope, 1e-3)), doublings=1
     ),
-    "crisis": lambda n: gpw.crisis_slope(
+    "crisis": lambda n: gpw.crisis(
         of(n),
         max(gait(n).slope, 1e-3),
         0.4,

@@ -18,7 +18,7 @@ AT_A_SLOPE = {
     "reality_check": lambda slope: gpw.reality_check("lab", slope, STATE),
     "bifurcation_diagram": lambda slope: gpw.bifurcation_diagram("E", slope),
     "lyapunov_exponents": lambda slope: gpw.lyapunov_exponents("E", slope),
-    "crisis_slope": lambda slope: gpw.crisis_slope("D", slope, 0.02),
+    "crisis": lambda slope: gpw.crisis("D", slope, 0.02),
     "basin_of_attraction": lambda slope: gpw.basin_of_attraction("E", slope),
     "largest_push": lambda slope: gpw.largest_push("E", slope),
     "collision_matrix": lambda angle: gpw.collision_matrix("E", angle),
@@ -99,9 +99,7 @@ AT_A_STATE = {
     "lyapunov_exponents": lambda walker, slope, state: gpw.lyapunov_exponents(
         walker, [slope], start=state, strides=1, n_transient=0
     ),
-    "crisis_slope": lambda walker, slope, state: gpw.crisis_slope(
-        walker, slope, slope + 0.01, start=state
-    ),
+    "crisis": lambda walker, slope, state: gpw.crisis(walker, slope, slope + 0.01, start=state),
     "find_gaits": lambda walker, slope, state: gpw.find_gaits(walker, slope, guess=state),
     "points_at": lambda walker, slope, state: gpw.stride_map(walker, slope).points_at(state),
 }

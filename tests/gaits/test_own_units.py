@@ -17,7 +17,7 @@ from gym_passive_walker import (
     basin_of_attraction,
     bifurcation_diagram,
     collision_matrix,
-    crisis_slope,
+    crisis,
     doubling_cascade,
     find_gait,
     find_gaits,
@@ -188,7 +188,7 @@ def test_walks_over_slopes_and_their_exponents():
     same(found, known, rel=1e-6)
     asked = dict(strides=50, walkers=2, accuracy=1e-4)
     known, found = (
-        crisis_slope(w["D"], 0.0125, 0.023, start=start * size, **asked)
+        crisis(w["D"], 0.0125, 0.023, start=start * size, **asked)
         for w, size in ((PLAIN, 1.0), (OTHER, RATES))
     )
     assert 0.0185 < found < 0.021 and abs(found - known) < 5e-4

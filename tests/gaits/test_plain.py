@@ -293,10 +293,10 @@ REFUSED = {
     "n_recorded must be above the longest period 4, not 4": lambda: bifurcation_diagram(
         "D", [0.01], n_recorded=4, longest_period=4
     ),
-    "walker falls at slope 0.03": lambda: gpw.crisis_slope(
+    "walker falls at slope 0.03": lambda: gpw.crisis(
         "D", 0.03, 0.04, start=find_gait("D", 0.009).state, strides=50
     ),
-    "walkers must be": lambda: gpw.crisis_slope("D", 0.01, 0.02, walkers=0),
+    "walkers must be": lambda: gpw.crisis("D", 0.01, 0.02, walkers=0),
     "resolution must be .*": lambda: gait_family("D", 0.01, 0.02, resolution=1e-4),
     "high is too far from low": lambda: parameter_family("D", "gravity", 1.0, 1e9, slope=0.01),
     "does not double its period from 0.01 to 0.012": lambda: gpw.doubling_cascade("D", 0.01, 0.012),

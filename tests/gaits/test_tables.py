@@ -14,7 +14,7 @@ from gym_passive_walker import (
     WALKERS,
     basin_of_attraction,
     bifurcation_diagram,
-    crisis_slope,
+    crisis,
     doubling_cascade,
     find_gait,
     gait_family,
@@ -76,10 +76,10 @@ def test_rows_of_a_basin_are_its_cells(basin):
 
 def test_facts_of_a_diagram():
     angles = np.array([[1.0, 2.0, 1.0, 2.0], [1.0] * 4, [np.nan] * 4, [3.0, 4.0, 5.0, 6.0]])
+    slopes, periods = np.array([0.02, 0.03, 0.01, 0.05]), np.array([2, 1, 0, 0])
     diagram = BifurcationDiagram(
-        WALKERS["C"], np.array([0.02, 0.03, 0.01, 0.05]), angles, np.array([2, 1, 0, 0]),
-        np.zeros((4, 6)),
-    )  # fmt: skip
+        WALKERS["C"], "slope", slopes, slopes, angles, periods, np.zeros((4, 6))
+    )
     assert diagram.walks.tolist() == [True, True, False, True]
     assert diagram.facts() == {
         "walker": "C",
@@ -115,9 +115,9 @@ def test_facts_and_rows_of_a_cascade(cascade):
     rows = cascade.columns()
     assert rows["period"].tolist() == [1, 2, 4] and rows["slope"].tolist() == [a, b, c]
     assert rows["stance_angle"].tolist() == [gait.state[0] for gait in cascade.gaits]
-    one = replace(cascade, periods=(1,), slopes=(a,), gaits=cascade.gaits[:1])
+    one = replace(cascade, periods=(1,), values=(a,), gaits=cascade.gaits[:1])
     assert one.ratios == () and np.isnan(one.limit) and one.facts()["limit"] == "nan rad"
-    two = replace(cascade, periods=(1, 2), slopes=(a, b), gaits=cascade.gaits[:2])
+    two = replace(cascade, periods=(1, 2), values=(a, b), gaits=cascade.gaits[:2])
     assert two.limit == pytest.approx(b + (b - a) / (FEIGENBAUM - 1.0))
 
 
@@ -309,7 +309,7 @@ def test_progress_of_walks_is_of_their_strides(counted):
     assert counted["ways to push"][0][0] == 2
     assert {total for total, _ in counted["strides until all have settled"]} == {5}
     assert max(done for _, done in counted["strides until all have settled"]) <= 5
-    crisis_slope("D", 0.012, 0.03, strides=50, walkers=2, accuracy=1e-3)
+    crisis("D", 0.012, 0.03, strides=50, walkers=2, accuracy=1e-3)
     ((total, tried),) = counted["slopes tried"]
     assert total is None and tried >= 1
     assert isinstance(basin_of_attraction("D", 0.009, resolution=2), Basin)

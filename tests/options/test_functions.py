@@ -38,6 +38,9 @@ def family(walker="D", low=0.003, high=0.012, kind="long"):
 
 STATE = Later(lambda: 1.01 * gait().state)
 OF_D = Later(lambda: gait("D", 0.009).state)
+OF_LAB = {"walker": Later(lambda: gpw.stride_map("lab", 0.036)), "values": [0.036, 0.038]}
+D_AT_A_SLOPE = Later(lambda: gpw.stride_map("D", 0.0185))
+TORQUES = {"parameter": "hip_torque", "high": 0.05}
 PART = gpw.Part(mass=1.0, com=0.1, inertia=0.01)
 STEEP = Later(lambda: LinearFeedback("steep"))
 
@@ -147,10 +150,10 @@ OPTIONS = {
     ),
     "bifurcation_diagram": Call(
         gpw.bifurcation_diagram,
-        dict(walker="D", slopes=[0.012, 0.0165], n_transient=10, n_recorded=9, longest_period=4),
+        dict(walker="D", values=[0.012, 0.0165], n_transient=10, n_recorded=9, longest_period=4),
         dict(
             walker="E",
-            slopes=[0.012, 0.016],
+            values=[0.012, 0.016],
             n_transient=20,
             n_recorded=To(10, expect=lambda a, b: b.stance_angle.shape == (2, 10)),
             start=Later(lambda: 1.01 * gait("D", 0.009).state),
@@ -158,6 +161,8 @@ OPTIONS = {
             sweep=True,
             longest_period=To(1, dict(n_transient=300), look=lambda found: found.period),
             tolerance=1e-5,
+            parameter=To("hip_mass", OF_LAB),
+            slope=To(0.038, OF_LAB | {"parameter": "hip_mass"}),
         ),
     ),
     "interpolate": Call(
@@ -184,8 +189,8 @@ OPTIONS = {
         dict(walker="lab", stance_angle=0.3),
         dict(walker="C", stance_angle=0.2),
     ),
-    "crisis_slope": Call(
-        gpw.crisis_slope,
+    "crisis": Call(
+        gpw.crisis,
         dict(walker="D", low=0.0185, high=0.0195, strides=200, walkers=4, accuracy=1e-5),
         dict(
             walker=To("F", dict(low=0.005, high=0.03)),
@@ -199,15 +204,21 @@ OPTIONS = {
             kind=To("short", refused="falls at slope"),
             accuracy=1e-7,
             tolerance=1e-4,
+            parameter=To("hip_torque", refused="slope must be one number"),
+            slope=To(0.0165, dict(walker=D_AT_A_SLOPE, low=0.0, accuracy=1e-3) | TORQUES),
         ),
     ),
     "doubling_cascade": Call(
         gpw.doubling_cascade,
-        dict(walker="D", slope_min=0.01, slope_max=0.0195, doublings=1),
+        dict(walker="D", low=0.01, high=0.0195, doublings=1),
         dict(
-            walker=To("F", dict(slope_min=0.005, slope_max=0.05)),
-            slope_min=0.0149,
-            slope_max=0.0152,
+            walker=To("F", dict(low=0.005, high=0.05)),
+            low=0.0149,
+            high=0.0152,
+            parameter=To("hip_torque", refused="slope must be one number"),
+            slope=To(
+                0.014, dict(walker=Later(lambda: gpw.stride_map("D", 0.0145)), low=0.0) | TORQUES
+            ),
             kind=To("short", refused="short-step"),
             doublings=To(2, expect=lambda a, b: len(b.periods) == len(a.periods) + 1),
         ),
@@ -276,16 +287,18 @@ OPTIONS = {
     ),
     "lyapunov_exponents": Call(
         gpw.lyapunov_exponents,
-        dict(walker="D", slopes=[0.012, 0.018], strides=20, n_transient=5),
+        dict(walker="D", values=[0.012, 0.018], strides=20, n_transient=5),
         dict(
             walker="E",
-            slopes=[0.012, 0.017],
+            values=[0.012, 0.017],
             count=To(2, expect=lambda a, b: np.shape(b)[-1] == 2),
             strides=30,
             n_transient=6,
             start=OF_D,
             kind="short",
             tolerance=1e-5,
+            parameter=To("hip_mass", OF_LAB),
+            slope=To(0.038, OF_LAB | {"parameter": "hip_mass"}),
         ),
     ),
     "measures": Call(

@@ -270,10 +270,10 @@ def test_impacts_are_marked_in_walks_of_up_to_twelve_strides(strides, drawn):
 
 def made_diagram(fallen):
     angle = np.array([[0.2, 0.2, 0.2], [0.21, 0.19, 0.21], [0.3, np.nan, np.nan]])
+    slopes, angle = np.array([0.07, 0.08, 0.0912345]), angle if fallen else angle[[0, 1, 0]]
     return BifurcationDiagram(
-        WALKERS["C"], np.array([0.07, 0.08, 0.0912345]), angle if fallen else angle[[0, 1, 0]],
-        np.array([1, 2, 0]), np.zeros((3, 6)),
-    )  # fmt: skip
+        WALKERS["C"], "slope", slopes, slopes, angle, np.array([1, 2, 0]), np.zeros((3, 6))
+    )
 
 
 @pytest.mark.parametrize("fallen", [False, True])
@@ -291,14 +291,14 @@ def test_a_bifurcation_diagram_has_all_angles_and_a_line_at_the_last_slope_of_a_
 
 
 def test_a_cascade_shows_the_distance_of_each_doubling_to_the_limit():
-    cascade = Cascade(WALKERS["C"], (1, 2, 4), (0.08, 0.09, 0.0921), ())
+    cascade = Cascade(WALKERS["C"], "slope", (1, 2, 4), (0.08, 0.09, 0.0921), ())
     ax = cascade.plot(OWN)
     (line,) = ax.lines
     np.testing.assert_array_equal(line.get_xdata(), [1, 2, 4])
     np.testing.assert_allclose(line.get_ydata(), cascade.limit - np.array([0.08, 0.09, 0.0921]))
     assert (line.get_ydata() > 0.0).all() and ax.get_yscale() == ax.get_xscale() == "log"
     assert ax.xaxis.get_transform().base == 2
-    assert said(ax)[:2] == ("period before the doubling (strides)", "limit minus slope (rad)")
+    assert said(ax)[:2] == ("period before the doubling (strides)", "limit minus slope γ (rad)")
     assert f"limit {cascade.limit:.6g} rad" in ax.get_title()
 
 

@@ -182,7 +182,9 @@ def test_every_analysis_is_compared_here_with_what_it_names():
     ],
 )
 def test_a_compass_of_one_s_own_has_the_rows_of_the_package_s(analysis, given):
-    arguments = {name: value for name, value in ({"slope": 0.02} | given).items() if value}
+    arguments = {
+        name: value for name, value in ({"slope": 0.02} | given).items() if value is not None
+    }
     own, known = (
         row(analysis, walker=walker, **arguments)
         for walker in ("tests.own.statements:DRIVEN", STRAIGHT)

@@ -1,7 +1,7 @@
 """Settled walks, chaos and crises, beyond the stability of a gait.
 
-A settled walk is found by walking; lanes take many slopes at once. The doublings themselves are
-not read off a diagram but located on the unstable gaits (see `doubling`).
+A settled walk is found by walking; lanes take many values of a parameter at once. The doublings
+themselves are not read off a diagram but located on the unstable gaits (see `doubling`).
 
 References:
     G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15 (1980) 9-20, for exponents.
@@ -12,6 +12,7 @@ References:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,27 +25,38 @@ from gym_passive_walker._tools.arguments import (
     gait_kind,
     number,
     one_slope,
+    real_array,
     several_slopes,
+    shown,
     whole,
 )
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker._tools.shown import Table
-from gym_passive_walker.gaits.branches.family import GaitFamily, gait_family
+from gym_passive_walker.gaits.branches.continuation import Axis
+from gym_passive_walker.gaits.branches.family import (
+    GaitFamily,
+    axis_of,
+    gait_family,
+    parameter_family,
+)
+from gym_passive_walker.gaits.branches.varied_map import MapOfValue
 from gym_passive_walker.gaits.gait import GaitKind
 from gym_passive_walker.gaits.measures import InUnits
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.walkers import Walker, name_of
 
-_FINEST_SLOPE = 1e-15  # rad
+_FINEST = 1e-15  # accuracy of a crisis
 _NUDGE = 1e-4  # off the gait, which a walker would otherwise stay on though it be unstable
 
 
 @dataclass(frozen=True, repr=False)
 class BifurcationDiagram(InUnits, Table):
-    """Settled walks over slopes.
+    """Settled walks over slopes or another quantity.
 
     Attributes:
-        walker: The walker.
+        walker: The walker (at its own value, if a parameter of the walker is varied).
+        parameter: The quantity that is varied, as in `GaitFamily`.
+        value: Its values, in the walker's own units, (n,).
         slope: Slopes in rad, (n,).
         stance_angle: Stance angles in rad of successive settled strides, (n, n_recorded); NaN where
             the walker fell.
@@ -54,6 +66,8 @@ class BifurcationDiagram(InUnits, Table):
     """
 
     walker: Walker
+    parameter: str
+    value: NDArray[np.float64]
     slope: NDArray[np.float64]
     stance_angle: NDArray[np.float64]
     period: NDArray[np.int64]
@@ -65,22 +79,27 @@ class BifurcationDiagram(InUnits, Table):
         return np.isfinite(self.stance_angle[:, -1])
 
     def facts(self) -> dict[str, str]:
-        """Range of slopes, and the periods found."""
-        slopes = self.slope
+        """Range of values, and the periods found."""
+        value, slopes = self.value, self.parameter == "slope"
         periods = ", ".join(map(str, np.unique(self.period[self.period > 0])))
         return {
             "walker": name_of(self.walker),
-            "slopes": f"{len(slopes)} from {slopes.min():.6g} to {slopes.max():.6g} rad",
+            "slopes" if slopes else self.parameter: f"{len(value)} from {value.min():.6g} to "
+            f"{value.max():.6g}" + " rad" * slopes,
             "walks at": str(self.walks.sum()),
             "strides kept": str(self.stance_angle.shape[1]),
             "periods": periods or "none",
         }
 
     def columns(self) -> dict[str, NDArray]:
-        """A row for each recorded stride, slope by slope."""
+        """A row for each recorded stride, value by value."""
         count, n_recorded = self.stance_angle.shape
+        varied = {} if self.parameter == "slope" else {self.parameter: self.value}
         return {
-            "slope": np.repeat(self.slope, n_recorded),
+            **{
+                name: np.repeat(x, n_recorded)
+                for name, x in (varied | {"slope": self.slope}).items()
+            },
             "period": np.repeat(self.period, n_recorded),
             "stride": np.tile(np.arange(n_recorded), count),
             "stance_angle": self.stance_angle.ravel(),
@@ -107,64 +126,113 @@ def period_of(values: ArrayLike, longest: int, tolerance: float = 1e-6) -> NDArr
     return period
 
 
-def nearest_on(family: GaitFamily, slopes: NDArray) -> NDArray[np.float64]:
-    """Return states on a family at given slopes, by interpolation; NaN where it has none.
+def nearest_on(family: GaitFamily, values: NDArray) -> NDArray[np.float64]:
+    """Return states on a family at given values, by interpolation; NaN where it has none.
 
-    Where a family passes a slope more than once, the gait nearest to being stable is taken.
+    Where a family passes a value more than once, the gait nearest to being stable is taken.
 
     Args:
-        family: A family over slopes.
-        slopes: rad, (n,).
+        family: A family.
+        values: Values of what it varies, (n,).
 
     Returns:
         Section states, (n, 6) for a `Walker`, in the walker's own units.
     """
-    here, there = family.slope[:-1], family.slope[1:]
+    here, there = family.value[:-1], family.value[1:]
     size = np.abs(family.multipliers[:, 0])
     size = np.maximum(size[:-1], size[1:])
-    states = np.full((len(slopes), family.state.shape[1]), np.nan)
-    for i, slope in enumerate(slopes):
+    states = np.full((len(values), family.state.shape[1]), np.nan)
+    for i, value in enumerate(values):
         low, high = np.minimum(here, there), np.maximum(here, there)
-        passed = np.flatnonzero((low <= slope) & (slope <= high) & (low < high))
+        passed = np.flatnonzero((low <= value) & (value <= high) & (low < high))
         if len(passed):
             j = passed[np.argmin(size[passed])]
-            share = (slope - here[j]) / (there[j] - here[j])
+            share = (value - here[j]) / (there[j] - here[j])
             states[i] = family.state[j] + share * (family.state[j + 1] - family.state[j])
     return states
 
 
-def beginnings(
-    stride_map: StrideMap, slopes: NDArray, kind: GaitKind, start: ArrayLike | None
-) -> NDArray[np.float64]:
-    """Return the points from which walks begin.
+class _Walks(NamedTuple):
+    """Walks at several values of a parameter, and where they begin.
 
-    Args:
-        stride_map: The stride map.
-        slopes: Slopes in rad, (n,).
-        kind: Gait to begin beside.
-        start: Initial states instead, (6,) or (n, 6), in the walker's own units.
-
-    Returns:
-        Points (n, m); NaN where there is no gait.
+    Attributes:
+        own: The stride map, apart from what varies.
+        axis: What varies, and its range.
+        values: Its values, (n,).
     """
-    kind = gait_kind(kind)
-    if start is not None:
-        size = stride_map.size
-        states = check_state(start, "start", stride_map.walker)
-        if states.shape not in ((size,), (1, size), (len(slopes), size)):
-            raise ValueError(
-                f"start must be one state, or one for each of {len(slopes)} slopes, not of shape "
-                f"{states.shape}"
+
+    own: StrideMap
+    axis: Axis
+    values: NDArray[np.float64]
+
+    @classmethod
+    def of(
+        cls, walker: MapLike | MapOfValue, parameter: str, values: ArrayLike, slope: float | None,
+        tolerance: float,
+    ) -> _Walks:  # fmt: skip
+        """Return the walks of an analysis, from its arguments."""
+        tolerance = check_tolerance(tolerance)
+        if parameter == "slope" and not callable(walker):
+            if slope is not None:
+                raise ValueError("slope is that of walks over another parameter: omit it")
+            own = map_of(walker, tolerance=tolerance)
+            values = several_slopes(values, "values", downhill=own.passive)
+        else:
+            allowed = f"values of {shown(parameter)}, a list of finite numbers"
+            values = np.atleast_1d(real_array(values, "values", allowed))
+            if values.ndim != 1 or len(values) == 0 or not np.all(np.isfinite(values)):
+                raise ValueError(f"values must be {allowed}, not {shown(values)}")
+        low, high = float(values.min()), float(values.max())
+        if parameter != "slope" and not callable(walker):  # the family begins at the walker's own
+            here = map_of(walker, tolerance=tolerance).parameters.get(parameter, low)
+            low, high = min(low, here), max(high, here)
+        if low == high:
+            high = low + (1e-9 * abs(low) or 1e-9)
+        own, axis = axis_of(walker, parameter, low, high, slope, tolerance=tolerance)
+        return cls(own, axis, values)
+
+    def at(self, which: Any = slice(None)) -> tuple[StrideMap, NDArray]:
+        """Return the stride map of some of the walks, and their slopes in rad."""
+        return self.axis.settings(self.own, self.values[which])
+
+    def beginnings(self, kind: GaitKind, start: ArrayLike | None) -> NDArray[np.float64]:
+        """Return the points from which the walks begin.
+
+        Args:
+            kind: Gait to begin beside.
+            start: Initial states instead, (6,) or (n, 6), in the walker's own units.
+
+        Returns:
+            Points (n, m); NaN where there is no gait.
+        """
+        kind, (there, slopes), n = gait_kind(kind), self.at(), len(self.values)
+        if start is not None:
+            size = self.own.size
+            states = check_state(start, "start", self.own.walker)
+            if states.shape not in ((size,), (1, size), (n, size)):
+                raise ValueError(
+                    f"start must be one state, or one for each of {n} "
+                    f"{'slopes' if self.axis.parameter == 'slope' else 'values'}, not of shape "
+                    f"{states.shape}"
+                )
+            return there.points_at(np.broadcast_to(states, (n, size)))
+        low, high = self.axis.low, self.axis.high
+        if self.axis.parameter == "slope":
+            if self.own.controlled:
+                return self.own.beginning(slopes)  # type: ignore[attr-defined]
+            low, high = float(slopes.min()), float(slopes.max())
+            low, high = (
+                x + sign * (1e-9 * abs(x) or 1e-9) for x, sign in ((low, -1.0), (high, 1.0))
             )
-        return stride_map.points_at(np.broadcast_to(states, (len(slopes), size)))
-    if stride_map.controlled:
-        return stride_map.beginning(slopes)  # type: ignore[attr-defined]
-    low, high = float(slopes.min()), float(slopes.max())
-    low, high = (x + sign * (1e-9 * abs(x) or 1e-9) for x, sign in ((low, -1.0), (high, 1.0)))
-    family = gait_family(stride_map, low, high, kind)
-    points = stride_map.points_at(nearest_on(family, slopes))
-    points[:, 0] *= 1.0 + _NUDGE
-    return points
+            family = gait_family(self.own, low, high, kind)
+        else:
+            varied = self.axis.make or self.own
+            family = parameter_family(
+                varied, self.axis.parameter, low, high, slope=self.axis.slope, kind=kind
+            )
+        points = there.points_at(nearest_on(family, self.values))
+        points[:, 0] *= 1.0 + _NUDGE
+        return points
 
 
 def _settle(
@@ -184,9 +252,11 @@ def _settle(
 
 
 def bifurcation_diagram(
-    walker: MapLike,
-    slopes: ArrayLike,
+    walker: MapLike | MapOfValue,
+    values: ArrayLike,
     *,
+    parameter: str = "slope",
+    slope: float | None = None,
     n_transient: int = 1000,
     n_recorded: int = 128,
     start: ArrayLike | None = None,
@@ -195,19 +265,29 @@ def bifurcation_diagram(
     longest_period: int = 32,
     tolerance: float = 1e-10,
 ) -> BifurcationDiagram:
-    """Simulate walks until they settle, for each of several slopes (Fig. 4.10).
+    """Simulate walks until they settle, for each of several slopes or other values (Fig. 4.10).
+
+    Example:
+        >>> import gym_passive_walker as gpw
+        >>> diagram = gpw.bifurcation_diagram(
+        ...     "lab", [0.0, 0.5, 1.0], parameter="hip_mass", slope=0.036, n_transient=200
+        ... )
+        >>> diagram.period.tolist()
+        [1, 1, 1]
 
     Args:
         walker: The walker, in a form that `as_walker` takes; or a map of `stride_map` with
-            its controller.
-        slopes: Slopes in rad, in the order in which a sweep takes them.
+            its controller; or a function from a value to a map, as for `parameter_family`.
+        values: Slopes in rad, or values of the parameter, in the order in which a sweep takes them.
+        parameter: What varies: "slope", or another parameter that `parameter_family` takes.
+        slope: Slope in rad where another parameter varies; the map's own when None.
         n_transient: Transient strides, which are not recorded.
         n_recorded: Recorded strides.
-        start: Initial state on the Poincaré section, (6,), or one for each slope, (n, 6). If None,
-            each walk begins just beside the period-one gait of its slope, stable or not.
+        start: Initial state on the Poincaré section, (6,), or one for each value, (n, 6). If None,
+            each walk begins just beside the period-one gait of its value, stable or not.
         kind: Gait to begin beside, "long" or "short".
-        sweep: Whether each slope begins with the settled walk of the slope before, if that still
-            walks. Slopes are then simulated one after the other, which is slower.
+        sweep: Whether each value begins with the settled walk of the value before, if that still
+            walks. Values are then simulated one after the other, which is slower.
         longest_period: Longest period detected.
         tolerance: Tolerance of the integration.
 
@@ -215,10 +295,10 @@ def bifurcation_diagram(
         The `BifurcationDiagram`; rows of walkers that fell are NaN.
 
     Raises:
-        GaitNotFound: if there is no gait in the range of slopes to begin with.
+        GaitNotFound: if there is no gait in the range of values to begin with.
+        ValueError: if there is no such parameter, or a walker cannot have one of the values.
     """
-    stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
-    values = several_slopes(slopes, downhill=stride_map.passive)
+    walks = _Walks.of(walker, parameter, values, slope, tolerance)
     n_transient = whole(n_transient, "n_transient", 0)
     n_recorded = whole(n_recorded, "n_recorded", 1, KEPT)
     sweep = boolean(sweep, "sweep")
@@ -227,29 +307,36 @@ def bifurcation_diagram(
         raise ValueError(
             f"n_recorded must be above the longest period {longest_period}, not {n_recorded}"
         )
-    points = beginnings(stride_map, values, kind, start)
-    together = 1 if sweep else len(values)
-    angles = np.empty((len(values), n_recorded))
-    with progress("slopes", len(values)) as done:
-        for i in range(0, len(values), together):
+    points, n = walks.beginnings(kind, start), len(walks.values)
+    together = 1 if sweep else n
+    angles, states = np.empty((n, n_recorded)), np.empty((n, walks.own.size))
+    with progress("slopes" if parameter == "slope" else "values", n) as done:
+        for i in range(0, n, together):
             if i > 0 and np.all(np.isfinite(points[i - 1])):
                 points[i] = points[i - 1]
             at = slice(i, i + together)
-            angles[at], points[at] = _settle(
-                stride_map, points[at], values[at], n_transient, n_recorded
-            )
+            there, slopes = walks.at(at)
+            angles[at], points[at] = _settle(there, points[at], slopes, n_transient, n_recorded)
+            states[at] = there.states_at(points[at])
             done(together)
-    period = period_of(angles, longest_period)
     return BifurcationDiagram(
-        stride_map.walker, values, angles, period, stride_map.states_at(points)
+        walker=walks.own.walker,
+        parameter=parameter,
+        value=walks.values,
+        slope=walks.at()[1],
+        stance_angle=angles,
+        period=period_of(angles, longest_period),
+        state=states,
     )
 
 
-def crisis_slope(
-    walker: MapLike,
+def crisis(
+    walker: MapLike | MapOfValue,
     low: float,
     high: float,
     *,
+    parameter: str = "slope",
+    slope: float | None = None,
     start: ArrayLike | None = None,
     strides: int = 3000,
     walkers: int = 64,
@@ -257,74 +344,94 @@ def crisis_slope(
     accuracy: float = 1e-7,
     tolerance: float = 1e-10,
 ) -> float:
-    """Find the slope at which settled walking ends.
+    """Find the slope, or the value of another parameter, at which settled walking ends.
 
-    Walkers spread over the settled walk at `low` are moved to steeper slopes until one of them
-    falls. Just beyond the crisis walks last long before they end, so the slope found is slightly
-    too high. More strides and more walkers reduce this error. A range without a settled walk is
-    missed if it is narrower than the search's steps.
+    Walkers spread over the settled walk at `low` are moved towards `high` until one of them falls.
+    Just beyond the crisis walks last long before they end, so the value found is slightly too far.
+    More strides and more walkers reduce this error. A range without a settled walk is missed if it
+    is narrower than the search's steps.
 
     Args:
-        walker: The walker, or a map of `stride_map`, as for `bifurcation_diagram`.
-        low: Slope in rad at which the walk settles.
-        high: Slope in rad beyond the crisis.
+        walker: The walker, a map of `stride_map`, or a function from a value to one, as for
+            `bifurcation_diagram`.
+        low: Slope in rad, or value, at which the walk settles.
+        high: Slope in rad, or value, beyond the crisis.
+        parameter: What varies: "slope", or another parameter that `parameter_family` takes.
+        slope: Slope in rad where another parameter varies; the map's own when None.
         start: Initial state at `low` on the Poincaré section, (6,); beside the gait if None.
         strides: Strides that all walkers must make.
-        walkers: Number of walkers at each slope.
+        walkers: Number of walkers at each value.
         kind: Gait to begin beside, "long" or "short".
-        accuracy: Accuracy in rad, at least 1e-15.
+        accuracy: Accuracy, at least 1e-15.
         tolerance: Tolerance of the integration.
 
     Returns:
-        The slope in rad, from `low` to `high`.
+        The slope in rad or the value, from `low` to `high`.
 
     Raises:
         ValueError: if the walker falls at `low`, or walks on at `high`.
     """
-    stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
-    low, high = one_slope(low, "low"), one_slope(high, "high")
+    low, high = (
+        (one_slope(low, "low"), one_slope(high, "high"))
+        if parameter == "slope"
+        else (number(low, "low"), number(high, "high"))
+    )
+    passive = not callable(walker) and map_of(walker, tolerance=tolerance).passive
+    steep = parameter == "slope"
+    if low == high or (steep and (not low < high or (passive and low <= 0.0))):
+        allowed = (
+            ("0 < low < high" if passive else "low < high") if steep else "low and another high"
+        )
+        raise ValueError(f"{'slopes' if steep else 'values'} must be {allowed}, not {low}, {high}")
+    own = _Walks.of(walker, parameter, [low], slope, tolerance)
     strides, walkers = whole(strides, "strides"), whole(walkers, "walkers", 1, KEPT)
-    accuracy = number(accuracy, "accuracy", least=_FINEST_SLOPE, most=1.0)
-    if not low < high or (stride_map.passive and low <= 0.0):
-        allowed = "0 < low < high" if stride_map.passive else "low < high"
-        raise ValueError(f"slopes must be {allowed}, not {low}, {high}")
-    points = beginnings(stride_map, np.array([low]), kind, start)
-    points = stride_map.apply(points, low, strides=strides).ends
+    accuracy = number(accuracy, "accuracy", least=_FINEST, most=1.0 if steep else abs(high - low))
+    ends = low, high, own.axis.low, own.axis.high
+    axis = own.axis._replace(low=min(ends), high=max(ends))
+    points = own.beginnings(kind, start)
+
+    def walk(points: NDArray, value: float, strides: int) -> NDArray:
+        there, slopes = axis.settings(own.own, np.full(len(points), value))
+        return there.apply(points, slopes, strides=strides).ends
+
+    said = "at " + parameter + " {}"
+    points = walk(points, low, strides)
     if not np.all(np.isfinite(points)):
-        raise ValueError(f"the walker falls at slope {low}")
+        raise ValueError(f"the walker falls {said.format(low)}")
     batch = np.repeat(points, walkers, axis=0)
-    said = f"walking has not ended at slope {high}"
     for i in range(1, walkers):  # spread along the settled walk
-        batch[i] = stride_map.apply(batch[i - 1 : i], low).ends[0]
-    if _all_walk(stride_map, batch, high, strides) is not None:
-        raise ValueError(said)
+        batch[i] = walk(batch[i - 1 : i], low, 1)[0]
+
+    def all_walk(points: NDArray, value: float) -> NDArray | None:
+        for _ in range(0, strides, 50):
+            points = walk(points, value, 50)
+            if not np.all(np.isfinite(points)):
+                return None
+        return points
+
+    on = f"walking has not ended {said.format(high)}"
+    if all_walk(batch, high) is not None:
+        raise ValueError(on)
     step, fell = (high - low) / 64.0, False
-    with progress("slopes tried") as tried:
-        while step > accuracy or not fell:
-            there = min(low + step, high)
-            if (ends := _all_walk(stride_map, batch, there, strides)) is None:
+    with progress("slopes tried" if steep else "values tried") as tried:
+        while abs(step) > accuracy or not fell:
+            there = low + step if (low + step - high) * step < 0.0 else high
+            if (moved := all_walk(batch, there)) is None:
                 step, fell = 0.5 * step, True
             elif there == high:  # by small steps, though not by one from `low`
-                raise ValueError(said)
+                raise ValueError(on)
             else:
-                low, batch = there, ends
+                low, batch = there, moved
             tried()
     return low
 
 
-def _all_walk(stride_map: StrideMap, points: NDArray, slope: float, strides: int) -> NDArray | None:
-    """Return walkers' points after some strides; None as soon as one falls."""
-    for _ in range(0, strides, 50):
-        points = stride_map.apply(points, slope, strides=50).ends
-        if not np.all(np.isfinite(points)):
-            return None
-    return points
-
-
 def lyapunov_exponents(
-    walker: MapLike,
-    slopes: ArrayLike,
+    walker: MapLike | MapOfValue,
+    values: ArrayLike,
     *,
+    parameter: str = "slope",
+    slope: float | None = None,
     count: int = 1,
     strides: int = 2000,
     n_transient: int = 500,
@@ -338,12 +445,15 @@ def lyapunov_exponents(
     On a stable gait of period n the exponents are ln|multipliers| / n.
 
     Args:
-        walker: The walker, or a map of `stride_map`, as for `bifurcation_diagram`.
-        slopes: Slopes in rad.
+        walker: The walker, a map of `stride_map`, or a function from a value to one, as for
+            `bifurcation_diagram`.
+        values: Slopes in rad, or values of the parameter.
+        parameter: What varies: "slope", or another parameter that `parameter_family` takes.
+        slope: Slope in rad where another parameter varies; the map's own when None.
         count: Number of exponents, from the largest on; at most the section's dimension.
         strides: Strides of the average.
         n_transient: Transient strides before them.
-        start: Initial state on the Poincaré section, (6,), or one for each slope, (n, 6); beside
+        start: Initial state on the Poincaré section, (6,), or one for each value, (n, 6); beside
             the gait if None.
         kind: Gait to begin beside, "long" or "short".
         tolerance: Tolerance of the integration.
@@ -351,17 +461,17 @@ def lyapunov_exponents(
     Returns:
         Exponents (n, count), largest first; NaN where the walker falls.
     """
-    stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
-    values = several_slopes(slopes, downhill=stride_map.passive)
+    walks = _Walks.of(walker, parameter, values, slope, tolerance)
     strides, n_transient = whole(strides, "strides"), whole(n_transient, "n_transient", 0)
-    m = stride_map.dimension
+    m = walks.own.dimension
     count = whole(count, "count", 1, m)
-    points = beginnings(stride_map, values, kind, start)
+    points = walks.beginnings(kind, start)
     if n_transient:
-        points = stride_map.apply(points, values, strides=n_transient).ends
-    exponents = np.full((len(values), count), np.nan)
+        there, slopes = walks.at()
+        points = there.apply(points, slopes, strides=n_transient).ends
+    exponents = np.full((len(walks.values), count), np.nan)
     walking = np.flatnonzero(np.isfinite(points[:, 0]))
-    points = points[walking]
+    points, (there, slopes) = points[walking], walks.at(walking)
     frames = np.broadcast_to(np.eye(m)[:, :count], (len(points), m, count))
     sums = np.zeros((len(points), count))
     with progress("strides averaged over", strides) as averaged:
@@ -370,11 +480,14 @@ def lyapunov_exponents(
             if len(walking) == 0:
                 break
             # In logarithmic coordinates, as rates are of another size than angles.
-            along = stride_map.at(points).by_search @ frames
-            passage, change = stride_map.linearize(points, values[walking], along=along)
+            along = there.at(points).by_search @ frames
+            passage, change = there.linearize(points, slopes, along=along)
             on = passage.alive
-            walking, points, sums = walking[on], passage.ends[on], sums[on]
-            frames, triangle = np.linalg.qr(stride_map.at(points).in_search(change.ends[on]))
+            points, sums = passage.ends[on], sums[on]
+            if not on.all():
+                walking = walking[on]
+                there, slopes = walks.at(walking)
+            frames, triangle = np.linalg.qr(there.at(points).in_search(change.ends[on]))
             with np.errstate(divide="ignore"):  # a direction that a strike forgets: minus infinity
                 sums = sums + np.log(np.abs(np.diagonal(triangle, axis1=1, axis2=2)))
     exponents[walking] = sums / strides

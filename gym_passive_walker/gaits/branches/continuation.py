@@ -97,6 +97,19 @@ class Axis(NamedTuple):
         """Return the derivative of the value by its coordinate."""
         return float(np.exp(coordinate)) if self.downhill else self.high - self.low
 
+    def settings(self, stride_map: StrideMap, values: NDArray) -> tuple[StrideMap, NDArray]:
+        """Return the stride map and the slopes in rad of n values, (n,)."""
+        if self.parameter == "slope":
+            return stride_map, values
+        if self.make is None:
+            varied = stride_map.with_parameter(self.parameter, values / self.unit)
+            return varied, np.full(len(values), self.slope)
+        made = VariedMap(
+            walker=stride_map.walker, parameter=self.parameter, values=values,
+            tolerance=stride_map.tolerance, make=self.make, bounds=(self.low, self.high),
+        )  # fmt: skip
+        return made, np.array([each.chosen(self.slope) for each in made.maps])
+
     def setting(self, stride_map: StrideMap, value: float) -> tuple[StrideMap, float]:
         """Return the stride map and the slope in rad of one value."""
         if self.parameter == "slope":
@@ -158,17 +171,7 @@ class Curve:
     def _setting(self, ys: NDArray) -> tuple[StrideMap, NDArray, NDArray]:
         """Return stride map, slopes and varied quantity at coordinates (n, m + 1)."""
         values = self.axis.value(ys[:, -1])
-        if self.axis.parameter == "slope":
-            return self.stride_map, values, values
-        own, axis = self.stride_map, self.axis
-        if axis.make is None:
-            varied = own.with_parameter(axis.parameter, values / axis.unit)
-            return varied, np.full(len(values), axis.slope), values
-        made = VariedMap(
-            walker=own.walker, parameter=axis.parameter, values=values, tolerance=own.tolerance,
-            make=axis.make, bounds=(axis.low, axis.high),
-        )  # fmt: skip
-        return made, np.array([each.chosen(axis.slope) for each in made.maps]), values
+        return *self.axis.settings(self.stride_map, values), values
 
     def correct(
         self,
@@ -277,11 +280,14 @@ def locate(curve: Curve, a: Point, b: Point, test: Callable[[Point], float]) -> 
         return point
 
     try:
-        s: Any = scipy.optimize.brentq(
-            lambda s: test(at(s)), 0.0, length, xtol=1e-13, rtol=np.float64(1e-14)
-        )
+        try:
+            s: Any = scipy.optimize.brentq(
+                lambda s: test(at(s)), 0.0, length, xtol=1e-13, rtol=np.float64(1e-14)
+            )
+        except ValueError:  # rounding has turned the sign of an end, which is the zero then
+            s = min(0.0, length, key=lambda s: abs(test(at(s))))
         return at(s)
-    except (ArithmeticError, ValueError):
+    except ArithmeticError:
         return None
 
 

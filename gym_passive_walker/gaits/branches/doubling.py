@@ -17,16 +17,16 @@ from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker._tools.shown import Table
 from gym_passive_walker.gaits.branches.continuation import (
-    Axis,
     Curve,
     Point,
     doubling_test,
     locate,
     points_along,
 )
-from gym_passive_walker.gaits.branches.family import gait_family
+from gym_passive_walker.gaits.branches.family import parameter_family
+from gym_passive_walker.gaits.branches.varied_map import MapOfValue
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, gait_at
-from gym_passive_walker.gaits.stride_map import MapLike, map_of
+from gym_passive_walker.gaits.stride_map import MapLike
 from gym_passive_walker.models.walkers import Walker, describe, name_of
 
 FEIGENBAUM = 4.669201609102990
@@ -35,6 +35,7 @@ FEIGENBAUM = 4.669201609102990
 _FIRST_STEP, _LONGEST_STEP, _SHORTEST_STEP = 2e-3, 0.03, 1e-9  # in logarithmic coordinates
 _SHRINK = 2.5  # each branch is so much smaller than the one before
 _MOST_STEPS = 400
+_TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True, repr=False)
@@ -42,62 +43,79 @@ class Cascade(Table):
     """Successive period doublings.
 
     Attributes:
-        walker: The walker.
+        walker: The walker (at its own value, if a parameter of the walker is varied).
+        parameter: The quantity that is varied, as in `GaitFamily`.
         periods: Period of the gait that doubles, in strides: 1, 2, 4, ...
-        slopes: Slopes in rad of the doublings.
+        values: Values of the varied quantity at the doublings, in the walker's own units.
         gaits: Gaits at the doublings, with a multiplier at -1.
     """
 
     walker: Walker
+    parameter: str
     periods: tuple[int, ...]
-    slopes: tuple[float, ...]
+    values: tuple[float, ...]
     gaits: tuple[Gait, ...]
+
+    @property
+    def slopes(self) -> tuple[float, ...]:
+        """Slopes in rad of the doublings."""
+        return tuple(gait.slope for gait in self.gaits)
 
     @property
     def ratios(self) -> tuple[float, ...]:
         """Distances between successive doublings, each over the next; they tend to FEIGENBAUM."""
-        gaps = np.diff(self.slopes)
+        gaps = np.diff(self.values)
         return tuple(float(x) for x in gaps[:-1] / gaps[1:])
 
     @property
     def limit(self) -> float:
-        """Slope in rad at which doublings accumulate, extrapolated from the last two."""
-        if len(self.slopes) < 2:
+        """Value at which doublings accumulate, extrapolated from the last two."""
+        if len(self.values) < 2:
             return float("nan")
-        return self.slopes[-1] + (self.slopes[-1] - self.slopes[-2]) / (FEIGENBAUM - 1.0)
+        return self.values[-1] + (self.values[-1] - self.values[-2]) / (FEIGENBAUM - 1.0)
 
     def facts(self) -> dict[str, str]:
-        """Slopes of the doublings, and their limit."""
-        doublings = zip(self.periods, self.slopes, strict=True)
+        """Values at the doublings, and their limit."""
+        doublings = zip(self.periods, self.values, strict=True)
+        unit = " rad" * (self.parameter == "slope")
+        varied = {} if unit else {"parameter": self.parameter}
         return {
             "walker": name_of(self.walker),
-            "period doubles": ", ".join(f"{n} at {slope:.8g}" for n, slope in doublings) + " rad",
-            "limit": f"{self.limit:.8g} rad",
+            **varied,
+            "period doubles": ", ".join(f"{n} at {value:.8g}" for n, value in doublings) + unit,
+            "limit": f"{self.limit:.8g}{unit}",
         }
 
     def columns(self) -> dict[str, NDArray]:
         """A row for each doubling."""
+        varied = {} if self.parameter == "slope" else {self.parameter: np.array(self.values)}
         return {
             "period": np.array(self.periods),
+            **varied,
             "slope": np.array(self.slopes),
             "stance_angle": np.array([gait.stance_angle for gait in self.gaits]),
         }
 
 
 def doubling_cascade(
-    walker: MapLike,
-    slope_min: float,
-    slope_max: float,
+    walker: MapLike | MapOfValue,
+    low: float,
+    high: float,
     *,
+    parameter: str = "slope",
+    slope: float | None = None,
     kind: GaitKind = "long",
     doublings: int = 5,
 ) -> Cascade:
-    """Locate a gait's successive period doublings.
+    """Locate a gait's successive period doublings as its slope or another parameter grows.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes, or a map of `stride_map`.
-        slope_min: Slope in rad at which the branch of the period-one gait begins.
-        slope_max: Steepest slope searched, in rad.
+        walker: The walker, in a form that `as_walker` takes, or a map of `stride_map`; or a
+            function from a value to a map, as for `parameter_family`.
+        low: Slope in rad, or value, at which the branch of the period-one gait begins.
+        high: Greatest slope in rad, or value, searched.
+        parameter: What varies: "slope", or another parameter that `parameter_family` takes.
+        slope: Slope in rad where another parameter varies; the map's own when None.
         kind: Period-one gait to follow, "long" or "short".
         doublings: Number of doublings; the last gait has period 2 ** (doublings - 1).
 
@@ -106,32 +124,36 @@ def doubling_cascade(
 
     Raises:
         GaitNotFound: if there is no gait in the range, or its period does not double there.
+        ValueError: if there is no such parameter, or a walker cannot have one of the values.
     """
-    stride_map = map_of(walker, tolerance=1e-12)
     doublings = whole(doublings, "doublings")
-    family = gait_family(stride_map, slope_min, slope_max, kind)
+    family = parameter_family(walker, parameter, low, high, slope=slope, kind=kind)
+    steep = parameter == "slope"
     if not family.period_doublings:
         raise GaitNotFound(
-            f"the {kind}-step gait of {describe(stride_map.walker)} does not double its period "
-            f"from {slope_min} to {slope_max} rad"
+            f"the {kind}-step gait of {describe(family.walker)} does not double its period "
+            f"from {low} to {high}" + (" rad" if steep else f" of {parameter}")
         )
-    slope = family.period_doublings[0]
-    nearest = int(np.argmin(np.abs(family.slope - slope)))
-    curve = Curve(stride_map, Axis("slope", slope_min, slope_max))
-    u = stride_map.points(family.state[nearest]).search[0]
-    here = curve.correct(np.append(u, curve.axis.coordinate(slope)))
+    value = family.period_doublings[0]
+    nearest = int(np.argmin(np.abs(family.value - value)))
+    own, axis = family.stride_map.with_tolerance(_TOLERANCE), family.axis
+    curve = Curve(own, axis)
+    u = axis.setting(own, value)[0].points(family.state[nearest][None]).search[0]
+    here = curve.correct(np.append(u, axis.coordinate(value)))
     gaits: list[Gait] = []
+    values: list[float] = []
     with progress("period doublings", doublings) as located:
         while here is not None:
-            point = stride_map.searched(here.y[None, :-1])
-            gaits.append(gait_at(point, curve.value_at(here), curve.period))
+            values.append(curve.value_at(here))
+            there, at = axis.setting(own, values[-1])
+            gaits.append(gait_at(there.searched(here.y[None, :-1]), at, curve.period))
             located()
             if len(gaits) == doublings:
                 break
             curve = replace(curve, period=2 * curve.period)
-            here = _next_doubling(curve, here, curve.axis.coordinate(slope_max))
-    periods, slopes = (tuple(getattr(gait, name) for gait in gaits) for name in ("period", "slope"))
-    return Cascade(stride_map.walker, periods, slopes, tuple(gaits))
+            here = _next_doubling(curve, here, axis.coordinate(axis.high))
+    periods = tuple(gait.period for gait in gaits)
+    return Cascade(family.walker, parameter, periods, tuple(values), tuple(gaits))
 
 
 def _next_doubling(curve: Curve, birth: Point, high: float) -> Point | None:

@@ -388,20 +388,55 @@ def parameter_family(
     """
     resolution = number(resolution, "resolution", least=_FINEST, most=1.0)
     kind = gait_kind(kind)
+    if parameter == "slope" and not callable(walker):
+        start = None if slope is None else find_gait(walker, slope, kind)
+        return gait_family(walker, low, high, kind, start=start, resolution=resolution)
+    stride_map, axis = axis_of(walker, parameter, low, high, slope)
+    if axis.make is not None:
+        return _made_family(stride_map, axis, kind, resolution)
+    here = stride_map.parameters[parameter]
+    if not axis.low <= here <= axis.high:
+        raise ValueError(f"{parameter} of this walker is {here}: give low <= {here} <= high")
+    return _family(stride_map, axis, find_gait(stride_map, axis.slope, kind), here, resolution)
+
+
+def axis_of(
+    walker: MapLike | MapOfValue,
+    parameter: str,
+    low: float,
+    high: float,
+    slope: float | None = None,
+    *,
+    tolerance: float = _TOLERANCE,
+) -> tuple[StrideMap, Axis]:
+    """Return a stride map and what varies in it, from the arguments of `parameter_family`.
+
+    Raises:
+        ValueError: if there is no such parameter, or a walker cannot have its lowest or its highest
+            value.
+    """
     if callable(walker):
-        return _made_family(walker, parameter, low, high, slope, kind, resolution)
-    stride_map = map_of(walker, tolerance=_TOLERANCE)
+        low, high = number(low, "low"), number(high, "high")
+        if not isinstance(parameter, str) or parameter in ("", "slope", "point", "state"):
+            raise ValueError(
+                "parameter must be a name for what the function varies, other than 'slope', "
+                f"'point' and 'state', not {shown(parameter)}"
+            )
+        if not low < high:
+            raise ValueError(f"give low < high, not {low:g} and {high:g}")
+        slope = None if slope is None else one_slope(slope)
+        there = map_at(walker, parameter, low, tolerance)
+        return there, Axis(parameter, low, high, slope, make=walker)
+    stride_map = map_of(walker, tolerance=tolerance)
     if parameter == "slope":
-        start = None if slope is None else find_gait(stride_map, slope, kind)
-        return gait_family(stride_map, low, high, kind, start=start, resolution=resolution)
-    slope = stride_map.chosen(slope)
-    low, high = number(low, "low"), number(high, "high")
+        return stride_map, Axis("slope", one_slope(low, "low"), one_slope(high, "high"))
     known = stride_map.parameters
     if not isinstance(parameter, str) or parameter not in known:
         choices = ", ".join(("slope", *known))
         raise ValueError(f"no parameter {shown(parameter)} to vary: choose from {choices}")
-    here = known[parameter]
-    if not low < high or not low <= here <= high:
+    slope, here = stride_map.chosen(slope), known[parameter]
+    low, high = number(low, "low"), number(high, "high")
+    if not low < high:
         raise ValueError(f"{parameter} of this walker is {here}: give low <= {here} <= high")
     own = parameter in stride_map.walker.parameters
     unit = stride_map.unit(parameter)
@@ -420,34 +455,18 @@ def parameter_family(
                 one_actuation(stride_map.walker, held._replace(**{parameter: value}))
         except ValueError as error:
             raise ValueError(f"the range leaves what a walker can be: {error}") from error
-    start = find_gait(stride_map, slope, kind)
-    return _family(stride_map, Axis(parameter, low, high, slope, unit), start, here, resolution)
+    return stride_map, Axis(parameter, low, high, slope, unit)
 
 
 def _made_family(
-    make: MapOfValue,
-    parameter: str,
-    low: float,
-    high: float,
-    slope: float | None,
-    kind: GaitKind,
-    resolution: float,
+    stride_map: StrideMap, axis: Axis, kind: GaitKind, resolution: float
 ) -> GaitFamily:
     """Return the family of the maps that a function returns, see `parameter_family`."""
-    low, high = number(low, "low"), number(high, "high")
-    if not isinstance(parameter, str) or parameter in ("", "slope", "point", "state"):
-        raise ValueError(
-            "parameter must be a name for what the function varies, other than 'slope', 'point' "
-            f"and 'state', not {shown(parameter)}"
-        )
-    if not low < high:
-        raise ValueError(f"give low < high, not {low:g} and {high:g}")
-    slope = None if slope is None else one_slope(slope)
-    values = np.linspace(low, high, _TRIED).tolist()
-    for value in values:
-        stride_map = map_at(make, parameter, value, _TOLERANCE)
-        gait = seek(stride_map, stride_map.chosen(slope), kind).gait
+    for value in np.linspace(axis.low, axis.high, _TRIED).tolist():
+        there, slope = axis.setting(stride_map, value)
+        gait = seek(there, slope, kind).gait
         if gait is not None:
-            axis = Axis(parameter, low, high, slope, make=make)
-            return _family(stride_map, axis, gait, value, resolution)
-    raise GaitNotFound(f"no {kind}-step gait at any of {_TRIED} values from {low:g} to {high:g}")
+            return _family(there, axis, gait, value, resolution)
+    raise GaitNotFound(
+        f"no {kind}-step gait at any of {_TRIED} values from {axis.low:g} to {axis.high:g}"
+    )
