@@ -56,7 +56,7 @@ class Known:
         numbers = self.model.parameters
         self.varied = "gravity" if "gravity" in numbers else next(iter(numbers))
         self.stated = isinstance(self.model, gpw.System)
-        self.names = self.model.state_names
+        self.names = self.walker.State._fields if self.stated else self.model.state_names
 
     def scene(self, **changes):
         """A scene of the model that starts near the gait."""
@@ -69,6 +69,14 @@ class Known:
     def many(self, count, **changes):
         """Several of them."""
         return gym.make_vec("PassiveWalker-v0", num_envs=count, scene=self.scene(**changes))
+
+    def disturbances(self):
+        """All of them, as a scene's arguments."""
+        return {
+            "pushes": {"rate": 0.5, "impulse": (-0.01, 0.01)}, "terrain": "rough:height_std=0.0005",
+            "observation_noise": 0.01, "action_noise": 0.1, "action_delay": 1,
+            "command": (0.1, 0.2), "domain_randomization": {self.varied: 0.05},
+        }  # fmt: skip
 
     def act(self, env):
         """Rewards of some steps of an environment."""
@@ -162,8 +170,12 @@ def rough_ground(m):
 def pictures(m):
     assert len(m.gait.plot()) == 4
     course, portrait = gpw.simulate(m.gait, strides=2).plot()
-    for axes in (course, portrait) if m.stated else (portrait,):
-        assert {*m.model.parts} <= {text.get_text() for text in axes.get_legend().get_texts()}
+    coordinates, drawn_in = {*m.model.parts}, [portrait]
+    if m.stated:
+        coordinates = {name.replace("_", " ") for name in m.names[: m.model.coordinates]}
+        drawn_in.append(course)
+    for axes in drawn_in:
+        assert coordinates <= {text.get_text() for text in axes.get_legend().get_texts()}
     pyplot.close("all")
     if m.stated:
         shown = strobe(m.gait, strides=1, flashes=5).get_lines()
@@ -291,8 +303,7 @@ def stable_baselines(m):
 
 
 def disturbed(m):
-    scene = {"pushes": {"rate": 0.1, "impulse": 0.01}, "observation_noise": 0.01, "action_delay": 1}
-    assert np.isfinite(m.act(m.many(2, **scene))).all()
+    assert np.isfinite(m.act(m.many(2, **m.disturbances()))).all()
 
 
 def noise(m):
@@ -304,11 +315,6 @@ def noise(m):
     of_slope = (0.0,) * (len(m.model.observed) - 1) + (0.02,)
     errors = m.many(400, observation_noise=of_slope).reset(seed=0)[0] - exact
     assert not errors[:, :-1].any() and np.std(errors[:, -1]) == pytest.approx(0.02, rel=0.1)
-
-
-def terrains(m):
-    terrain = {"rough": {"height_std": 0.0005}}
-    assert np.isfinite(m.act(m.many(2, terrain=terrain))).all()
 
 
 def previews(m):
@@ -391,12 +397,7 @@ def rewards(m):
 
 
 def saved_states(m):
-    disturbed = {
-        "pushes": {"rate": 0.5, "impulse": (-0.01, 0.01)}, "terrain": "rough:height_std=0.0005",
-        "observation_noise": 0.01, "action_noise": 0.1, "action_delay": 1, "command": (0.1, 0.2),
-        "domain_randomization": {m.varied: 0.05},
-    }  # fmt: skip
-    for scene in ({}, disturbed):
+    for scene in ({}, m.disturbances()):
         env, other = (m.made(**scene) for _ in range(2))
         m.act(env)
         other.reset(seed=5)
@@ -485,7 +486,7 @@ CELLS = [
     strides, jacobian, slopes, parameters, diagrams, exponents, velocity_perturbations, robust,
     basins, trajectories, rough_ground, pictures, checks, collisions, tables, tunings, optima,
     feedback, functions, constants, single, checker, starts, given_starts, vector,
-    stable_baselines, disturbed, noise, terrains, previews, commands, constraints, bodies,
+    stable_baselines, disturbed, noise, previews, commands, constraints, bodies,
     bodies_seen, rewards, saved_states, explanations, gradients, rollouts, gpu_strides,
     gpu_episodes, pages, sweeps, videos,
 ]  # fmt: skip

@@ -5,7 +5,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import gym_passive_walker as gpw
-from examples.torso import TORSO
+from examples.five_links import FIVE_LINKS
+from examples.torso import TORSO, landing
 from gym_passive_walker.models.math import cos, exp, sin, tanh
 from gym_passive_walker.models.walkers import Walker
 
@@ -54,11 +55,6 @@ def links(body, state):
         gpw.Link(body.leg, 0.5 * x, 0.5 * y),
         gpw.Link(body.leg, x + 0.5 * sin(state.swing), y - 0.5 * cos(state.swing)),
     ]
-
-
-def landing(body, state):
-    """The swing foot."""
-    return sin(state.swing) - sin(state.stance), cos(state.stance) - cos(state.swing)
 
 
 def relabel(body, state):
@@ -126,3 +122,9 @@ def saturated(body, state):
 PROGRESSIVE = replace(
     TORSO, name="progressive torso", potential=progressive, dissipation=None, forces=saturated
 )
+
+SCENES = {
+    "compass": {"system": DRIVEN, "slope": 0.03},
+    "five links": {"system": FIVE_LINKS, "slope": 0.05},
+}
+"""A system with room in a walker's record, and one that needs a larger one."""

@@ -5,16 +5,18 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from examples.five_links import FIVE_LINKS
 from gym_passive_walker.gaits.map_result import Change
+from tests.own import statements
 from tests.own.statements import DRIVEN
 
 SLOPE = 0.03
-# A system with room in a walker's record, and one that needs a larger one.
-SCENES = {
-    "compass": {"system": DRIVEN, "slope": SLOPE, "tolerance": 1e-10},
-    "five links": {"system": FIVE_LINKS, "slope": 0.05, "tolerance": 1e-10},
-}
+SCENES = {name: {**scene, "tolerance": 1e-10} for name, scene in statements.SCENES.items()}
+
+
+@pytest.fixture(params=SCENES)
+def scene(request):
+    """The arguments of a scene in which a user's system walks, at a small tolerance."""
+    return SCENES[request.param]
 
 
 class Linear:
@@ -39,12 +41,6 @@ class Linear:
     def predict(self, seen, state=None, episode_start=None, deterministic=True):
         """Return actions and the state."""
         return self._actions(seen), state
-
-
-@pytest.fixture(params=SCENES)
-def scene(request):
-    """The arguments of a scene in which a user's system walks."""
-    return SCENES[request.param]
 
 
 def test_a_stride_under_a_controller_is_that_of_the_environment(scene):

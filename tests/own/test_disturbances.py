@@ -1,28 +1,16 @@
 """A user's own system on uneven ground and under disturbances."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
 from gym_passive_walker.engine.own.mechanics import Derived
 from tests.own.oracle import Independent
 from tests.own.statements import DRIVEN, STRAIGHT
+from tests.own.test_environments import made
 
 SLOPE = 0.03
-SCENES = {"compass": (DRIVEN, SLOPE), "five links": (FIVE_LINKS, 0.05)}
-
-
-@pytest.fixture(params=SCENES)
-def both(request):
-    """A system and its slope."""
-    return SCENES[request.param]
-
-
-def made(system, slope, **changes):
-    return gym.make("PassiveWalker-v0", system=system, slope=slope, **changes).unwrapped
 
 
 @pytest.mark.parametrize("height_change", [-0.01, 0.004])
@@ -68,10 +56,10 @@ def test_footholds_of_a_system_differ_in_height_only():
         gpw.simulate(DRIVEN, SLOPE, state, strides=2, terrain=tilted)
 
 
-def test_a_push_changes_the_momentum_of_the_centre_of_mass(both):
-    system, slope = both
+def test_a_push_changes_the_momentum_of_the_centre_of_mass(scene):
+    system, slope = scene.values()
     independent = Independent(system, slope)
-    env = made(system, slope, pushes={"rate": 20.0, "impulse": 0.01}, reset_noise_scale=0.0)
+    env = made(**scene, pushes={"rate": 20.0, "impulse": 0.01}, reset_noise_scale=0.0)
     env.reset(seed=1)
     for _ in range(3):
         before = env.state
@@ -96,14 +84,14 @@ def test_a_push_changes_the_momentum_of_the_centre_of_mass(both):
     np.testing.assert_allclose(jumps, np.linalg.solve(matrix, impulse), rtol=1e-7)
 
 
-def test_the_work_of_pushes_is_what_a_passive_system_gains(both):
-    system, slope = both
+def test_the_work_of_pushes_is_what_a_passive_system_gains(scene):
+    system, slope = scene.values()
     if system.dissipation is not None:
         system = system.vary(damping=0.0)
     independent = Independent(system, slope)
     env = made(
-        system, slope, pushes={"rate": 20.0, "impulse": (-0.02, 0.01)}, reset_noise_scale=0.0,
-        tolerance=1e-12,
+        system=system, slope=slope, pushes={"rate": 20.0, "impulse": (-0.02, 0.01)},
+        reset_noise_scale=0.0, tolerance=1e-12,
     )  # fmt: skip
     env.reset(seed=1)
     for _ in range(4):

@@ -87,21 +87,6 @@ def test_the_mass_of_given_equations_is_positive(mass):
         gpw.System.of(straight.SYSTEM, body, centre=lambda b, s: (0.0, 1.0), counts=())
 
 
-@pytest.mark.parametrize(
-    ("lines", "said"),
-    [
-        (lambda b, s: [[(0.0, 0.0, 0.0)]], "points"),
-        (lambda b, s: [(0.0, 0.0)], "points"),
-        (lambda b, s: [[1.0, 2.0]], "points"),
-        (lambda b, s: [[(0.0, math.nan)]], "finite"),
-        (lambda b, s: [[(0.0, 0.0), (1.0,)]], "pose"),
-    ],
-)
-def test_a_pose_is_lines_of_finite_points(lines, said):
-    with pytest.raises(gpw.StatementError, match=said):
-        replace(COMPASS, pose=lines)
-
-
 @pytest.mark.parametrize("system", ALL, ids=IDS)
 def test_a_system_without_a_pose_is_drawn_as_its_masses_from_the_foot(system):
     state = system.start

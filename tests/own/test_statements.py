@@ -132,6 +132,10 @@ WRONG = {
     "pose": {
         "another each time": (lambda b, s: [[(0.0, 0.0), (anything(b, s), 1.0)]], "each time"),
         "a number": (1.0, "must be a function"),
+        "a line of one point": (lambda b, s: [(0.0, 0.0)], "points"),
+        "a line of numbers": (lambda b, s: [[1.0, 2.0]], "points"),
+        "points of three numbers": (lambda b, s: [[(0.0, 0.0, 0.0)]], "points"),
+        "not a number": (lambda b, s: [[(0.0, math.nan)]], "finite"),
     },
     "travel": {"no function": (None, "must be a function")},
     "potential": {
@@ -184,6 +188,11 @@ WRONG = {
         "not a number": ((math.nan, 0.1, 0.2, 0.3), "finite"),
     },
 }
+
+
+def test_a_pose_of_points_of_several_sizes_is_refused():
+    with pytest.raises(gpw.StatementError, match="pose"):  # with a sentence of NumPy
+        replace(COMPASS, pose=lambda b, s: [[(0.0, 0.0), (1.0,)]])
 
 
 CASES = [(name, what) for name, several in WRONG.items() for what in several]

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from examples.five_links import FIVE_LINKS
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.scenes.scene import make_scene
-from tests.own.statements import COMPASS, DRIVEN, STRAIGHT
+from tests.own.statements import COMPASS, DRIVEN, SCENES, STRAIGHT
 
 torch = pytest.importorskip("torch")
 gt = pytest.importorskip("gym_passive_walker.torch")
@@ -72,11 +71,9 @@ def test_a_compass_stated_by_its_masses_has_the_gradients_of_the_package_s_own()
     assert own.margin.item() > 0.0
 
 
-SCENES = {
-    "compass": {"system": DRIVEN, "slope": SLOPE},
-    "five links": {
-        "system": FIVE_LINKS, "slope": 0.05, "control": "stride", "reset_noise_scale": 0.0,
-    },
+OWN = {
+    "compass": SCENES["compass"],
+    "five links": {**SCENES["five links"], "control": "stride", "reset_noise_scale": 0.0},
     "rough ground": {
         "system": DRIVEN, "slope": (0.02, 0.03), "command": 0.3,
         "terrain": gpw.rough(height_std=0.0005), "domain_randomization": dict.fromkeys(BODY, 0.05),
@@ -88,9 +85,9 @@ SCENES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", OWN)
 def test_a_rollout_has_the_environment_s_rewards_and_exact_gradients(name):
-    scene = make_scene(SCENES[name], tolerance=1e-10)
+    scene = make_scene(OWN[name], tolerance=1e-10)
     actions = len(scene.actions)
     seen = 2 * scene.walker.coordinates + 1 + (scene.command is not None)
     steps, scale = (2, 0.002) if scene.control == "stride" else (50, 0.2)
