@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gym_passive_walker as gpw
+from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
 from gym_passive_walker.gaits.scenes.scene import SCENES as NAMED
 from gym_passive_walker.models.math import exp, tanh
@@ -86,6 +87,16 @@ SCENES = {
         "terrain": {"rough": {"height_std": 0.0005}}, "terrain_lookahead": 2,
         "pushes": {"rate": 0.2, "impulse": (-0.01, 0.01)}, "observation_noise": 0.01,
         "action_delay": 1, "command": (0.1, 0.2), "constraints": {"friction": "end"},
+    },
+    "system, varied": {
+        "system": DRIVEN, "slope": (0.02, 0.03), "domain_randomization": {"hip": 0.05},
+        "terrain": {"rough": {"height_std": 0.0005}}, "command": 0.3,
+    },
+    "system, disturbed and varied": {
+        "system": FIVE_LINKS, "slope": 0.05, "domain_randomization": {"knee": 0.05},
+        "terrain": {"rough": {"height_std": 0.0005}},
+        "pushes": {"rate": 0.5, "impulse": (-0.01, 0.01)}, "observation_noise": 0.01,
+        "action_noise": 0.1, "action_delay": 1, "command": (0.1, 0.2),
     },
     "walkers and slopes": {
         "walkers": [shape(i) for i in range(COUNT)],

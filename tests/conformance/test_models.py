@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+import warnings
 from functools import lru_cache
 from tempfile import TemporaryDirectory
 
@@ -9,6 +11,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
+from gymnasium.utils.env_checker import check_env
 from matplotlib import pyplot
 
 import gym_passive_walker as gpw
@@ -19,9 +22,12 @@ from examples.rimless_wheel import RIMLESS_WHEEL
 from gym_passive_walker.apps.shown import Setup, content_of
 from gym_passive_walker.control.baselines import LinearFeedback
 from gym_passive_walker.devices.gpu.batch import DeviceBatch
+from gym_passive_walker.envs.explain import as_rows, as_text
+from gym_passive_walker.envs.saved import StateError
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.models.units import observed_numbers
+from gym_passive_walker.pictures import strobe
 
 ADDRESSES = {
     "driven torso": "examples.driven_torso:DRIVEN_TORSO",
@@ -49,10 +55,28 @@ class Known:
         self.gait = gpw.find_gait(self.walker, self.slope)
         numbers = self.model.parameters
         self.varied = "gravity" if "gravity" in numbers else next(iter(numbers))
+        self.stated = isinstance(self.model, gpw.System)
+        self.names = self.walker.State._fields if self.stated else self.model.state_names
 
     def scene(self, **changes):
         """A scene of the model that starts near the gait."""
         return make_scene(walker=self.walker, slope=self.slope, **changes)
+
+    def made(self, **changes):
+        """An environment of the model."""
+        return gym.make("PassiveWalker-v0", scene=self.scene(**changes)).unwrapped
+
+    def many(self, count, **changes):
+        """Several of them."""
+        return gym.make_vec("PassiveWalker-v0", num_envs=count, scene=self.scene(**changes))
+
+    def disturbances(self):
+        """All of them, as a scene's arguments."""
+        return {
+            "pushes": {"rate": 0.5, "impulse": (-0.01, 0.01)}, "terrain": "rough:height_std=0.0005",
+            "observation_noise": 0.01, "action_noise": 0.1, "action_delay": 1,
+            "command": (0.1, 0.2), "domain_randomization": {self.varied: 0.05},
+        }  # fmt: skip
 
     def act(self, env):
         """Rewards of some steps of an environment."""
@@ -67,6 +91,9 @@ known = lru_cache(Known)
 def strides(m):
     walked = gpw.stride(m.walker, m.slope, m.gait.state)
     np.testing.assert_allclose(walked.state, m.gait.state, atol=1e-7)
+    for size in (m.model.size - 1, m.model.size + 1):
+        with pytest.raises(ValueError, match=rf"\({m.model.size},\)"):
+            gpw.stride(m.walker, m.slope, np.zeros(size))
 
 
 def jacobian(m):
@@ -75,27 +102,32 @@ def jacobian(m):
 
 
 def slopes(m):
-    assert len(gpw.gait_family(m.walker, 0.98 * m.slope, m.slope)) >= 2
+    family = gpw.gait_family(m.walker, 0.98 * m.slope, m.slope)
+    on_section = {*m.names} if m.stated else {*m.names} - {"thigh_angle", "shank_angle"}
+    assert len(family) >= 2 and on_section < {*family.columns()}
 
 
 def parameters(m):
     value = m.model.parameters[m.varied]
-    low, high = sorted((0.99 * value, 1.01 * value))
-    assert len(gpw.parameter_family(m.walker, m.varied, low, high, slope=m.slope)) >= 2
+    family = gpw.parameter_family(m.walker, m.varied, 0.99 * value, 1.01 * value, slope=m.slope)
+    assert len(family) >= 2 and family.value.min() == pytest.approx(0.99 * value)
+    assert family.stable.all() == m.gait.stable
 
 
 def diagrams(m):
-    found = gpw.bifurcation_diagram(m.walker, [m.slope], n_transient=20, n_recorded=33)
+    found = gpw.bifurcation_diagram(m.walker, [m.slope], n_transient=100, n_recorded=33)
     assert found.stance_angle.shape[-1] == 33
+    assert (found.period == 1).all() == m.gait.stable
 
 
 def exponents(m):
     found = gpw.lyapunov_exponents(m.walker, [m.slope], strides=40, n_transient=10)
-    assert found.shape == (1, 1)
+    assert found.shape == (1, 1) and (found < 0.0).all() == m.gait.stable
 
 
 def velocity_perturbations(m):
-    assert gpw.largest_push(m.gait, strides=20, accuracy=1e-2).forward >= 0.0
+    push = gpw.largest_push(m.gait, strides=20, accuracy=1e-2)
+    assert (min(push.forward, push.backward) > 0.005) == m.gait.stable
 
 
 def robust(m):
@@ -105,6 +137,11 @@ def robust(m):
         return
     found = gpw.robustness(m.walker, slope=m.slope, walkers=8, strides=4, starts=8)
     assert np.isfinite(found.sensitivity)
+    gait = m.gait.dimensionless
+    assert found.step_period == pytest.approx(gait.step_period, rel=1e-6)
+    assert found.step_length == pytest.approx(gait.step_length, rel=1e-6)
+    assert 0.0 <= found.recovered < 1.0 and 0.0 < found.step_up < 0.1 and found.step_down > 0.0
+    assert found.push_forward.min() > 0.0
 
 
 def basins(m):
@@ -119,8 +156,10 @@ def basins(m):
 
 
 def trajectories(m):
-    walk = gpw.simulate(m.gait, strides=2)
-    assert walk.states.shape == (len(walk.times), m.model.size)
+    walk = gpw.simulate(m.gait, strides=2, samples=20)
+    assert walk.states.shape == (40, m.model.size) == (len(walk.times), len(m.names))
+    np.testing.assert_allclose(walk.states[0], m.gait.state, atol=1e-12)
+    assert walk.ending == "heelstrike"
 
 
 def rough_ground(m):
@@ -129,8 +168,20 @@ def rough_ground(m):
 
 
 def pictures(m):
-    assert len(m.gait.plot()) > 1
+    assert len(m.gait.plot()) == 4
+    course, portrait = gpw.simulate(m.gait, strides=2).plot()
+    coordinates, drawn_in = {*m.model.parts}, [portrait]
+    if m.stated:
+        coordinates = {name.replace("_", " ") for name in m.names[: m.model.coordinates]}
+        drawn_in.append(course)
+    for axes in drawn_in:
+        assert coordinates <= {text.get_text() for text in axes.get_legend().get_texts()}
     pyplot.close("all")
+    if m.stated:
+        shown = strobe(m.gait, strides=1, flashes=5).get_lines()
+        poses = 5 * len(m.model.drawn(m.gait.state.tolist()))
+        assert sum(line.get_linewidth() in (1.0, 2.0) for line in shown) >= poses
+        pyplot.close("all")
 
 
 def checks(m):
@@ -180,7 +231,16 @@ def functions(m):
     controlled = gpw.stride_map(
         scene=m.scene(), controller=lambda seen: np.zeros((len(seen), size))
     )
-    assert gpw.find_gait(controlled, guess=m.gait.state).speed == pytest.approx(m.gait.speed, 1e-6)
+    found = gpw.find_gait(controlled, guess=m.gait.state)
+    assert found.speed == pytest.approx(m.gait.speed, 1e-6)
+    np.testing.assert_allclose(found.state, m.gait.state, atol=1e-8)
+    largest = [np.sort(np.abs(gait.multipliers))[-3:] for gait in (found, m.gait)]
+    np.testing.assert_allclose(*largest, atol=1e-5)
+    walked = gpw.stride(controlled, m.slope, m.gait.state)
+    assert walked.state.shape == (m.model.size,)
+    assert [*walked.columns()][: m.model.size] == [*m.names]
+    with pytest.raises(ValueError, match=r"state must be \[.*rate.*\]: shape"):
+        gpw.stride(controlled, m.slope, m.gait.state[:-1])
 
 
 def constants(m):
@@ -191,11 +251,26 @@ def constants(m):
 
 
 def single(m):
-    assert np.isfinite(m.act(gym.make("PassiveWalker-v0", scene=m.scene()))).all()
+    """Without actions, strides are those of the stride map."""
+    env, gait = m.made(control="stride"), m.gait.dimensionless
+    env.reset(seed=0, options={"state": m.gait.state})
+    *_, info = env.step(np.zeros(env.action_space.shape))
+    np.testing.assert_allclose(env.state, m.gait.state, atol=1e-6)
+    assert info["step_period"] == pytest.approx(gait.step_period, abs=1e-6)
+    assert info["step_length"] == pytest.approx(gait.step_length, abs=1e-6)
+    assert info["speed"] == pytest.approx(info["step_length"] / info["step_period"])
+    assert info["gravity_cost"] == pytest.approx(np.sin(m.slope), abs=1e-6)
+    assert info["cost_of_transport"] == info["gravity_cost"]
+
+
+def checker(m):
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", ".*infinity")  # a system's state has no known bounds
+        check_env(m.made(), skip_render_check=True)
 
 
 def starts(m):
-    envs = gym.make_vec("PassiveWalker-v0", num_envs=99, scene=m.scene(reset_noise_scale=0.2))
+    envs = m.many(99, reset_noise_scale=0.2)
     there = m.gait.dimensionless.state
     seen = envs.reset(seed=0)[0][:, : m.model.size] / np.float32(there)
     angles, rates = np.split(seen, 2, axis=1)
@@ -205,9 +280,20 @@ def starts(m):
     assert 0.8 <= rates.min() < 0.85 < 1.15 < rates.max() <= 1.2
 
 
+def given_starts(m):
+    env, start = m.made(), 1.01 * m.gait.state
+    seen, _ = env.reset(options={"state": start, "slope": 0.5 * m.slope})
+    np.testing.assert_allclose(env.state, start, rtol=1e-12)
+    expected = [*m.model.units.to_dimensionless(start), 0.5 * m.slope]
+    np.testing.assert_allclose(seen[[*range(m.model.size), -1]], expected, rtol=1e-6)
+    with pytest.raises(ValueError, match=rf"\({m.model.size},\)"):
+        env.reset(options={"state": np.zeros(m.model.size + 2)})
+    with pytest.raises(ValueError, match="fallen"):
+        env.reset(options={"state": [2.0, *start[1:]]})
+
+
 def vector(m):
-    envs = gym.make_vec("PassiveWalker-v0", num_envs=3, scene=m.scene())
-    assert np.isfinite(m.act(envs)).all()
+    assert np.isfinite(m.act(m.many(3))).all()
 
 
 def stable_baselines(m):
@@ -217,63 +303,124 @@ def stable_baselines(m):
 
 
 def disturbed(m):
-    scene = m.scene(pushes={"rate": 0.1, "impulse": 0.01}, observation_noise=0.01, action_delay=1)
-    assert np.isfinite(m.act(gym.make_vec("PassiveWalker-v0", num_envs=2, scene=scene))).all()
+    assert np.isfinite(m.act(m.many(2, **m.disturbances()))).all()
 
 
-def terrains(m):
-    scene = m.scene(terrain={"rough": {"height_std": 0.0005}})
-    assert np.isfinite(m.act(gym.make_vec("PassiveWalker-v0", num_envs=2, scene=scene))).all()
+def noise(m):
+    """Sensors err in the state, and in the slope where they are asked to."""
+    size, exact = m.model.size, m.many(400).reset(seed=0)[0]
+    errors = m.many(400, observation_noise=0.01).reset(seed=0)[0] - exact
+    assert np.std(errors[:, :size]) == pytest.approx(0.01, rel=0.1)
+    assert np.abs(np.mean(errors[:, :size])) < 0.002 and not errors[:, size:].any()
+    of_slope = (0.0,) * (len(m.model.observed) - 1) + (0.02,)
+    errors = m.many(400, observation_noise=of_slope).reset(seed=0)[0] - exact
+    assert not errors[:, :-1].any() and np.std(errors[:, -1]) == pytest.approx(0.02, rel=0.1)
 
 
 def previews(m):
-    scene = m.scene(terrain={"rough": {"height_std": 0.0005}}, terrain_lookahead=2)
-    env = gym.make("PassiveWalker-v0", scene=scene)
+    env = m.made(terrain={"rough": {"height_std": 0.0005}}, terrain_lookahead=2)
     assert env.observation_space.shape == (len(m.model.observed) + 4,)
     assert np.isfinite(m.act(env)).all()
 
 
 def commands(m):
-    env = gym.make("PassiveWalker-v0", scene=m.scene(command=0.1))
-    assert env.observation_space.shape == (len(m.model.observed) + 1,)
-    assert np.isfinite(m.act(env)).all()
+    """A command is observed, and a step that misses it earns less."""
+    env, free = (
+        m.made(control="stride", reset_noise_scale=0.0, command=command) for command in (0.3, None)
+    )
+    seen, _ = env.reset(seed=0)
+    assert seen.shape == (len(m.model.observed) + 1,) and seen[-1] == pytest.approx(0.3)
+    free.reset(seed=0)
+    rest = np.zeros(env.action_space.shape)
+    (_, reward, _, _, info), (_, unpaid, *_) = env.step(rest), free.step(rest)
+    missed = abs(info["step_length"] - 0.3 * info["step_period"])
+    lost = min(env.scene.command_weight * missed, info["step_length"])
+    assert reward == pytest.approx(unpaid - lost, abs=1e-9)
+    shown = []
+
+    def idle(observations):
+        shown.append(observations)
+        return np.zeros((len(observations), *env.action_space.shape))
+
+    strides = gpw.stride_map(controller=idle, scene=env.scene)
+    strides.apply(strides.beginning([m.slope]))
+    assert shown[0].shape[1:] == env.observation_space.shape
+    assert (shown[0][:, -2:] == (m.slope, 0.3)).all()
 
 
 def constraints(m):
-    env = gym.make("PassiveWalker-v0", scene=m.scene(constraints={"friction": "report"}))
-    assert np.isfinite(m.act(env)).all()
+    assert np.isfinite(m.act(m.made(constraints={"friction": "report"}))).all()
 
 
 def bodies(m):
-    scene = m.scene(domain_randomization={m.varied: 0.01})
-    assert np.isfinite(m.act(gym.make_vec("PassiveWalker-v0", num_envs=3, scene=scene))).all()
+    """Bodies vary within their share, and each walks by its own equations."""
+    scene = m.scene(control="stride", domain_randomization={m.varied: 0.05}, reset_noise_scale=0.0)
+    envs = gym.make_vec("PassiveWalker-v0", num_envs=50, scene=scene).unwrapped
+    envs.reset(seed=0)
+    values = np.array([walker.parameters[m.varied] for walker in envs.batch.walkers])
+    nominal = m.model.parameters[m.varied]
+    assert np.all(np.abs(values / nominal - 1.0) <= 0.05) and np.std(values) > 0.01 * nominal
+    before = envs.batch.states
+    envs.step(np.zeros((50, *envs.single_action_space.shape)))
+    for lane in (0, 31):
+        walked = gpw.stride(envs.batch.walkers[lane], m.slope, before[lane], tolerance=1e-8)
+        np.testing.assert_allclose(envs.batch.states[lane], walked.state, atol=1e-6)
 
 
 def bodies_seen(m):
     name = "hip_mass" if "hip_mass" in m.model.parameters else m.varied
-    env = gym.make("PassiveWalker-v0", scene=m.scene(observe_body=(name,)))
+    env = m.made(observe_body=(name,))
     assert env.reset(seed=0)[0][-1] == pytest.approx(observed_numbers(m.model, [name])[0])
     assert np.isfinite(m.act(env)).all()
 
 
 def rewards(m):
-    scene = m.scene(reward=lambda s: s.distance - s.state[0] ** 2, terminated=lambda s: s.steps > 3)
-    assert np.isfinite(m.act(gym.make_vec("PassiveWalker-v0", num_envs=2, scene=scene))).all()
+    """Functions of the user's own read the numbers of the model's own state."""
+    half = m.model.size // 2
+
+    def own(step):
+        return step.state[half] - step.before[half] + sum(step.action)
+
+    env = m.made(
+        reward=own, terminated=lambda step: step.steps > 4, observation=lambda step: step.state[-1]
+    )
+    env.reset(seed=2)
+    env.action_space.seed(5)
+    for number in range(1, 6):
+        before, action = env.state, 0.2 * env.action_space.sample().astype(float)
+        seen, paid, ended, _, info = env.step(action)
+        before, state = map(m.model.units.to_dimensionless, (before, env.state))
+        assert paid == pytest.approx(state[half] - before[half] + sum(action), abs=1e-12)
+        assert seen.shape == (1,) and seen[0] == pytest.approx(state[-1], rel=1e-6)
+        assert ended == (number > 4)
+    assert info["outcome"] == "stopped"
 
 
 def saved_states(m):
-    env, other = (gym.make("PassiveWalker-v0", scene=m.scene()).unwrapped for _ in range(2))
-    m.act(env)
-    other.reset(seed=5)
-    other.set_state(env.get_state())
-    action = np.zeros(env.action_space.shape, np.float32)
-    assert env.step(action)[0].tobytes() == other.step(action)[0].tobytes()
+    for scene in ({}, m.disturbances()):
+        env, other = (m.made(**scene) for _ in range(2))
+        m.act(env)
+        other.reset(seed=5)
+        saved = pickle.loads(pickle.dumps(env.get_state()))
+        other.set_state(saved)
+        for _ in range(6):
+            action = 0.1 * env.action_space.sample()
+            found, expected = other.step(action), env.step(action)
+            assert (found[0].tobytes(), found[1]) == (expected[0].tobytes(), expected[1])
+        another = m.model.with_parameters(**{m.varied: 1.1 * m.model.parameters[m.varied]})
+        with pytest.raises(StateError, match=r"system|walker"):
+            gym.make(
+                "PassiveWalker-v0", scene=m.scene(**scene), walker=another
+            ).unwrapped.set_state(saved)
 
 
 def explanations(m):
-    from gym_passive_walker.envs.explain import as_rows
-
-    assert len(as_rows(m.scene())["observation"]) == len(m.model.observed)
+    rows, text = as_rows(m.scene()), as_text(m.scene())
+    assert len(rows["observation"]) == len(m.model.observed)
+    if m.stated:
+        assert text.startswith(f"system '{m.model.title}'")
+        assert all(name in text for name in (*m.names, *m.model.controls, *m.model.falls))
+        assert ("action 1 is" in text) == bool(m.model.controls)
 
 
 def gradients(m):
@@ -323,17 +470,25 @@ def sweeps(m):
 
 
 def videos(m):
-    frames = gym.make("PassiveWalker-v0", scene=m.scene(), render_mode="rgb_array")
-    frames.reset(seed=0)
-    assert frames.render().std() > 1.0
+    env = gym.make("PassiveWalker-v0", scene=m.scene(), render_mode="rgb_array")
+    env.reset(seed=0)
+    before = env.render()
+    m.act(env)
+    after = env.render()
+    assert before.shape == after.shape == (450, 800, 3) and np.any(before != after)
+    assert len(np.unique(before.reshape(-1, 3), axis=0)) > 20
+    many = gym.make_vec("PassiveWalker-v0", num_envs=2, scene=m.scene(), render_mode="rgb_array")
+    many.reset(seed=0)
+    assert len(many.render()) == 2
 
 
 CELLS = [
     strides, jacobian, slopes, parameters, diagrams, exponents, velocity_perturbations, robust,
     basins, trajectories, rough_ground, pictures, checks, collisions, tables, tunings, optima,
-    feedback, functions, constants, single, starts, vector, stable_baselines, disturbed,
-    terrains, previews, commands, constraints, bodies, bodies_seen, rewards, saved_states,
-    explanations, gradients, rollouts, gpu_strides, gpu_episodes, pages, sweeps, videos,
+    feedback, functions, constants, single, checker, starts, given_starts, vector,
+    stable_baselines, disturbed, noise, previews, commands, constraints, bodies,
+    bodies_seen, rewards, saved_states, explanations, gradients, rollouts, gpu_strides,
+    gpu_episodes, pages, sweeps, videos,
 ]  # fmt: skip
 
 

@@ -20,8 +20,7 @@ from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.measures import cost_of_transport
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.section import Section
-from tests.own.statements import COMPASS, DRIVEN
-from tests.own.test_derived import STRAIGHT
+from tests.own.statements import COMPASS, DRIVEN, STRAIGHT
 
 SCENES = sorted(path.stem for path in optimal.STORE.glob("*.json"))
 

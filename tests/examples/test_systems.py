@@ -159,8 +159,8 @@ def test_a_wheel_rolls_as_its_balances_of_energy_and_of_angular_momentum_say(hal
     assert multiplier == pytest.approx(kept**2, rel=1e-12)
     system = replace(RIMLESS_WHEEL, body=wheel, start=(half, -0.5))
     gait = gpw.find_gait(system, slope)
-    np.testing.assert_allclose(gait.state, [half, rate], rtol=1e-8)
-    assert gait.multipliers[0] == pytest.approx(multiplier, rel=1e-6)
+    np.testing.assert_allclose(gait.state, [half, rate], rtol=1e-12)
+    assert gait.multipliers[0] == pytest.approx(multiplier, rel=1e-12)
 
 
 def test_the_wheel_s_table_has_equal_columns_at_three_slopes(capsys):

@@ -1,12 +1,14 @@
-"""Systems that tests state: a compass, and one with a motor at its hip."""
+"""Systems that tests state: a compass, one with a motor at its hip, one with a torso."""
 
 import math
 from dataclasses import replace
 from typing import NamedTuple
 
 import gym_passive_walker as gpw
-from examples.torso import TORSO
+from examples.five_links import FIVE_LINKS
+from examples.torso import TORSO, landing
 from gym_passive_walker.models.math import cos, exp, sin, tanh
+from gym_passive_walker.models.walkers import Walker
 
 
 class Legs(NamedTuple):
@@ -55,22 +57,55 @@ def links(body, state):
     ]
 
 
+def relabel(body, state):
+    """The legs exchange their roles."""
+    return state.swing, state.stance
+
+
+def upright(body, state):
+    """Positive until the stance leg lies in front."""
+    return state.stance + 0.5 * math.pi
+
+
+def leaning(body, state):
+    """Positive until the stance leg lies behind."""
+    return 0.5 * math.pi - state.stance
+
+
+def past_midstance(body, state):
+    """Positive once the stance leg leans forward."""
+    return -state.stance
+
+
+def ahead(body, state):
+    """Positive where the swing foot is in front."""
+    return state.swing - state.stance - 0.02
+
+
+def hip_angle(state):
+    """What a torque between the legs turns."""
+    return Hip(state.swing - state.stance)
+
+
 COMPASS = gpw.System(
     name="compass",
     body=Legs(),
     State=State,
     links=links,
-    landing=lambda b, s: (sin(s.swing) - sin(s.stance), cos(s.stance) - cos(s.swing)),
-    relabel=lambda b, s: (s.swing, s.stance),
-    falls={
-        "fell_forward": lambda b, s: s.stance + 0.5 * math.pi,
-        "fell_backward": lambda b, s: 0.5 * math.pi - s.stance,
-    },
-    counts=(lambda b, s: -s.stance, lambda b, s: s.swing - s.stance - 0.02),
+    landing=landing,
+    relabel=relabel,
+    falls={"fell_forward": upright, "fell_backward": leaning},
+    counts=(past_midstance, ahead),
     start=(0.24, -0.24, -0.31, -0.17),
 )
 
-DRIVEN = replace(COMPASS, Control=Hip, travel=lambda state: Hip(state.swing - state.stance))
+DRIVEN = replace(COMPASS, Control=Hip, travel=hip_angle)
+
+STRAIGHT = Walker(
+    thigh_length=0.5, thigh_mass=1.0 / 6.0, thigh_com=0.5, shank_length=0.5, shank_mass=0.0,
+    hip_mass=2.0 / 3.0, knees=False, gravity=1.0,
+)  # fmt: skip
+"""The compass by McGeer's parameters."""
 
 
 def progressive(body, state):
@@ -87,3 +122,9 @@ def saturated(body, state):
 PROGRESSIVE = replace(
     TORSO, name="progressive torso", potential=progressive, dissipation=None, forces=saturated
 )
+
+SCENES = {
+    "compass": {"system": DRIVEN, "slope": 0.03},
+    "five links": {"system": FIVE_LINKS, "slope": 0.05},
+}
+"""A system with room in a walker's record, and one that needs a larger one."""

@@ -5,18 +5,18 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from examples.five_links import FIVE_LINKS
-from examples.torso import TORSO
 from gym_passive_walker.gaits.map_result import Change
-from gym_passive_walker.gaits.scenes.scene import make_scene
+from tests.own import statements
 from tests.own.statements import DRIVEN
 
 SLOPE = 0.03
-# A system with room in a walker's record, and one that needs a larger one.
-SCENES = {
-    "compass": {"system": DRIVEN, "slope": SLOPE, "tolerance": 1e-10},
-    "five links": {"system": FIVE_LINKS, "slope": 0.05, "tolerance": 1e-10},
-}
+SCENES = {name: {**scene, "tolerance": 1e-10} for name, scene in statements.SCENES.items()}
+
+
+@pytest.fixture(params=SCENES)
+def scene(request):
+    """The arguments of a scene in which a user's system walks, at a small tolerance."""
+    return SCENES[request.param]
 
 
 class Linear:
@@ -41,12 +41,6 @@ class Linear:
     def predict(self, seen, state=None, episode_start=None, deterministic=True):
         """Return actions and the state."""
         return self._actions(seen), state
-
-
-@pytest.fixture(params=SCENES)
-def scene(request):
-    """The arguments of a scene in which a user's system walks."""
-    return SCENES[request.param]
 
 
 def test_a_stride_under_a_controller_is_that_of_the_environment(scene):
@@ -90,16 +84,6 @@ def test_exact_derivatives_under_a_controller_are_those_of_differences(scene):
             np.testing.assert_allclose(*values, rtol=1e-5, atol=1e-6, err_msg=field)
 
 
-def test_without_torque_a_controlled_walker_is_passive(scene):
-    control = Linear(scene)
-    control.gain = 0.0 * control.gain
-    controlled = gpw.find_gait(gpw.stride_map(controller=control, scene=scene))
-    passive = gpw.find_gait(scene["system"], scene["slope"])
-    np.testing.assert_allclose(controlled.state, passive.state, atol=1e-8)
-    largest = [np.sort(np.abs(gait.multipliers))[-3:] for gait in (controlled, passive)]
-    np.testing.assert_allclose(*largest, atol=1e-5)
-
-
 def test_analyses_of_a_system_take_its_controller():
     scene = SCENES["compass"]
     strides = gpw.stride_map(controller=Linear(scene), scene=scene)
@@ -115,46 +99,6 @@ def test_analyses_of_a_system_take_its_controller():
     columns = walk.columns()
     assert set(columns) >= {"stance", "swing", "hip"}
     assert np.ptp(columns["hip"]) > 0.0
-
-
-def test_pictures_of_a_system_name_its_coordinates(scene):
-    gait = gpw.find_gait(scene["system"], scene["slope"])
-    names = {
-        name.replace("_", " ")
-        for name in scene["system"].State._fields[: scene["system"].coordinates]
-    }
-    for portrait in gpw.simulate(gait, strides=2).plot():
-        assert names <= {text.get_text() for text in portrait.get_legend().get_texts()}
-    assert len(gait.plot()) == 4
-
-
-def test_a_stroboscopic_picture_shows_a_system_s_own_lines():
-    from gym_passive_walker.pictures import strobe
-
-    gait = gpw.find_gait(TORSO, SLOPE)
-    lines = strobe(gait, strides=1, flashes=5).get_lines()
-    drawn = TORSO.drawn(gait.state.tolist())
-    assert sum(line.get_linewidth() in (1.0, 2.0) for line in lines) >= 5 * len(drawn)
-
-
-def test_a_scene_of_a_mapping_may_name_its_system():
-    assert make_scene({"system": DRIVEN}).walker is DRIVEN
-    with pytest.raises(ValueError, match="a walker or a system, not both"):
-        make_scene({"system": DRIVEN, "walker": "C"})
-
-
-def test_a_controller_of_a_system_observes_its_command():
-    scene, seen = make_scene(**SCENES["compass"], command=0.15), []
-
-    def idle(observation):
-        seen.append(observation)
-        return np.zeros((len(observation), len(scene.actions)))
-
-    strides = gpw.stride_map(controller=idle, scene=scene)
-    strides.apply(strides.beginning([SLOPE]))
-    env = gym.make("PassiveWalker-v0", scene=scene)
-    assert seen[0].shape[1:] == env.observation_space.shape
-    assert (seen[0][:, -2:] == (SLOPE, 0.15)).all()
 
 
 def test_a_strike_just_after_a_step_of_the_integration_has_its_derivatives():
@@ -179,13 +123,3 @@ def test_held_controls_are_a_controller_of_a_system():
         gpw.stride_map(DRIVEN, SLOPE, controller={"hip": "much"})
     with pytest.raises(ValueError, match="play shows gaits"):
         gpw.play(gait, seconds=0.1)
-
-
-def test_a_stride_of_a_map_with_a_controller_takes_a_state_of_the_system(scene):
-    strides = gpw.stride_map(controller=Linear(scene), scene=scene)
-    state = gpw.find_gait(scene["system"], scene["slope"]).state
-    found = gpw.stride(strides, scene["slope"], state)
-    assert found.state.shape == state.shape
-    assert list(found.columns())[: len(state)] == list(scene["system"].State._fields)
-    with pytest.raises(ValueError, match=r"state must be \[.*_rate.*\]: shape"):
-        gpw.stride(strides, scene["slope"], state[:-1])

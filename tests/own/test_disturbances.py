@@ -1,29 +1,16 @@
 """A user's own system on uneven ground and under disturbances."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
 from gym_passive_walker.engine.own.mechanics import Derived
 from tests.own.oracle import Independent
-from tests.own.statements import DRIVEN
-from tests.own.test_derived import STRAIGHT
+from tests.own.statements import DRIVEN, STRAIGHT
+from tests.own.test_environments import made
 
 SLOPE = 0.03
-SCENES = {"compass": (DRIVEN, SLOPE), "five links": (FIVE_LINKS, 0.05)}
-
-
-@pytest.fixture(params=SCENES)
-def both(request):
-    """A system and its slope."""
-    return SCENES[request.param]
-
-
-def made(system, slope, **changes):
-    return gym.make("PassiveWalker-v0", system=system, slope=slope, **changes).unwrapped
 
 
 @pytest.mark.parametrize("height_change", [-0.01, 0.004])
@@ -69,10 +56,10 @@ def test_footholds_of_a_system_differ_in_height_only():
         gpw.simulate(DRIVEN, SLOPE, state, strides=2, terrain=tilted)
 
 
-def test_a_push_changes_the_momentum_of_the_centre_of_mass(both):
-    system, slope = both
+def test_a_push_changes_the_momentum_of_the_centre_of_mass(scene):
+    system, slope = scene.values()
     independent = Independent(system, slope)
-    env = made(system, slope, pushes={"rate": 20.0, "impulse": 0.01}, reset_noise_scale=0.0)
+    env = made(**scene, pushes={"rate": 20.0, "impulse": 0.01}, reset_noise_scale=0.0)
     env.reset(seed=1)
     for _ in range(3):
         before = env.state
@@ -97,14 +84,14 @@ def test_a_push_changes_the_momentum_of_the_centre_of_mass(both):
     np.testing.assert_allclose(jumps, np.linalg.solve(matrix, impulse), rtol=1e-7)
 
 
-def test_the_work_of_pushes_is_what_a_passive_system_gains(both):
-    system, slope = both
+def test_the_work_of_pushes_is_what_a_passive_system_gains(scene):
+    system, slope = scene.values()
     if system.dissipation is not None:
         system = system.vary(damping=0.0)
     independent = Independent(system, slope)
     env = made(
-        system, slope, pushes={"rate": 20.0, "impulse": (-0.02, 0.01)}, reset_noise_scale=0.0,
-        tolerance=1e-12,
+        system=system, slope=slope, pushes={"rate": 20.0, "impulse": (-0.02, 0.01)},
+        reset_noise_scale=0.0, tolerance=1e-12,
     )  # fmt: skip
     env.reset(seed=1)
     for _ in range(4):
@@ -112,54 +99,3 @@ def test_the_work_of_pushes_is_what_a_passive_system_gains(both):
         *_, info = env.step(np.zeros(env.action_space.shape))
         gained = np.sum(independent.energies(env.state)) - np.sum(independent.energies(before))
         assert info["push_work"] == pytest.approx(gained / system.total_mass, abs=1e-10)
-
-
-def test_noise_is_on_the_state_and_not_on_the_slope(both):
-    system, slope = both
-    size = 2 * system.coordinates
-    env = made(system, slope, observation_noise=0.01)
-    errors = []
-    for seed in range(100):
-        seen, _ = env.reset(seed=seed)
-        errors.append(seen[:size] - env.state)
-        assert seen[size] == pytest.approx(slope)
-    assert np.std(errors) == pytest.approx(0.01, rel=0.1)
-    assert np.abs(np.mean(errors)) < 0.002
-    only = made(system, slope, observation_noise=(0.0,) * size + (0.02,))
-    seen, _ = only.reset(seed=0)
-    np.testing.assert_allclose(seen[:size], only.state, rtol=1e-6)
-    assert seen[size] != pytest.approx(slope)
-
-
-def test_a_command_is_observed_and_paid_for(both):
-    system, slope = both
-    env = made(system, slope, command=0.3, control="stride", reset_noise_scale=0.0)
-    seen, _ = env.reset(seed=0)
-    assert len(seen) == 2 * system.coordinates + 2 and seen[-1] == pytest.approx(0.3)
-    free = made(system, slope, control="stride", reset_noise_scale=0.0)
-    free.reset(seed=0)
-    rest = np.zeros(env.action_space.shape)
-    (_, reward, _, _, info), (_, unpaid, *_) = env.step(rest), free.step(rest)
-    missed = abs(info["step_length"] - 0.3 * info["step_period"])
-    lost = min(env.scene.command_weight * missed, info["step_length"])
-    assert reward == pytest.approx(unpaid - lost)
-
-
-def test_bodies_vary_within_their_share(both):
-    system, slope = both
-    name = system.body._fields[0]
-    env = gym.make_vec(
-        "PassiveWalker-v0", num_envs=50, system=system, slope=slope, control="stride",
-        domain_randomization={name: 0.05}, reset_noise_scale=0.0,
-    ).unwrapped  # fmt: skip
-    env.reset(seed=0)
-    nominal = getattr(system.body, name)
-    values = np.array([getattr(walker.body, name) for walker in env.batch.walkers])
-    assert np.all(np.abs(values / nominal - 1.0) <= 0.05) and np.std(values) > 0.01 * nominal
-    before = env.batch.states
-    env.step(np.zeros((50, *env.single_action_space.shape)))
-    for lane in (0, 31):
-        expected = gpw.stride(
-            system.vary(**{name: values[lane]}), slope, before[lane], tolerance=1e-8
-        )
-        np.testing.assert_allclose(env.batch.states[lane], expected.state, atol=1e-6)

@@ -13,8 +13,7 @@ from gym_passive_walker.gaits.look.dense_stride import dense_phases
 from gym_passive_walker.gaits.look.forces import forces
 from gym_passive_walker.models.equations.hybrid import Stage
 from tests.own.oracle import Independent
-from tests.own.statements import COMPASS, DRIVEN
-from tests.own.test_derived import STRAIGHT
+from tests.own.statements import COMPASS, DRIVEN, STRAIGHT
 
 SYSTEMS = {DRIVEN_TORSO: 0.03, FIVE_LINKS: 0.05, RIMLESS_WHEEL: 0.08, TORSO: 0.03}
 
@@ -34,32 +33,33 @@ def test_the_reality_check_of_a_compass_is_that_of_the_package_s_own():
     assert own.passed == {name: package.passed[name] for name in own.passed}
 
 
-@pytest.mark.parametrize("system", SYSTEMS, ids=names)
-def test_forces_and_impulses_of_a_period_hold_the_weight(system):
-    """A walker has the same momentum after a period, so its weight is borne in the mean."""
-    gait = gpw.find_gait(system, SYSTEMS[system])
-    walk = gpw.stride(system, gait.slope, gait.state, tolerance=1e-13)
+@pytest.fixture(scope="module", params=SYSTEMS, ids=names)
+def step(request):
+    """A gait of a system, its motion, and the impulse of its heelstrike along the ground and up."""
+    gait = gpw.find_gait(request.param, SYSTEMS[request.param])
+    walk = gpw.stride(request.param, gait.slope, gait.state, tolerance=1e-13)
     (phase,) = dense_phases(gait.stride_map, gait.slope, gait.state, walk, offset=0.0)
     impulse = gpw.reality_check(gait).heelstrike_impulse
-    weight = system.weight * float(walk.duration)
+    return gait, phase, (impulse.tangential_impulse, impulse.normal_impulse)
+
+
+def test_forces_and_impulses_of_a_period_hold_the_weight(step):
+    """A walker has the same momentum after a period, so its weight is borne in the mean."""
+    gait, phase, (along, up) = step
+    weight = gait.walker.weight * phase.end
     for force, jump, borne in (
-        (phase.normal, impulse.normal_impulse, weight * np.cos(gait.slope)),
-        (phase.tangential, impulse.tangential_impulse, -weight * np.sin(gait.slope)),
+        (phase.normal, up, weight * np.cos(gait.slope)),
+        (phase.tangential, along, -weight * np.sin(gait.slope)),
     ):
         whole = force.integ()
         total = whole(phase.end) - whole(0.0) + jump
         assert total == pytest.approx(borne, abs=1e-9 * weight)
 
 
-@pytest.mark.parametrize("system", SYSTEMS, ids=names)
-def test_the_impulse_of_a_heelstrike_is_the_contact_s_multiplier(system):
-    gait = gpw.find_gait(system, SYSTEMS[system])
-    walk = gpw.stride(system, gait.slope, gait.state, tolerance=1e-13)
-    (phase,) = dense_phases(gait.stride_map, gait.slope, gait.state, walk, offset=0.0)
-    independent = Independent(system, gait.slope)
-    along, up = independent.impulse(phase.state_at(phase.end))
-    found = gpw.reality_check(gait).heelstrike_impulse
-    assert (found.tangential_impulse, found.normal_impulse) == pytest.approx((along, up), rel=1e-9)
+def test_the_impulse_of_a_heelstrike_is_the_contact_s_multiplier(step):
+    gait, phase, impulse = step
+    independent = Independent(gait.walker, gait.slope)
+    assert impulse == pytest.approx(independent.impulse(phase.state_at(phase.end)), rel=1e-9)
 
 
 def test_controls_press_on_the_ground():
@@ -106,13 +106,10 @@ def test_the_collision_matrix_of_a_compass_is_that_of_the_package_s_own():
     np.testing.assert_allclose(own, known, atol=1e-12)
 
 
-@pytest.mark.parametrize("system", SYSTEMS, ids=names)
-def test_the_collision_matrix_times_the_velocity_is_the_impulse_of_a_heelstrike(system):
+def test_the_collision_matrix_times_the_velocity_is_the_impulse_of_a_heelstrike(step):
     """Half their product with the velocity is the energy lost."""
-    gait = gpw.find_gait(system, SYSTEMS[system])
-    check = gpw.reality_check(gait)
-    impulse = [getattr(check.heelstrike_impulse, f"{x}_impulse") for x in ("tangential", "normal")]
-    velocity = -np.linalg.solve(gpw.collision_matrix(system, gait.state), impulse)
+    gait, _, impulse = step
+    velocity = -np.linalg.solve(gpw.collision_matrix(gait.walker, gait.state), impulse)
     assert -0.5 * velocity @ impulse == pytest.approx(float(gait.mean.heelstrike_loss), rel=1e-8)
 
 

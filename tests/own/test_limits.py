@@ -1,7 +1,6 @@
 """Sizes of a system up to its limits, pictures, positions and copies."""
 
 import math
-import pickle
 from collections import namedtuple
 from dataclasses import replace
 
@@ -12,11 +11,9 @@ import gym_passive_walker as gpw
 from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
 from gym_passive_walker.engine.own import mechanics, statement
-from gym_passive_walker.engine.own.mechanics import Derived
 from gym_passive_walker.models.equations import straight
 from tests.own.statements import COMPASS, DRIVEN, PROGRESSIVE, Legs, links
 from tests.own.test_equations import stated
-from tests.own.test_statements import landing, swapped, upright
 
 ALL = [COMPASS, DRIVEN, TORSO, PROGRESSIVE, FIVE_LINKS]
 IDS = ["compass", "driven", "torso", "progressive", "five links"]
@@ -90,20 +87,6 @@ def test_the_mass_of_given_equations_is_positive(mass):
         gpw.System.of(straight.SYSTEM, body, centre=lambda b, s: (0.0, 1.0), counts=())
 
 
-@pytest.mark.parametrize(
-    ("lines", "said"),
-    [
-        (lambda b, s: [[(0.0, 0.0, 0.0)]], "points"),
-        (lambda b, s: [(0.0, 0.0)], "points"),
-        (lambda b, s: [[(0.0, math.nan)]], "finite"),
-        (lambda b, s: [[(0.0, 0.0), (1.0,)]], "pose"),
-    ],
-)
-def test_a_pose_is_lines_of_finite_points(lines, said):
-    with pytest.raises(gpw.StatementError, match=said):
-        replace(COMPASS, pose=lines)
-
-
 @pytest.mark.parametrize("system", ALL, ids=IDS)
 def test_a_system_without_a_pose_is_drawn_as_its_masses_from_the_foot(system):
     state = system.start
@@ -128,38 +111,31 @@ def test_given_equations_without_a_pose_are_drawn_from_the_foot_to_the_centre():
     assert abs(line[1][1]) > 0.1
 
 
-def test_other_parameters_are_checked_as_the_first_ones_are():
-    for wrong, said in (({"hip": -5.0}, "negative mass"), ({"leg": 0.0}, "without inertia")):
+def test_a_body_varies_by_name_and_is_checked_as_the_first_one_is():
+    for wrong, said in (
+        ({"hip": -5.0}, "negative mass"), ({"leg": 0.0}, "without inertia"),
+        ({"knee": 1.0}, "has no knee"),
+    ):  # fmt: skip
         with pytest.raises(gpw.StatementError, match=said):
             COMPASS.vary(**wrong)
-    assert COMPASS.vary(hip=1.0, leg=0.2).body == Legs(1.0, 0.2)
-    assert COMPASS.body == Legs()
-    assert COMPASS.vary(hip=0.9).start == COMPASS.start
-
-
-def test_a_copy_that_was_sent_has_the_gait_and_sends_no_compiled_code():
-    system = replace(
-        COMPASS, landing=landing, relabel=swapped, falls={"fell_forward": upright}, counts=(),
-        name="sent",
-    )  # fmt: skip
-    before = len(pickle.dumps(system))
-    name = system.hybrid.name
-    assert len(pickle.dumps(system)) == before
-    assert pickle.loads(pickle.dumps(system)).hybrid.name == name
+    heavy = COMPASS.vary(hip=1.0, leg=0.2)
+    assert heavy.body == Legs(1.0, 0.2) and COMPASS.body == Legs()
+    assert heavy.total_mass == pytest.approx(1.4) and heavy.start == COMPASS.start
+    assert heavy.hybrid is COMPASS.hybrid  # the equations are compiled once
 
 
 @pytest.mark.parametrize("system", ALL, ids=IDS)
 def test_coordinates_with_both_feet_down_keep_the_first_and_touch_the_ground(system):
     count = system.coordinates
-    near = np.array(system.start[:count]) + np.linspace(-0.02, 0.02, 3)[:, None]
+    near = np.array(system.start[:count]) * np.linspace(0.5, 1.3, 7)[:, None]
     found = system.with_both_feet_down(near)
     np.testing.assert_array_equal(found[:, 0], near[:, 0])
     for row in found:
         height = system.landing(system.body, system.State(*row, *np.zeros(count)))[1]
-        assert abs(float(height)) < 1e-9
-    again = system.with_both_feet_down(found)
-    np.testing.assert_allclose(again, found, atol=1e-12)
-    assert np.abs(found - near).max() < 0.2
+        assert abs(float(height)) < 1e-12
+    assert np.abs(found - near).max() < 0.1
+    np.testing.assert_allclose(system.with_both_feet_down(found), found, atol=1e-12)
+    np.testing.assert_allclose(system.exchanged(system.exchanged(found)), found)
 
 
 def random_matrix(size, seed=0):
@@ -217,23 +193,3 @@ def test_symmetric_systems_are_solved(size):
     np.testing.assert_allclose(
         mechanics.solve_positive(dict(entries), right), np.linalg.solve(matrix, right), rtol=1e-10
     )
-
-
-@pytest.mark.parametrize("a", [-1.0, 0.0, 2.0])
-@pytest.mark.parametrize("b", [-1.0, 0.0, 2.0])
-def test_comparisons_of_derived_functions_are_those_of_numbers(a, b):
-    Pair = namedtuple("Pair", "a b")
-    for function in (
-        lambda p: gpw.math.where(p.a < p.b, 1.0, 0.0),
-        lambda p: gpw.math.where(p.a <= p.b, 1.0, 0.0),
-        lambda p: gpw.math.where(p.a > p.b, 1.0, 0.0),
-        lambda p: gpw.math.where(p.a >= p.b, 1.0, 0.0),
-        lambda p: gpw.math.where((p.a < p.b) | (p.a > 1.0), 1.0, 0.0),
-        lambda p: gpw.math.where((p.a < p.b) & (p.a > -0.5), 1.0, 0.0),
-        lambda p: gpw.math.where(~(p.a < p.b) if not isinstance(p.a, float) else not p.a < p.b,
-                                 1.0, 0.0),
-        lambda p: gpw.math.minimum(p.a, p.b),
-        lambda p: gpw.math.maximum(p.a, p.b),
-        lambda p: abs(p.a - p.b),
-    ):  # fmt: skip
-        assert float(Derived(function)(Pair(a, b))) == float(function(Pair(a, b)))

@@ -3,15 +3,12 @@
 import dataclasses
 
 import numpy as np
-import pytest
 
 import gym_passive_walker as gpw
-from examples.rimless_wheel import RIMLESS_WHEEL
 from examples.torso import TORSO
 from gym_passive_walker.envs.evaluation.robustness import _Tries
 from gym_passive_walker.gaits.scenes.scene import make_scene
-from tests.own.statements import COMPASS, DRIVEN
-from tests.own.test_derived import STRAIGHT
+from tests.own.statements import COMPASS, DRIVEN, STRAIGHT
 
 SLOPE = 0.03
 FEW = {"slope": SLOPE, "walkers": 100, "strides": 20, "roughness": 0.001, "starts": 64}
@@ -26,24 +23,6 @@ def test_a_compass_stated_by_its_masses_is_as_robust_as_the_package_s_own():
     # The two differ in which feet that pass each other near the ground touch it.
     np.testing.assert_allclose(found.survivors, expected.survivors, atol=0.02)
     assert found.step_up == expected.step_up and found.step_down == expected.step_down
-
-
-def test_a_system_without_controls_and_with_a_torso_has_a_robustness():
-    found = gpw.robustness(TORSO, **FEW)
-    gait = gpw.find_gait(TORSO, SLOPE)
-    assert found.step_period == pytest.approx(gait.cycle.duration[0], rel=1e-6)
-    assert found.step_length == pytest.approx(gait.cycle.step_length[0], rel=1e-6)
-    assert 0.0 < found.step_down < 0.1 and found.push_forward.min() > 0.0
-    assert 0.0 < found.recovered < 1.0
-
-
-def test_a_wheel_without_spokes_to_move_has_a_robustness():
-    found = gpw.robustness(
-        RIMLESS_WHEEL, slope=0.2, roughness=0.02, walkers=100, strides=20, starts=32
-    )
-    gait = gpw.find_gait(RIMLESS_WHEEL, 0.2)
-    assert found.step_length == pytest.approx(gait.cycle.step_length[0], rel=1e-6)
-    assert 0.0 < found.recovered <= 1.0 and found.step_up > 0.0
 
 
 def test_starts_off_the_gait_have_both_feet_down():

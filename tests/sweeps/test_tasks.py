@@ -11,7 +11,7 @@ import gym_passive_walker as gpw
 from gym_passive_walker.apps.sweeps.tasks import ANALYSES, flat, task
 from gym_passive_walker.envs.evaluation import walks
 from gym_passive_walker.gaits.scenes.scene import make_scene
-from tests.own.test_derived import STRAIGHT
+from tests.own.statements import STRAIGHT
 
 LAB = {"walker": "lab", "slope": 0.036}
 
