@@ -39,7 +39,7 @@ def _short_exams(monkeypatch):
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
-    """Finished runs of PPO and SAC, whose folders no test changes."""
+    """Finished runs of PPO and SAC; no test changes their folders."""
     runs = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(envs, "arena", short_arena)
