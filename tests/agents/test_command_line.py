@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from matplotlib import figure
 
 import train
 from agents import commands, envs, evaluation, files
@@ -16,7 +17,7 @@ from agents.learner import load_policy
 from gym_passive_walker import WALKERS, Gait
 from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import Passive
-from tests.agents.runs import TINY
+from tests.agents.runs import TINY, short_arena
 
 
 def test_a_run_leaves_everything_in_its_folder(steep_run):
@@ -66,11 +67,11 @@ def test_an_evaluation_tells_each_agents_own_episodes(steep_run):
 
 
 def test_a_gait_is_drawn_beside_the_optimal_gait_of_about_its_speed(tmp_path, monkeypatch):
-    drawn, plot = [], Gait.plot
+    drawn = []
 
     def draw(gait, ax, *, optimum):
         drawn.append((gait, optimum))
-        return plot(gait, ax, optimum=optimum)
+        return figure.Figure().subplots()
 
     monkeypatch.setattr(Gait, "plot", draw)
     line = ["gait", "constant", "--scene", "level", "--out", str(tmp_path / "gait.png")]
@@ -115,6 +116,7 @@ def test_a_configuration_keeps_the_walker_of_a_file_by_its_parameters(name, tmp_
 
 
 def test_a_run_goes_on_without_the_file_of_its_walker(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(envs, "arena", short_arena)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.json").write_text(FILES["mine.json"])
     line = ["--walker", "mine.json", "--scene", "steep", "--algo", "sac", "--out", "run", *TINY]

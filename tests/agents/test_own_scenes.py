@@ -160,7 +160,8 @@ def test_an_own_scene_trains_as_the_same_scene_by_name(tmp_path, monkeypatch):
     np.testing.assert_array_equal(*found)
 
 
-def test_a_system_trains_and_its_run_goes_on(own_folder, capsys):
+def test_a_system_trains_and_its_run_goes_on(own_folder, monkeypatch, capsys):
+    monkeypatch.setattr(envs, "arena", short_arena)
     assert train.main(["--scene", "mytask:five", "--out", "five", *TINY]) == 0
     said = capsys.readouterr().out
     assert "stance-knee up to 0.03, stance-hip" in said and "gait.png" in said
