@@ -148,7 +148,7 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             "samples": "lab 0.036 --samples 9",
             "out": "lab 0.036 --out other.csv",
         },
-    ),  # fmt: skip
+    ),
     "strobe": with_rest(
         "--strides 1 --out w.png",
         "lab 0.036",
