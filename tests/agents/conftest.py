@@ -14,3 +14,14 @@ def _one_thread():
     import train
 
     train.keep_to_one_thread()
+
+
+@pytest.fixture(scope="session")
+def steep_run(tmp_path_factory):
+    """The folder of a finished run of SAC; tests change only copies of it."""
+    import train
+    from tests.agents.runs import TINY
+
+    folder = tmp_path_factory.mktemp("runs") / "steep"
+    assert train.main(["--scene", "steep", "--algo", "sac", "--out", str(folder), *TINY]) == 0
+    return folder

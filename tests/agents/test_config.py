@@ -42,11 +42,6 @@ def test_a_control_of_ones_own_brings_its_preset():
     assert config.hyperparams == configure("ppo", "steep").hyperparams
 
 
-def test_ppo_keeps_the_size_of_its_update_when_environments_change():
-    usual, few = configure(), configure(n_envs=4)
-    assert few.hyperparams["n_steps"] * 4 == usual.hyperparams["n_steps"] * usual.n_envs
-
-
 def test_a_training_that_begins_with_a_policy_goes_through_the_last_part_of_its_schedules():
     usual, begun = (configure("ppo-fast", "level", start=start) for start in (None, "level-ppo"))
     schedule = usual.exploration
@@ -117,27 +112,6 @@ def test_agents_learn_in_short_episodes_from_hard_starts_and_are_evaluated_in_ne
     assert envs.single(level).unwrapped.scene == make_scene("level", slope=0.001)
 
 
-def test_a_learning_rate_may_fall_to_zero_as_training_ends():
-    config = configure("ppo", "steep", n_envs=2)
-    assert config.hyperparams["learning_rate"] == "lin_2e-3"
-    model = build(config, envs.training_envs(config))
-    assert [model.lr_schedule(left) for left in (1.0, 0.5, 0.0)] == [2e-3, 1e-3, 0.0]
-
-
-@pytest.mark.parametrize("algo", ALGORITHMS)
-def test_returns_are_normalised_with_the_discount_that_is_learned_with(algo):
-    config = configure(algo, "level", n_envs=2)
-    normalizer = build(config, envs.training_envs(config)).get_vec_normalize_env()
-    assert normalizer.gamma == config.hyperparams["gamma"] != 0.99
-
-
-def test_a_configuration_survives_its_file(tmp_path):
-    config = configure("sac", "rolling", env={"slope": [0.0, 0.02]}, seed=3)
-    config.save(tmp_path / "config.yml")
-    assert Config.load(tmp_path / "config.yml") == config
-    assert yaml.safe_load((tmp_path / "config.yml").read_text())["scene"] == "rolling"
-
-
 def test_what_befalls_walkers_stands_in_a_run_s_file(tmp_path):
     given = {
         "pushes": {"rate": 0.1, "impulse": [-0.01, 0.02]}, "observation_noise": 0.01,
@@ -154,31 +128,11 @@ def test_what_befalls_walkers_stands_in_a_run_s_file(tmp_path):
         envs.scene_of(configure("ppo", "lab", env=given))
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ({"algo": "dqn"}, "ppo, ppo-fast, sac"),
-        ({"scene": "moon"}, "level"),
-        ({"steps": 0}, "steps must be a whole number from 1 on"),
-        ({"n_envs": -1}, "n_envs must be a whole number from 1 on"),
-        ({"seed": -1}, "seed"),
-    ],
-)
-def test_nonsense_is_refused_with_what_is_allowed(arguments, words):
-    with pytest.raises(ConfigError, match=words):
-        configure(**arguments)
-
-
 @pytest.mark.parametrize("text", ["", "[1, 2]", "algo: ppo", "a: {", "colour: red"])
 def test_a_file_that_is_no_configuration_is_refused(tmp_path, text):
     (tmp_path / "config.yml").write_text(text)
     with pytest.raises(ConfigError, match=r"config\.yml"):
         Config.load(tmp_path / "config.yml")
-
-
-def test_differences_say_what_is_kept_and_what_was_asked():
-    here, asked = configure(seed=1), configure(seed=2, steps=10)
-    assert here.differences(asked, ignore=("steps", "every")) == ["seed: 1 here, 2 asked for"]
 
 
 def test_a_policy_in_the_notation_of_rl_zoo3_is_read_without_running_it():
@@ -251,7 +205,7 @@ WRONG = {
 
 @pytest.mark.parametrize(("name", "value"), [(n, v) for n, each in WRONG.items() for v in each])
 def test_a_value_of_the_wrong_kind_is_refused_by_its_name(name, value):
-    with pytest.raises(ConfigError, match="algorithm 'dqn'" if value == "dqn" else name):
+    with pytest.raises(ConfigError, match="'dqn'.*ppo, ppo-fast, sac" if value == "dqn" else name):
         dataclasses.replace(configure("ppo", "level"), **{name: value})
 
 
@@ -278,7 +232,7 @@ def test_the_normalizer_is_read_in_each_notation_of_rl_zoo3(entry, found, monkey
 
 
 @pytest.mark.parametrize("algo", ALGORITHMS)
-@pytest.mark.parametrize("n_envs", [1, 3, 16, 200])
+@pytest.mark.parametrize("n_envs", [1, 3, 4, 16, 200])
 def test_only_ppo_s_update_depends_on_the_number_of_environments(algo, n_envs):
     usual, other = configure(algo, "level"), configure(algo, "level", n_envs=n_envs)
     assert other.n_envs == n_envs
@@ -286,7 +240,8 @@ def test_only_ppo_s_update_depends_on_the_number_of_environments(algo, n_envs):
     if algo in ("ppo", "ppo-fast"):
         update, batch = ours.pop("n_steps") * usual.n_envs, ours.pop("batch_size")
         steps, parts = theirs.pop("n_steps") * n_envs, theirs.pop("batch_size")
-        assert steps == pytest.approx(update, rel=0.1) and steps / parts == update / batch
+        assert steps == pytest.approx(update, rel=0.1 if update % n_envs else 0.0)
+        assert steps / parts == update / batch
     assert ours == theirs
 
 
@@ -356,7 +311,11 @@ def test_training_has_the_environments_that_were_asked_for_and_the_usual_limit()
 @pytest.mark.parametrize(
     ("algo", "arguments", "words"),
     [
-        ("ppo", {"gammas": 0.9}, "gammas"), ("ppo", {"device": "cpu"}, "device"),
+        ("ppo", {"gammas": 0.9}, "gammas"), ("sac", {"gammas": 0.9}, "gammas"),
+        ("shac", {"gammas": 0.9}, "gammas"), ("shac-learned", {"gammas": 0.9}, "gammas"),
+        ("ppo-fast", {"ent_coef": 0.0}, "ent_coef"),
+        ("ppo-fast", {"n_steps": 100, "batch_size": 300},
+         "batch_size must divide the 200 steps of a rollout"), ("ppo", {"device": "cpu"}, "device"),
         ("sac", {"seed": 3}, "seed"), ("ppo", {"env": None}, "env"),
         ("ppo", {"gamma": "0.9"}, "gamma of PPO must be float, not '0.9'"),
         ("ppo", {"n_epochs": 1.5}, "n_epochs of PPO must be int, not 1.5"),

@@ -9,22 +9,29 @@ from agents.exploration import Ladder, Schedule, explorers
 from agents.learner import build
 
 
-@pytest.mark.parametrize("log_std", [{0.2: -1.0, 0.6: -3.0}, {0.6: -3.0, 0.2: -1.0}])
-def test_noise_and_charge_follow_the_steps_made(log_std):
-    config = configure(n_envs=4)
-    envs = training_envs(config)
-    model = build(config, envs)
-    model._total_timesteps = 1000
-    schedule = Schedule(log_std, energy="positive", until=0.5)
+def scheduled(config, steps, *arguments, **options):
+    """A learner that makes some steps with a schedule, and the walkers."""
+    walkers = training_envs(config)
+    model = build(config, walkers)
+    model._total_timesteps = steps
+    schedule = Schedule(*arguments, **options)
     schedule.init_callback(model)
+    return model, schedule, walkers
+
+
+@pytest.mark.parametrize(
+    "log_std", [{0.2: -1.0, 0.6: -3.0}, {0.6: -3.0, 0.4: -2.0, 0.0: -1.0, 0.2: -1.0}]
+)
+def test_noise_and_charge_follow_the_steps_made(log_std):
+    options = {"energy": "positive", "until": 0.5}
+    model, schedule, walkers = scheduled(configure(n_envs=4), 1000, log_std, **options)
     seen = []
-    for model.num_timesteps in (0, 200, 400, 600, 1000):
+    for model.num_timesteps in (0, 200, 300, 400, 600, 1000):
         schedule.on_rollout_start()
-        charged = set(envs.get_attr("energy_cost"))
-        seen.append((round(model.policy.log_std.item(), 6), *charged))
+        seen.append((round(model.policy.log_std.item(), 6), *set(walkers.get_attr("energy_cost"))))
     assert seen == [
-        (-1.0, "positive"), (-1.0, "positive"), (-2.0, "positive"), (-3.0, "absolute"),
-        (-3.0, "absolute"),
+        (-1.0, "positive"), (-1.0, "positive"), (-1.5, "positive"), (-2.0, "positive"),
+        (-3.0, "absolute"), (-3.0, "absolute"),
     ]  # fmt: skip
 
 
@@ -65,27 +72,20 @@ def test_arguments_that_no_callback_takes_are_refused(algo, arguments, words):
         explorers(algo, arguments)
 
 
-def test_the_scene_s_own_energy_applies_from_the_share_on_that_ends_the_first():
-    config = configure(n_envs=2)
-    walkers = training_envs(config)
-    model = build(config, walkers)
-    model._total_timesteps = 100
-    for until, first in ((0.0, "absolute"), (1.0, "net")):
-        schedule = Schedule({0.0: -1.0}, energy="net", until=until)
-        schedule.init_callback(model)
-        charged = []
-        for model.num_timesteps in (0, 99, 100, 150):
-            schedule.on_rollout_start()
-            charged.append(walkers.get_attr("energy_cost")[1])
-        assert charged == [first, first, "absolute", "absolute"]
+@pytest.mark.parametrize(("until", "first"), [(0.0, "absolute"), (1.0, "net")])
+def test_the_scene_s_own_energy_applies_from_the_share_on_that_ends_the_first(until, first):
+    options = {"energy": "net", "until": until}
+    model, schedule, walkers = scheduled(configure(n_envs=2), 100, {0.0: -1.0}, **options)
+    charged = []
+    for model.num_timesteps in (0, 99, 100, 150):
+        schedule.on_rollout_start()
+        charged.append(walkers.get_attr("energy_cost")[1])
+    assert charged == [first, first, "absolute", "absolute"]
 
 
 def test_noise_of_a_schedule_reaches_every_action_of_a_policy():
     config = configure(env={"actions": ["hip", "push_off"]}, n_envs=2)
-    model = build(config, training_envs(config))
-    model._total_timesteps = 10
+    model, schedule, _ = scheduled(config, 10, {1.0: -3.0, 0.0: -1.0})
     model.num_timesteps = 5
-    schedule = Schedule({1.0: -3.0, 0.0: -1.0})
-    schedule.init_callback(model)
     schedule.on_rollout_start()
     assert model.policy.log_std.tolist() == [-2.0, -2.0]

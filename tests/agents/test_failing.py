@@ -16,19 +16,10 @@ MORE = ["--steps", "256", "--quiet"]
 CHECKPOINT = "checkpoints/000000000128"
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """A finished run of SAC, with all its files."""
-    folder = tmp_path_factory.mktemp("runs") / "steep"
-    reported = ["--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
-    assert train.main(["--scene", "steep", "--algo", "sac", "--out", str(folder), *reported]) == 0
-    return folder
-
-
 @pytest.fixture
-def run(finished, tmp_path):
-    """A copy of it."""
-    return shutil.copytree(finished, tmp_path / "run")
+def run(steep_run, tmp_path):
+    """A copy of a finished run."""
+    return shutil.copytree(steep_run, tmp_path / "run")
 
 
 def contents(folder):
@@ -223,23 +214,3 @@ def test_a_damaged_learning_curve_is_drawn_from_the_checkpoint(run):
     (run / "learning_curve.png").unlink()
     assert train.main(["--resume", str(run), "--quiet"]) == 0
     assert (run / "learning_curve.png").exists()
-
-
-def test_a_damaged_score_is_named(tmp_path, capsys):
-    score = tmp_path / "scores" / "lab-passive-0.json"
-    score.parent.mkdir()
-    score.write_text("{")
-    assert str(score) in refused(capsys, "benchmark", "--tables", "--out", tmp_path)[0]
-
-
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        ("evaluate --policy level-ppo --episodes 0", "episodes must be a whole number from 1 on"),
-        ("evaluate --policy level-ppo --seed -1", "seed must be a whole number from 0 on"),
-        ("gait passive --slope 9", "slope must be an angle"),
-        ("gait passive --period 0", "period must be a whole number from 1 on"),
-    ],
-)
-def test_nonsense_asked_of_a_command_is_refused(line, words, capsys):
-    assert words in refused(capsys, *line.split())[0]

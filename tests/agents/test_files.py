@@ -24,53 +24,33 @@ def test_a_folder_appears_whole_or_not_at_all(tmp_path):
     assert files.newest_checkpoint(tmp_path) == path and (path / "whole").exists()
 
 
-def test_what_a_kill_left_unfinished_is_passed_over_and_removed(tmp_path):
-    for steps in (900, 2000):  # though 9 comes after 2
-        files.checkpoint_path(tmp_path, steps).mkdir(parents=True)
-    left = tmp_path / "checkpoints" / ".000000009999.17"
+def test_checkpoints_are_ordered_by_steps_and_older_and_unfinished_ones_are_removed(tmp_path):
+    paths = [files.checkpoint_path(tmp_path, n) for n in (5, 70, 900, 2000, 12_345_678_901)]
+    for path in paths:
+        path.mkdir(parents=True)
+    checkpoints = tmp_path / "checkpoints"
+    left = checkpoints / ".000000009999.17"  # by a kill
     left.mkdir()
-    newest = files.newest_checkpoint(tmp_path)
-    assert newest == files.checkpoint_path(tmp_path, 2000)
-    files.drop_older_checkpoints(newest)
-    assert list((tmp_path / "checkpoints").iterdir()) == [newest]
-
-
-def test_new_runs_are_numbered(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    names = [files.new_run(None, "level-ppo").name for _ in range(3)]
-    assert names == ["level-ppo-1", "level-ppo-2", "level-ppo-3"]
-
-
-def test_a_folder_that_is_taken_is_refused(tmp_path):
-    (tmp_path / "anything").touch()
-    with pytest.raises(ConfigError, match="--resume"):
-        files.new_run(tmp_path, "level-ppo")
-
-
-def test_the_latest_run_is_the_one_written_last(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(ConfigError, match="no run"):
-        files.latest_run()
-    for age, name in ((10, "second"), (500, "first")):
-        run = files.new_run(None, name)
-        (run / files.CONFIG).touch()
-        for path in (run / files.CONFIG, run):
-            os.utime(path, (time.time() - age,) * 2)
-    assert files.latest_run().name == "second-1"
+    (checkpoints / "999999999999").touch()  # not a folder
+    assert files.newest_checkpoint(tmp_path) == paths[-1]
+    files.drop_older_checkpoints(paths[3])
+    assert sorted(path for path in checkpoints.iterdir() if path.is_dir()) == paths[3:]
 
 
 def test_a_given_folder_is_used_if_it_is_new_or_empty(tmp_path):
     deep = tmp_path / "a" / "b"
     assert files.new_run(deep, "unused") == deep and deep.is_dir()
     assert files.new_run(deep, "unused") == deep
-    (tmp_path / "file").touch()
-    with pytest.raises(ConfigError, match=r"file contains a run.*choose another --out"):
-        files.new_run(tmp_path / "file", "unused")
+    (deep / "anything").touch()
+    for taken in (deep, deep / "anything"):
+        with pytest.raises(ConfigError, match=f"{taken} contains a run.*--resume {taken}.*--out"):
+            files.new_run(taken, "unused")
 
 
 def test_the_first_free_number_is_taken(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for name in ("lab-sac-1", "lab-sac-3", "lab-ppo-2"):
+    assert files.new_run(None, "lab-sac") == files.RUNS / "lab-sac-1"
+    for name in ("lab-sac-3", "lab-ppo-2"):
         (files.RUNS / name).mkdir(parents=True)
     assert files.new_run(None, "lab-sac") == files.RUNS / "lab-sac-2"
     assert files.new_run(None, "lab-sac") == files.RUNS / "lab-sac-4"
@@ -78,6 +58,8 @@ def test_the_first_free_number_is_taken(tmp_path, monkeypatch):
 
 def test_the_latest_run_is_told_by_its_newest_file_and_has_a_configuration(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigError, match="no run"):
+        files.latest_run()
     for age, name in ((50, "older"), (100, "written"), (1, "no-run")):
         run = files.new_run(None, name)
         if name != "no-run":
@@ -88,16 +70,6 @@ def test_the_latest_run_is_told_by_its_newest_file_and_has_a_configuration(tmp_p
     assert files.latest_run().name == "older-1"
     os.utime(files.RUNS / "written-1" / "model.zip")
     assert files.latest_run().name == "written-1"
-
-
-def test_checkpoints_are_ordered_by_steps_and_later_ones_stay(tmp_path):
-    paths = [files.checkpoint_path(tmp_path, steps) for steps in (5, 70, 600, 12_345_678_901)]
-    for path in paths:
-        path.mkdir(parents=True)
-    (tmp_path / "checkpoints" / "999999999999").touch()  # not a folder
-    assert files.newest_checkpoint(tmp_path) == paths[-1]
-    files.drop_older_checkpoints(paths[2])
-    assert sorted(p for p in (tmp_path / "checkpoints").iterdir() if p.is_dir()) == paths[2:]
 
 
 def test_any_error_of_reading_names_the_file_and_its_reason(tmp_path):

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from agents import envs, evaluation
+from agents import envs
 from agents.config import ConfigError, configure
 from agents.first_order import SHAC, backwards
 from agents.learner import LearnedPolicy, _tensors, build
-from agents.training import Run
 from gym_passive_walker.envs.evaluation.linearization import Linear, StepRecorder
-from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.torch import rollout
@@ -214,14 +212,3 @@ def test_without_arguments_it_has_the_numbers_of_its_preset():
     shared = set(given) & set(preset) - {"policy", "policy_kwargs", "learning_rate"}
     assert {name: given[name] for name in shared} == {name: preset[name] for name in shared}
     assert preset["learning_rate"] == f"lin_{given['learning_rate']:.0e}".replace("e-0", "e-")
-
-
-@pytest.mark.learning
-def test_it_learns_to_walk_on_the_level(tmp_path):
-    """In a sixtieth of PPO's steps and some seconds; passive walkers return 5, PPO's 51."""
-    run = Run(configure("shac", "level", steps=100_000, every=100_000), tmp_path)
-    assert run.train(progress=False)
-    assert run.notes["best"] > 45.0
-    _, rows = evaluation.evaluate_policy(tmp_path)
-    walks = [row for row in rows if row["agent"] == "SHAC"]
-    assert all(row["ending"] == TIME_LIMIT for row in walks)

@@ -4,15 +4,13 @@ import numpy as np
 import pytest
 import torch
 
-from agents import envs, evaluation
+from agents import envs
 from agents.config import ConfigError, configure
 from agents.first_order import Taped
 from agents.learned_steps import LearnedSteps, StepModel, Watched
 from agents.learner import build, restore_weights
-from agents.training import Run
 from gym_passive_walker import load_policy
 from gym_passive_walker.envs.evaluation.linearization import StepRecorder, stands
-from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 
 WALKERS, STEPS = 32, 32
@@ -133,14 +131,3 @@ def test_a_saved_model_has_what_was_learned_of_steps(tmp_path):
     for name in ("sums", "scales", "counts"):
         assert torch.equal(getattr(learned, name), getattr(restored, name)), name
     assert learned.counts.sum() > 0
-
-
-@pytest.mark.learning
-def test_it_learns_to_walk_on_the_level(tmp_path):
-    """In a sixtieth of PPO's steps and some seconds; passive walkers return 5, PPO's 51."""
-    run = Run(configure("shac-learned", "level", steps=100_000, every=100_000), tmp_path)
-    assert run.train(progress=False)
-    assert run.notes["best"] > 45.0
-    _, rows = evaluation.evaluate_policy(tmp_path)
-    walks = [row for row in rows if row["agent"] == "SHAC-LEARNED"]
-    assert sum(row["ending"] == TIME_LIMIT for row in walks) > 17

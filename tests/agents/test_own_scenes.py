@@ -2,20 +2,22 @@
 
 import json
 import linecache
+import shutil
 import sys
+from contextlib import redirect_stdout
+from io import StringIO
 
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
 import train
+from agents import envs
 from agents.config import Config, ConfigError, configure
-from agents.envs import scene_of
-from agents.learner import learned
+from agents.training import Run
 from gym_passive_walker.apps import cli
 from gym_passive_walker.apps.cli import main as passive_walker
-
-TINY = ["--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
+from tests.agents.runs import TINY, short_arena, small, weights
 
 TASK = '''
 """Tasks."""
@@ -65,14 +67,24 @@ def own_folder(tmp_path, monkeypatch):
     sys.modules.pop("mytask", None)
 
 
+@pytest.fixture(scope="module")
+def own_run(tmp_path_factory):
+    """The folder of a run of two small updates with an own reward."""
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "mytask.py").write_text(TASK)
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(StringIO()) as said:
+        patch.chdir(folder)
+        assert train.main(["--scene", "mytask:short", "--out", "run", *TINY]) == 0
+    sys.modules.pop("mytask")
+    assert said.getvalue().startswith("mytask:short: walker C, slope 0.02 rad")
+    assert "train.py gait run --trust" in said.getvalue()
+    return folder / "run"
+
+
 @pytest.fixture
-def run(own_folder, capsys):
-    """A run of two small updates with an own reward."""
-    assert train.main(["--scene", "mytask:short", "--out", "run", *TINY]) == 0
-    said = capsys.readouterr().out
-    assert said.startswith("mytask:short: walker C, slope 0.02 rad")
-    assert "train.py gait run --trust" in said
-    return own_folder / "run"
+def run(own_folder, own_run):
+    """A copy of it."""
+    return shutil.copytree(own_run, own_folder / "run")
 
 
 def test_a_run_evaluates_draws_and_exports_its_own_scene(run):
@@ -110,7 +122,7 @@ def test_a_run_goes_on_with_its_own_scene_and_refuses_one_that_changed(run, own_
 
     def write(old, new):
         file.write_text(file.read_text().replace(old, new))
-        sys.modules.pop("mytask")
+        sys.modules.pop("mytask", None)
         linecache.checkcache()
 
     write('"""Tasks."""', '"""Tasks."""  # of one walker')
@@ -129,7 +141,7 @@ def test_a_file_that_is_edited_while_a_training_runs_does_not_disturb_it(own_fol
     file = own_folder / "mytask.py"
     file.write_text(file.read_text().replace("WEIGHT = 2.0", "WEIGHT = 3.0"))
     linecache.checkcache()
-    assert scene_of(config).slope == 0.02
+    assert envs.scene_of(config).slope == 0.02
 
 
 def test_a_scene_without_a_file_is_refused(own_folder):
@@ -137,19 +149,19 @@ def test_a_scene_without_a_file_is_refused(own_folder):
         configure("ppo", "builtins:dict")
 
 
-def test_an_own_scene_trains_as_the_same_scene_by_name():
+def test_an_own_scene_trains_as_the_same_scene_by_name(tmp_path, monkeypatch):
     """Both runs have the same weights, bit for bit."""
+    monkeypatch.setattr(envs, "arena", short_arena)
+    found = []
     for name, scene in (("own", "mytask:level"), ("named", "level")):
-        assert train.main(["--scene", scene, "--out", name, *TINY]) == 0
-    (_, own), (_, named) = learned("own", trust=True), learned("named")
-    pairs = zip(own.model.get_parameters()["policy"].items(),
-                named.model.get_parameters()["policy"].items(), strict=True)  # fmt: skip
-    for (name, ours), (other, theirs) in pairs:
-        assert name == other
-        np.testing.assert_array_equal(ours.numpy(), theirs.numpy())
+        run = Run(small(scene=scene), tmp_path / name)
+        assert run.train(progress=False)
+        found.append(weights(run.model))
+    np.testing.assert_array_equal(*found)
 
 
-def test_a_system_trains_and_its_run_goes_on(own_folder, capsys):
+def test_a_system_trains_and_its_run_goes_on(own_folder, monkeypatch, capsys):
+    monkeypatch.setattr(envs, "arena", short_arena)
     assert train.main(["--scene", "mytask:five", "--out", "five", *TINY]) == 0
     said = capsys.readouterr().out
     assert "stance-knee up to 0.03, stance-hip" in said and "gait.png" in said

@@ -8,12 +8,10 @@ import pytest
 import torch
 from stable_baselines3.common.buffers import RolloutBuffer
 
-from agents import envs, evaluation
-from agents.config import ConfigError, configure
+from agents import envs
+from agents.config import configure
 from agents.learner import build
 from agents.ppo_fast import advantages, carried, chances
-from agents.training import Run
-from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT
 from gym_passive_walker.envs.policies.network import ACTIVATIONS
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
@@ -128,26 +126,3 @@ def test_without_the_extra_for_devices_the_processor_carries_walkers(monkeypatch
     env = PassiveWalkerVecEnv(2, "level")
     walkers = carried(env, torch.device("cuda"))
     assert type(walkers) is PassiveWalkerTorchEnv and walkers.envs is env.envs
-
-
-def test_rollouts_fall_into_whole_batches():
-    config = configure("ppo-fast", "level", n_envs=8)
-    with pytest.raises(ConfigError, match="batch_size must divide the 800 steps of a rollout"):
-        build(config, envs.training_envs(config), n_steps=100, batch_size=300)
-
-
-def test_a_hyperparameter_of_another_algorithm_is_refused():
-    config = configure("ppo-fast", "level", n_envs=8)
-    with pytest.raises(ConfigError, match="ent_coef"):
-        build(config, envs.training_envs(config), ent_coef=0.0)
-
-
-@pytest.mark.learning
-def test_it_learns_to_walk_on_the_level(tmp_path):
-    """In a thirtieth of its steps; passive walkers return 5, and the best constant torque 27."""
-    run = Run(configure("ppo-fast", "level", steps=200_000, every=200_000), tmp_path)
-    assert run.train(progress=False)
-    assert run.notes["best"] > 35.0
-    _, rows = evaluation.evaluate_policy(tmp_path)
-    walks = [row for row in rows if row["agent"] == "PPO-FAST"]
-    assert sum(row["ending"] == TIME_LIMIT for row in walks) > 15

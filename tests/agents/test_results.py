@@ -78,8 +78,21 @@ def test_three_seeds_have_an_interval_and_two_have_none():
     assert results.interval(np.array([5.0, 5.0, 5.0])) == (5.0, 5.0)
 
 
-def test_a_cell_ignores_what_is_not_known_and_shows_the_rest_in_its_form():
-    assert results.cell([None, math.inf, 2.0, math.nan, 4.0], ".2f") == "3.00"
+@pytest.mark.parametrize(
+    ("values", "form", "shown"),
+    [
+        ([0.5], ".0%", "50%"), ([math.nan, None], ".1f", "–"),
+        ([1.0, 1.0, 1.0], ".1f", "1.0 [1.0, 1.0]"),
+        ([None, math.inf, 2.0, math.nan, 4.0], ".2f", "3.00"),
+        ([-0.001], ".0%", "0%"), ([-0.01], ".0%", "-1%"),
+        ([-1e-6, -2e-6, -3e-6], ".4f", "0.0000 [0.0000, 0.0000]"),
+    ],
+)  # fmt: skip
+def test_a_cell_shows_what_is_known_in_its_form_and_a_zero_without_sign(values, form, shown):
+    assert results.cell(values, form) == shown
+
+
+def test_a_cell_of_three_seeds_has_their_interval():
     low, high = results.interval(np.array([1.0, 2.0, 4.0]))
     shown = results.cell([1.0, math.nan, 2.0, None, 4.0], ".3f")
     assert shown == f"{7 / 3:.3f} [{low:.3f}, {high:.3f}]"
@@ -114,6 +127,7 @@ def test_every_row_of_every_table_shows_its_own_score_of_each_agent():
         for (name, _, form), line in zip(results.ROWS, lines, strict=False):
             means = [f"{plain_middle([s[name] for s in each]):{form}}" for each in own.values()]
             assert [cell.split(" [")[0] for cell in line[1:]] == means, name
+        assert lines[-1][1:] == [results.falls(each) for each in own.values()]
 
 
 def test_a_row_that_no_agent_has_is_left_out_and_one_that_some_have_is_not():
@@ -166,15 +180,21 @@ def test_raw_scores_are_a_row_for_each_unit_in_order_with_six_digits(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["scores.csv"]
 
 
-@pytest.mark.parametrize("lacking", [results.BEGIN, results.END])
-def test_a_document_that_lacks_one_of_its_two_marks_is_refused(lacking, tmp_path):
+def test_a_document_keeps_what_stands_around_the_tables(tmp_path):
     path = tmp_path / "page.md"
-    text = f"a\n{results.BEGIN}\nb\n{results.END}\nc\n".replace(lacking, "")
-    path.write_text(text)
+    path.write_text(f"before\n{results.BEGIN}\nold\n{results.END}\nafter\n")
+    results.write_document(path, "new")
+    assert path.read_text() == f"before\n{results.BEGIN}\nnew\n{results.END}\nafter\n"
+
+
+@pytest.mark.parametrize("marks", ["", results.BEGIN, results.END])
+def test_a_document_that_lacks_one_of_its_two_marks_is_refused(marks, tmp_path):
+    path = tmp_path / "page.md"
+    path.write_text(f"a\n{marks}\nb\n")
     for write in (results.around_tables, lambda page: results.write_document(page, "new")):
         with pytest.raises(ValueError, match=r"page\.md has no lines"):
             write(path)
-    assert path.read_text() == text
+    assert path.read_text() == f"a\n{marks}\nb\n"
 
 
 def test_a_result_carries_its_command_the_day_and_the_commit():
@@ -353,11 +373,11 @@ def test_a_score_has_its_unit_and_what_its_training_took(tmp_path, monkeypatch):
 
         def train(self, *, progress):
             assert progress is False
-            return True
+            return finished[0]
 
     monkeypatch.setattr(benchmark, "Run", Made)
     unit = Unit("steep", "sac", 3)
-    first = [{"steps": 512, "seconds": 2.5}]
+    first, finished = [{"steps": 512, "seconds": 2.5}], [True]
     found = benchmark.measure(tmp_path, unit, 0.5)
     assert found == {
         "scene": "steep", "agent": "sac", "seed": 3, "of": "steep", "learning_steps": 4096,
@@ -367,13 +387,17 @@ def test_a_score_has_its_unit_and_what_its_training_took(tmp_path, monkeypatch):
     whole = configure("sac", "steep", seed=3)
     assert folder == tmp_path / "runs" / "steep-sac-3"
     assert config.steps == round(0.5 * whole.steps) and config.every == config.steps // 4
-    assert config.hyperparams == whole.hyperparams and config.n_envs == whole.n_envs
+    names = ("hyperparams", "n_envs", "seed")
+    assert all(getattr(config, name) == getattr(whole, name) for name in names)
     first[0] = None
     found = benchmark.measure(tmp_path, unit, 1e-9)
     assert math.isnan(found["steps_to_hundred"]) and math.isnan(found["seconds_to_hundred"])
     assert made[1][0].steps == made[1][0].every == 1
     passive = benchmark.measure(tmp_path, Unit("lab", "passive", 0), 1.0)
     assert passive == {"scene": "lab", "agent": "passive", "seed": 0, "of": "lab"}
+    finished[0] = False
+    with pytest.raises(KeyboardInterrupt):
+        benchmark.measure(tmp_path, unit, 0.5)
 
 
 def test_scores_are_read_in_the_order_of_their_names_and_a_damaged_one_is_named(tmp_path):

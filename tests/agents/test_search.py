@@ -96,6 +96,16 @@ def test_the_best_trial_is_kept_as_a_preset_that_makes_its_configuration(
     assert configure("ppo", "steep") == replace(config, hyperparams=best)
 
 
+def test_a_search_that_goes_on_makes_only_the_trials_that_are_left(tmp_path, monkeypatch):
+    made, config = given(monkeypatch, [1.0, 3.0, 2.0]), configure("ppo", "level")
+    search(config, tmp_path, 1, progress=False)
+    assert made == [0]
+    best = search(config, tmp_path, 3, progress=False)
+    assert made == [0, 1, 2]
+    assert best != config.hyperparams  # the second trial's are
+    assert search(config, tmp_path, 3, progress=False) == best and made == [0, 1, 2]
+
+
 def test_a_search_is_determined_by_its_seed_and_prints_nothing_if_quiet(
     tmp_path, monkeypatch, capsys
 ):

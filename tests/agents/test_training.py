@@ -24,47 +24,29 @@ from agents.callbacks import Milestones
 from agents.config import ALGORITHMS, Config, ConfigError, configure
 from agents.evaluation import evaluate
 from agents.learner import LearnedPolicy, build, export, learned, load_policy, on_numpy
-from agents.search import search
 from agents.training import Run
 from benchmarks.kills import kill
 from gym_passive_walker._tools.files import replacing
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-
-SMALL = {"n_envs": 8, "every": 128}
-# What follows the steps asked for would go on otherwise when more are asked for.
-PPO = {"n_steps": 16, "batch_size": 64, "n_epochs": 2, "learning_rate": 1e-3}
-SHAC = {"n_steps": 16, "batch_size": 64, "n_epochs": 2, "learning_rate": 1e-3}
-SAC = {"learning_starts": 64, "batch_size": 32, "buffer_size": 512, "learning_rate": 1e-3}
-
-
-def small(algo="ppo", steps=256, scene="level", **changes):
-    """A configuration of a few hundred steps."""
-    config = configure(algo, scene, steps=steps, **{**SMALL, **changes})
-    config.hyperparams.update({"sac": SAC, "shac": SHAC}.get(algo, PPO))
-    if algo != "sac":  # noise follows the steps asked for
-        config = dataclasses.replace(config, exploration=None)
-    return config
-
-
-def weights(run: Run) -> np.ndarray:
-    """All numbers that were learned, in one array."""
-    tensors = list(run.model.policy.state_dict().values())
-    if run.config.algo == "sac":
-        tensors.append(run.model.log_ent_coef)
-    return torch.cat([t.detach().reshape(-1) for t in tensors]).numpy()
+from tests.agents.runs import SEEN, short_arena, small, weights
 
 
 @pytest.fixture(autouse=True)
 def _short_exams(monkeypatch):
     """Make evaluations during training short."""
+    monkeypatch.setattr(envs, "arena", short_arena)
 
-    def short(config, count):
-        scene = envs.scene_of(config)
-        return gymnasium.make_vec(
-            envs.ID, num_envs=min(count, 2), scene=scene, max_episode_steps=30
-        )
 
-    monkeypatch.setattr(envs, "arena", short)
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """Finished runs of PPO and SAC; no test changes their folders."""
+    runs = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(envs, "arena", short_arena)
+        for algo in ("ppo", "sac"):
+            runs[algo] = Run(small(algo), tmp_path_factory.mktemp(algo), tensorboard=True)
+            assert runs[algo].train(progress=False)
+    return runs
 
 
 def varied(steps):
@@ -78,29 +60,19 @@ def varied(steps):
     return config
 
 
-@pytest.mark.parametrize(
-    "config",
-    [
-        lambda steps: small("ppo", steps, "rolling"),
-        lambda steps: small("sac", steps, "level"),
-        lambda steps: small("ppo", steps, "steep"),
-        varied,
-        lambda steps: small("shac", steps, "level"),
-        lambda steps: small("ppo-fast", steps, "rolling"),
-        lambda steps: small("ppo", steps, "pushed"),
-        lambda steps: small("shac-learned", steps, "level"),
-    ],
-    ids=[
-        "ppo-rolling",
-        "sac-level",
-        "ppo-steep",
-        "sac-varied",
-        "shac-level",
-        "ppo-fast-rolling",
-        "ppo-pushed",
-        "shac-learned-level",
-    ],
-)
+UNINTERRUPTED = {
+    "ppo-rolling": lambda steps: small("ppo", steps, "rolling"),
+    "sac-level": lambda steps: small("sac", steps, "level"),
+    "ppo-steep": lambda steps: small("ppo", steps, "steep"),
+    "sac-varied": varied,
+    "shac-level": lambda steps: small("shac", steps, "level"),
+    "ppo-fast-rolling": lambda steps: small("ppo-fast", steps, "rolling"),
+    "ppo-pushed": lambda steps: small("ppo", steps, "pushed"),
+    "shac-learned-level": lambda steps: small("shac-learned", steps, "level"),
+}
+
+
+@pytest.mark.parametrize("config", UNINTERRUPTED.values(), ids=UNINTERRUPTED)
 def test_a_resumed_run_goes_on_as_if_uninterrupted(tmp_path, config):
     whole = Run(config(384), tmp_path / "whole")
     assert whole.train(progress=False)
@@ -111,10 +83,10 @@ def test_a_resumed_run_goes_on_as_if_uninterrupted(tmp_path, config):
     torch.manual_seed(5)
     rest = Run(config(384), tmp_path / "parts")
     assert rest.resumed and rest.steps == 256
-    assert np.array_equal(weights(rest), weights(part))
+    assert np.array_equal(weights(rest.model), weights(part.model))
     assert rest.train(progress=False)
     assert rest.steps == whole.steps
-    assert np.array_equal(weights(rest), weights(whole))
+    assert np.array_equal(weights(rest.model), weights(whole.model))
     curves = [(tmp_path / name / "learning_curve.csv").read_text() for name in ("whole", "parts")]
     steps = [[line.split(",")[0] for line in curve.splitlines()] for curve in curves]
     assert steps[0] == steps[1]
@@ -170,19 +142,18 @@ def exams(monkeypatch, rewards, record):
 
 def test_training_keeps_the_policy_that_did_best_in_its_evaluations(tmp_path, monkeypatch):
     """At any time of the training, and also after an interruption."""
-    seen = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 8)).astype(np.float32)
     acted = {}
 
     def record(policy, walks, reward):
-        acted[reward] = policy.predict(seen)[0]
+        acted[reward] = policy.predict(SEEN)[0]
 
     exams(monkeypatch, [1.0, 5.0, 3.0, 4.0], record)
     for steps in (256, 384):
         Run(small(steps=steps), tmp_path).train(progress=False)
     assert list(acted) == [1.0, 5.0, 3.0, 4.0]
-    kept = load_policy(tmp_path)
-    assert kept.predict(seen)[0] == pytest.approx(acted[5.0], abs=1e-6)
-    assert kept.predict(seen)[0] != pytest.approx(acted[4.0], abs=1e-6)
+    kept = load_policy(tmp_path).predict(SEEN)[0]
+    assert kept == pytest.approx(acted[5.0], abs=1e-6)
+    assert kept != pytest.approx(acted[4.0], abs=1e-6)
 
 
 def test_shac_keeps_its_last_policy(tmp_path, monkeypatch):
@@ -190,9 +161,8 @@ def test_shac_keeps_its_last_policy(tmp_path, monkeypatch):
     run = Run(small("shac"), tmp_path)
     run.train(progress=False)
     assert run.notes["best"] == 3.0 and len(run.notes["curve"]) > 1
-    seen = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 8)).astype(np.float32)
     last = on_numpy(LearnedPolicy(run.model, "SHAC"), run.config)
-    assert load_policy(tmp_path).predict(seen)[0] == pytest.approx(last.predict(seen)[0], abs=1e-6)
+    assert load_policy(tmp_path).predict(SEEN)[0] == pytest.approx(last.predict(SEEN)[0], abs=1e-6)
 
 
 def test_all_evaluations_of_a_run_are_of_the_same_episodes(tmp_path, monkeypatch):
@@ -218,7 +188,7 @@ def test_the_same_seed_learns_the_same(tmp_path, algo):
     for i, seed in enumerate((1, 1, 2)):
         runs.append(Run(small(algo, seed=seed), tmp_path / str(i)))
         runs[-1].train(progress=False)
-    first, second, other = map(weights, runs)
+    first, second, other = (weights(run.model) for run in runs)
     assert np.array_equal(first, second) and not np.array_equal(first, other)
 
 
@@ -238,12 +208,10 @@ def test_trainings_with_other_seeds_have_other_walkers_and_no_evaluation_s(algo)
     assert len(set.union(*met)) == sum(map(len, met)) == 4 * 8 + 3 * 100
 
 
-def test_only_the_newest_checkpoint_stays(tmp_path):
-    run = Run(small(), tmp_path)
-    run.train(progress=False)
-    left = list((tmp_path / "checkpoints").iterdir())
-    assert left == [files.checkpoint_path(tmp_path, run.steps)]
-    assert all(path.stat().st_size for path in left[0].iterdir())
+def test_only_the_newest_checkpoint_stays(ran):
+    run = ran["ppo"]
+    left = list((run.folder / "checkpoints").iterdir())
+    assert left == [files.checkpoint_path(run.folder, run.steps)]
 
 
 def test_a_kill_while_saving_costs_one_interval_at_most(tmp_path, monkeypatch):
@@ -287,7 +255,7 @@ def test_a_wish_to_stop_saves_and_the_rest_can_follow(tmp_path, monkeypatch):
     )
     rest = Run(seldom, tmp_path / "part")
     assert rest.train(progress=False)
-    assert np.array_equal(weights(rest), weights(whole))
+    assert np.array_equal(weights(rest.model), weights(whole.model))
 
 
 def test_starts_may_be_harder_while_learning():
@@ -297,27 +265,22 @@ def test_starts_may_be_harder_while_learning():
     assert learning == dataclasses.replace(evaluated, reset_noise_scale=learning.reset_noise_scale)
 
 
-def test_policies_are_loaded_without_unpickling(tmp_path, monkeypatch):
-    run = Run(small(), tmp_path)
-    run.train(progress=False)
-
+def test_policies_are_loaded_without_unpickling(ran, monkeypatch):
     def refuse(*arguments, **options):
         raise AssertionError("something was unpickled")
 
     monkeypatch.setattr(pickle, "loads", refuse)
     monkeypatch.setattr(cloudpickle, "loads", refuse)
-    policy = load_policy(tmp_path)
+    policy = load_policy(ran["ppo"].folder)
     action, _ = policy.predict(np.zeros((3, 8), np.float32))
     assert action.shape == (3, 1) and np.all(np.abs(action) <= 1.0)
     action, _ = policy.predict(np.zeros(8, np.float32))
     assert action.shape == (1,)
 
 
-def test_the_model_is_one_that_stable_baselines3_loads_by_itself(tmp_path):
-    run = Run(small(), tmp_path)
-    run.train(progress=False)
-    loaded = stable_baselines3.PPO.load(tmp_path / "model.zip", device="cpu")
-    assert loaded.n_envs == run.config.n_envs
+def test_the_model_is_one_that_stable_baselines3_loads_by_itself(ran):
+    loaded = stable_baselines3.PPO.load(ran["ppo"].folder / "model.zip", device="cpu")
+    assert loaded.n_envs == ran["ppo"].config.n_envs
 
 
 def test_a_folder_without_a_policy_is_refused(tmp_path):
@@ -327,15 +290,13 @@ def test_a_folder_without_a_policy_is_refused(tmp_path):
         load_policy(tmp_path)
 
 
-def test_files_of_another_shape_are_refused(tmp_path):
-    run = Run(small(), tmp_path)
-    run.train(progress=False)
-    other = small()
+def test_files_of_another_shape_are_refused(ran):
+    folder, other = ran["ppo"].folder, small()
     other.hyperparams["policy_kwargs"] = {"net_arch": [16]}
     with pytest.raises(ConfigError, match=r"model\.zip is damaged, or does not fit"):
-        load_policy(tmp_path, other)
+        load_policy(folder, other)
     with pytest.raises(ConfigError, match="does not fit"):
-        Run(other, tmp_path)
+        Run(other, folder)
 
 
 @pytest.mark.slow
@@ -371,30 +332,6 @@ def test_a_search_keeps_the_best_and_can_go_on(ways, tmp_path, capsys):
     assert "best.yml" in capsys.readouterr().out
 
 
-def test_a_search_that_goes_on_makes_only_the_trials_that_are_left(tmp_path, monkeypatch):
-    pytest.importorskip("optuna")
-    made = []
-
-    def trained(folder, config, number):
-        made.append(number)
-        return [1.0, 3.0, 2.0][number]
-
-    monkeypatch.setattr("agents.search._trained", trained)
-    config = small()
-    search(config, tmp_path, 1, progress=False)
-    assert made == [0]
-    best = search(config, tmp_path, 3, progress=False)
-    assert made == [0, 1, 2]
-    assert best != config.hyperparams  # the second trial's are
-    assert search(config, tmp_path, 3, progress=False) == best and made == [0, 1, 2]
-
-
-def test_tensorboard_gets_its_logs_where_asked(tmp_path):
-    run = Run(small(), tmp_path, tensorboard=True)
-    run.train(progress=False)
-    assert list((tmp_path / "tensorboard").rglob("events.out.tfevents.*"))
-
-
 @pytest.mark.learning
 def test_a_training_that_is_killed_twice_ends_as_if_it_had_not_been(tmp_path):
     found = kill(tmp_path, 2)
@@ -421,19 +358,20 @@ def test_a_killed_training_loses_one_interval_at_most(tmp_path):
     load_policy(folder)
 
 
-def test_an_exported_policy_acts_as_it_did(tmp_path):
-    for algo in ("ppo", "sac"):
-        run = Run(small(algo), tmp_path / algo)
-        run.train(progress=False)
-        own = LearnedPolicy(run.model, algo)
-        export(own, run.config, tmp_path / f"{algo}-exported")
-        config, back = learned(tmp_path / f"{algo}-exported")
-        assert (config.algo, config.hyperparams) == (algo, run.config.hyperparams)
-        seen = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 8)).astype(np.float32)
-        assert own.predict(seen)[0] == pytest.approx(back.predict(seen)[0], abs=1e-6)
-        assert {path.suffix for path in (tmp_path / f"{algo}-exported").iterdir()} == {
-            ".safetensors", ".json",
-        }  # fmt: skip
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+def test_an_exported_policy_acts_as_it_did(algo, ran, tmp_path):
+    """As tensors and JSON; earlier versions wrote the configuration as YAML."""
+    run, own = ran[algo], LearnedPolicy(ran[algo].model, algo)
+    export(own, run.config, tmp_path)
+    assert {path.suffix for path in tmp_path.iterdir()} == {".safetensors", ".json"}
+    config, back = learned(tmp_path)
+    assert (config.algo, config.hyperparams) == (algo, run.config.hyperparams)
+    assert own.predict(SEEN)[0] == pytest.approx(back.predict(SEEN)[0], abs=1e-6)
+    (tmp_path / "policy.json").unlink()
+    run.config.save(tmp_path / files.CONFIG)
+    config, back = learned(tmp_path)
+    assert config == run.config
+    assert own.predict(SEEN)[0] == pytest.approx(back.predict(SEEN)[0], abs=1e-6)
 
 
 @pytest.mark.parametrize("algo", ["ppo", "sac"])
@@ -446,48 +384,37 @@ def test_the_last_policy_is_exported_although_an_earlier_one_is_kept(algo, tmp_p
     run.train(progress=False)
     assert not (tmp_path / "run" / "model.zip").exists()
     assert train.main(words) == 0
-    seen = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 8)).astype(np.float32)
     own, found = LearnedPolicy(run.model, algo), gpw.load_policy(out)
-    assert own.predict(seen)[0] == pytest.approx(found.predict(seen)[0], abs=1e-6)
+    assert own.predict(SEEN)[0] == pytest.approx(found.predict(SEEN)[0], abs=1e-6)
 
 
 @pytest.mark.parametrize("algo", ["ppo", "sac"])
-def test_a_run_is_exported_as_an_onnx_file_with_its_normalizer(algo, tmp_path, capsys):
+def test_a_run_is_exported_as_an_onnx_file_with_its_normalizer(algo, ran, tmp_path, capsys):
     pytest.importorskip("onnxruntime")
-    run = Run(small(algo), tmp_path / "run")
-    run.train(progress=False)
-    own, folder = load_policy(tmp_path / "run"), str(tmp_path / "run")
-    seen = np.random.default_rng(0).uniform(-0.5, 0.5, (50, 8)).astype(np.float32)
-    ways = {"one.onnx": [], "two/policy.onnx": ["--onnx"]}
-    for name, words in ways.items():
+    folder = ran[algo].folder
+    own = load_policy(folder)
+    for name, words in {"one.onnx": [], "two/policy.onnx": ["--onnx"]}.items():
         out = str(tmp_path / name.removesuffix("/policy.onnx"))
-        assert train.main(["export", folder, out, *words]) == 0
+        assert train.main(["export", str(folder), out, *words]) == 0
         assert capsys.readouterr().out == f"Saved in {tmp_path / name}\n"
         policy = gpw.load_policy(tmp_path / name)
-        assert policy.scene == envs.scene_of(run.config)
-        assert policy.predict(seen)[0] == pytest.approx(own.predict(seen)[0], abs=2e-6)
-    assert train.main(["export", "steep-ppo", str(tmp_path / "shipped.onnx")]) == 0
-    shipped, found = gpw.load_policy("steep-ppo"), gpw.load_policy(tmp_path / "shipped.onnx")
-    assert found.predict(seen)[0] == pytest.approx(shipped.predict(seen)[0], abs=2e-6)
-    assert train.main(["gait", str(tmp_path / "shipped.onnx")]) == 0
+        assert policy.scene == envs.scene_of(ran[algo].config)
+        assert policy.predict(SEEN)[0] == pytest.approx(own.predict(SEEN)[0], abs=2e-6)
+
+
+def test_a_shipped_policy_is_exported_as_an_onnx_file_that_has_a_gait(tmp_path, capsys):
+    pytest.importorskip("onnxruntime")
+    file = tmp_path / "shipped.onnx"
+    assert train.main(["export", "steep-ppo", str(file)]) == 0
+    shipped, found = gpw.load_policy("steep-ppo"), gpw.load_policy(file)
+    assert found.predict(SEEN)[0] == pytest.approx(shipped.predict(SEEN)[0], abs=2e-6)
+    assert train.main(["gait", str(file)]) == 0
     assert "speed" in capsys.readouterr().out
-    if algo == "ppo":
-        # Its file of stable-baselines3 has no normalizer, which is beside it.
-        with pytest.raises(gpw.PolicyError, match=r"normalizer.*train.py export"):
-            gpw.load_policy(tmp_path / "run" / "model.zip")
 
 
-def test_a_policy_that_was_exported_as_tensors_and_yaml_acts_as_it_did(tmp_path):
-    run = Run(small(), tmp_path / "run")
-    run.train(progress=False)
-    own = LearnedPolicy(run.model, "PPO")
-    export(own, run.config, tmp_path / "old")
-    (tmp_path / "old" / "policy.json").unlink()
-    run.config.save(tmp_path / "old" / files.CONFIG)
-    config, back = learned(tmp_path / "old")
-    seen = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 8)).astype(np.float32)
-    assert config == run.config
-    assert own.predict(seen)[0] == pytest.approx(back.predict(seen)[0], abs=1e-6)
+def test_a_run_s_file_of_stable_baselines3_lacks_the_normalizer_beside_it(ran):
+    with pytest.raises(gpw.PolicyError, match=r"normalizer.*train.py export"):
+        gpw.load_policy(ran["ppo"].folder / "model.zip")
 
 
 @pytest.mark.parametrize(("algo", "scene", "name"), [
@@ -507,13 +434,12 @@ def test_a_training_begins_with_the_policy_it_is_given(algo, scene, name, tmp_pa
     assert not np.allclose(begun.predict(seen)[0], expected, atol=1e-5)
     # A resumed run continues with its own weights.
     more = dataclasses.replace(config, steps=config.steps + 128)
-    np.testing.assert_array_equal(weights(Run(more, tmp_path)), weights(run))
+    np.testing.assert_array_equal(weights(Run(more, tmp_path).model), weights(run.model))
 
 
-def test_a_training_begins_with_the_policy_of_another_run(tmp_path):
-    Run(small(), tmp_path / "first").train(progress=False)
-    first = load_policy(tmp_path / "first")
-    second = Run(small(seed=1, start=str(tmp_path / "first")), tmp_path / "second")
+def test_a_training_begins_with_the_policy_of_another_run(ran, tmp_path):
+    folder = ran["ppo"].folder
+    first, second = load_policy(folder), Run(small(seed=1, start=str(folder)), tmp_path)
     seen = gymnasium.make_vec(envs.ID, num_envs=4, scene="level").reset(seed=0)[0]
     here = LearnedPolicy(second.model, "PPO").predict(seen)[0]
     np.testing.assert_allclose(here, first.predict(seen)[0], atol=1e-5)
@@ -532,13 +458,12 @@ def test_a_policy_that_does_not_fit_a_training_leaves_no_folder(
     assert not (tmp_path / "run").exists()
 
 
-def test_an_exported_policy_with_other_layers_is_refused(tmp_path):
-    run, other = (Run(small(algo), tmp_path / algo) for algo in ("ppo", "sac"))
-    export(LearnedPolicy(run.model, "PPO"), run.config, tmp_path / "out")
-    export(LearnedPolicy(other.model, "SAC"), other.config, tmp_path / "other")
-    (tmp_path / "other" / "policy.safetensors").replace(tmp_path / "out" / "policy.safetensors")
+def test_an_exported_policy_with_other_layers_is_refused(ran, tmp_path):
+    for algo, run in ran.items():
+        export(LearnedPolicy(run.model, algo.upper()), run.config, tmp_path / algo)
+    (tmp_path / "sac" / "policy.safetensors").replace(tmp_path / "ppo" / "policy.safetensors")
     with pytest.raises(ConfigError, match="action_net"):
-        learned(tmp_path / "out")
+        learned(tmp_path / "ppo")
 
 
 @pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac", "shac-learned"])
@@ -551,29 +476,9 @@ def test_evaluations_during_a_training_run_the_same_policy_on_numpy(algo, tmp_pa
 
 def test_a_training_says_when_it_first_walked(tmp_path):
     run = Run(small(), tmp_path)
-    run.notes["curve"] = [
-        {
-            "steps": 64,
-            "seconds": 0.5,
-            "reached_time_limit": 0.4,
-            "hundred_strides": 0.4,
-            "distance": 2.0,
-        },
-        {
-            "steps": 1024,
-            "seconds": 1.5,
-            "reached_time_limit": 0.5,
-            "hundred_strides": 0.5,
-            "distance": 12.34,
-        },
-        {
-            "steps": 2048,
-            "seconds": 2.5,
-            "reached_time_limit": 0.9,
-            "hundred_strides": 0.9,
-            "distance": 60.0,
-        },
-    ]
+    names = ("steps", "seconds", "reached_time_limit", "hundred_strides", "distance")
+    rows = [(64, 0.5, 0.4, 0.4, 2.0), (1024, 1.5, 0.5, 0.5, 12.34), (2048, 2.5, 0.9, 0.9, 60.0)]
+    run.notes["curve"] = [dict(zip(names, row, strict=True)) for row in rows]
     assert "1.5 s of training (1,024 steps)" in run.first_walks()
     assert "12.3 leg lengths" in run.first_walks()
     assert run.first_to_walk["steps"] == 1024
@@ -581,15 +486,15 @@ def test_a_training_says_when_it_first_walked(tmp_path):
     assert run.first_walks().startswith("At no time")
 
 
-def test_each_evaluation_is_kept_beside_what_exploring_walks_earned(tmp_path):
-    run = Run(small(), tmp_path, tensorboard=True)
-    run.train(progress=False)
+def test_each_evaluation_is_kept_beside_what_exploring_walks_earned(ran):
+    """In the learning curve, and in tensorboard's logs where they are asked for."""
+    run, folder = ran["ppo"], ran["ppo"].folder
     first, last = run.notes["curve"][0], run.notes["curve"][-1]
     assert np.isnan(first["exploring_reward"])  # no episode has ended yet
     episodes = [episode["r"] for episode in run.model.ep_info_buffer]
     assert episodes and last["exploring_reward"] == pytest.approx(np.mean(episodes))
     assert last["exploring_reward"] != last["reward"]
-    header = (tmp_path / "learning_curve.csv").read_text().splitlines()[0].split(",")
+    header = (folder / "learning_curve.csv").read_text().splitlines()[0].split(",")
     assert {"reward", "distance", "exploring_reward"} <= set(header)
-    written = b"".join(path.read_bytes() for path in tmp_path.rglob("*tfevents*"))
+    written = b"".join(path.read_bytes() for path in (folder / "tensorboard").rglob("*tfevents*"))
     assert b"eval/reward" in written and b"rollout/ep_rew_mean" in written

@@ -6,10 +6,7 @@ import argparse
 import dataclasses
 import inspect
 from pathlib import Path
-from types import SimpleNamespace
 
-import gymnasium
-import numpy as np
 import pytest
 
 pytest.importorskip("stable_baselines3")
@@ -19,7 +16,7 @@ from stable_baselines3.common.logger import Logger
 
 import train
 from agents import benchmark, commands, envs, evaluation, results
-from agents.config import ALGORITHMS, Config, ConfigError, configure, presets
+from agents.config import ALGORITHMS, Config, configure, presets
 from agents.exploration import Ladder, Schedule, explorers
 from agents.first_order import SHAC
 from agents.learned_steps import LearnedSHAC
@@ -27,8 +24,8 @@ from agents.learner import build
 from agents.ppo_fast import FastPPO
 from agents.training import Run
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
-from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.scenes.scene import SCENES
+from tests.agents.runs import short_arena, weights
 from tests.options.effects import Call, To, cases, check, missing, plain
 
 
@@ -57,10 +54,6 @@ def learned(of, **options):
     return model
 
 
-def weights(model):
-    return torch.cat([x.detach().reshape(-1) for x in model.policy.state_dict().values()]).numpy()
-
-
 def what(model):
     """Results in which an option may have an effect: weights, rollouts and logs."""
     return weights(model), model._stats_window_size, model.verbose
@@ -68,18 +61,9 @@ def what(model):
 
 TWO = dict(n_steps=16, batch_size=32, n_epochs=2, learning_rate=1e-2, seed=1)
 SAME_OF_BOTH = dict(
-    learning_rate=1e-3,
-    n_steps=32,
-    batch_size=64,
-    n_epochs=3,
-    gamma=0.9,
-    gae_lambda=0.5,
-    max_grad_norm=1e-3,
-    stats_window_size=7,
-    policy_kwargs={"net_arch": [8]},
-    seed=2,
-    verbose=1,
-)
+    learning_rate=1e-3, n_steps=32, batch_size=64, n_epochs=3, gamma=0.9, gae_lambda=0.5,
+    max_grad_norm=1e-3, stats_window_size=7, policy_kwargs={"net_arch": [8]}, seed=2, verbose=1,
+)  # fmt: skip
 ELSEWHERE = {
     "policy": "names the networks",
     "env": "walkers",
@@ -87,28 +71,20 @@ ELSEWHERE = {
     "tensorboard_log": "of the test below",
     "_init_setup_model": "of the test below",
 }
+ITS_OWN = {
+    FastPPO: {"clip_range": 0.01, "farthest": 0.5, "vf_coef": 0.01},
+    SHAC: {"reach": 0.5},
+    LearnedSHAC: {"reach": 0.5},
+}
 LEARNERS = {
-    "FastPPO": Call(
-        lambda **options: what(learned(FastPPO, **options)),
+    of.__name__: Call(
+        lambda of=of, **options: what(learned(of, **options)),
         TWO,
-        {**SAME_OF_BOTH, "clip_range": 0.01, "farthest": 0.5, "vf_coef": 0.01},
+        {**SAME_OF_BOTH, **own},
         ELSEWHERE,
-        FastPPO,
-    ),
-    "SHAC": Call(
-        lambda **options: what(learned(SHAC, **options)),
-        TWO,
-        {**SAME_OF_BOTH, "reach": 0.5},
-        ELSEWHERE,
-        SHAC,
-    ),
-    "LearnedSHAC": Call(
-        lambda **options: what(learned(LearnedSHAC, **options)),
-        TWO,
-        {**SAME_OF_BOTH, "reach": 0.5},
-        ELSEWHERE,
-        LearnedSHAC,
-    ),
+        of,
+    )
+    for of, own in ITS_OWN.items()
 }
 
 
@@ -151,24 +127,22 @@ def taught(**options):
 
 
 def test_every_option_of_learning_is_heard(tmp_path):
-    table = {
-        "FastPPO.learn": Call(
-            taught,
-            dict(total_timesteps=64),
-            dict(
-                total_timesteps=128,
-                callback=Lines(3),
-                log_interval=None,
-                reset_num_timesteps=False,
-                progress_bar=To(True, same=True),
-            ),
-            {"tb_log_name": "names the folder of logs"},
-            FastPPO.learn,
+    call = Call(
+        taught,
+        dict(total_timesteps=64),
+        dict(
+            total_timesteps=128,
+            callback=Lines(3),
+            log_interval=None,
+            reset_num_timesteps=False,
+            progress_bar=To(True, same=True),
         ),
-    }
-    assert not missing(table, {"FastPPO.learn"})
-    for name, option in cases(table):
-        check(table[name], option)
+        {"tb_log_name": "names the folder of logs"},
+        FastPPO.learn,
+    )
+    assert not missing({"FastPPO.learn": call}, {"FastPPO.learn"})
+    for option in call.other:
+        check(call, option)
     model = learned(FastPPO, **TWO, tensorboard_log=str(tmp_path))
     model.learn(64, tb_log_name="elsewhere")
     assert list(tmp_path.glob("elsewhere_*"))
@@ -215,7 +189,8 @@ def test_all_that_a_preset_says_reaches_the_learner(algo, scene):
     falls = isinstance(rate, str)
     first = float(str(rate).removeprefix("lin_"))
     assert model.lr_schedule(1.0) == first
-    assert model.lr_schedule(0.5) == pytest.approx(first * (0.5 if falls else 1.0))
+    for left in (0.5, 0.0):
+        assert model.lr_schedule(left) == pytest.approx(first * (left if falls else 1.0))
     kwargs = preset.pop("policy_kwargs", {})
     if isinstance(kwargs, str):
         kwargs = eval(kwargs, {"nn": torch.nn})
@@ -329,44 +304,18 @@ def test_an_option_of_what_is_around_learners_is_heard(name, option):
     assert not missing(CONFIGURE, set(CONFIGURE))
 
 
-def test_the_schedule_s_noise_and_charge_are_those_of_the_share_of_the_steps():
-    charged = []
-    for share, energy, log_std in ((0.2, "net", -1.5), (0.7, None, -3.0)):
-        explorer = Schedule({0.0: -1.0, 0.4: -2.0, 1.0: -4.0}, energy="net", until=0.5)
-        policy = SimpleNamespace(log_std=torch.zeros(1))
-        explorer.model = SimpleNamespace(
-            num_timesteps=100 * share,
-            _total_timesteps=100,
-            policy=policy,
-            get_env=lambda: SimpleNamespace(env_method=lambda *reported: charged.append(reported)),
-        )
-        explorer._on_rollout_start()
-        assert policy.log_std.item() == pytest.approx(log_std)
-        assert charged[-1] == ("set_energy_cost", energy)
-
-
 @pytest.fixture
 def short_exams(monkeypatch):
     """Make evaluations during training short."""
-
-    def short(config, count):
-        return gymnasium.make_vec(
-            envs.ID, num_envs=2, scene=envs.scene_of(config), max_episode_steps=30
-        )
-
-    monkeypatch.setattr(envs, "arena", short)
+    monkeypatch.setattr(envs, "arena", short_arena)
 
 
 @pytest.mark.usefixtures("short_exams")
 def test_a_run_evaluates_and_stops_when_its_configuration_says(tmp_path):
     config = dataclasses.replace(configure("ppo", "level", n_envs=4, steps=128, every=64))
     config.hyperparams.update(n_steps=16, batch_size=64)
-    for name, steps, every, count in (
-        ("a", 128, 64, 4),
-        ("b", 256, 64, 4),
-        ("c", 128, 128, 4),
-        ("d", 128, 64, 8),
-    ):
+    asked_for = {"a": (128, 64, 4), "b": (256, 64, 4), "c": (128, 128, 4), "d": (128, 64, 8)}
+    for name, (steps, every, count) in asked_for.items():
         here = dataclasses.replace(config, steps=steps, every=every, n_envs=count)
         here.hyperparams.update(n_steps=64 // count)
         run = Run(here, tmp_path / name)
@@ -385,11 +334,9 @@ def test_a_bar_and_logs_change_nothing_that_is_learned(tmp_path, capsys):
         run.train(progress=progress)
         return weights(run.model), bool(list((tmp_path / name).rglob("events.out.*")))
 
-    (quiet, none), (shown, _), (logged, there) = (
-        run("a", False, False),
-        run("b", True, False),
-        run("c", False, True),
-    )
+    quiet, none = run("a", False, False)
+    shown, _ = run("b", True, False)
+    logged, there = run("c", False, True)
     assert plain(quiet) == plain(shown) == plain(logged) and there and not none
 
 
@@ -416,54 +363,49 @@ def asked(words, monkeypatch):
     return found
 
 
-WORDS = {
-    "algo": "--algo sac",
-    "scene": "--scene steep",
-    "walker": "--walker lab",
-    "slope": "--slope 0.01 0.02",
-    "control": "--control stride",
-    "steps": "--steps 1000",
-    "envs": "--envs 8",
-    "seed": "--seed 5",
-    "every": "--every 9",
-    "episode_steps": "--episode-steps 70",
-    "start": "--from level-ppo",
-    "out": "--out there",
-    "tensorboard": "--tensorboard",
-    "quiet": "--quiet",
-    "trust": "--trust",
-}
-FIELDS = {
-    "algo": "sac",
-    "scene": "steep",
-    "steps": 1000,
-    "n_envs": 8,
-    "seed": 5,
-    "every": 9,
-    "episode_steps": 70,
-    "start": "level-ppo",
-}
-ENV = {"walker": "lab", "slope": [0.01, 0.02], "control": "stride"}
+CONFIG = {
+    "algo": ("--algo sac", "sac"), "scene": ("--scene steep", "steep"),
+    "steps": ("--steps 1000", 1000), "envs": ("--envs 8", 8), "seed": ("--seed 5", 5),
+    "every": ("--every 9", 9), "episode_steps": ("--episode-steps 70", 70),
+    "start": ("--from level-ppo", "level-ppo"),
+}  # fmt: skip
+ENV = {
+    "walker": ("--walker lab", "lab"), "slope": ("--slope 0.01 0.02", [0.01, 0.02]),
+    "control": ("--control stride", "stride"),
+}  # fmt: skip
+CALLS = {
+    "out": ("--out there", "folder", Path("there")), "quiet": ("--quiet", "progress", False),
+    "tensorboard": ("--tensorboard", "tensorboard", True), "trust": ("--trust", "trust", True),
+}  # fmt: skip
+WORDS = CONFIG | ENV | CALLS
+"""Words for each option of a training, and the value that they ask for."""
 
 
-@pytest.mark.parametrize("option", WORDS)
-def test_an_option_of_a_training_is_heard(option, tmp_path, monkeypatch):
+@pytest.mark.parametrize("option", CONFIG)
+def test_an_option_of_a_training_is_a_field_of_its_configuration(option, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    before, after = asked("", monkeypatch), asked(WORDS[option], monkeypatch)
-    assert plain({**before, "folder": 0}) != plain({**after, "folder": 0}) or option == "out"
-    field = {"envs": "n_envs"}.get(option, option)
-    if field in FIELDS:
-        assert getattr(after["config"], field) == FIELDS[field]
-    elif option in ENV:
-        assert after["config"].env[option] == ENV[option]
-    elif option == "out":
-        assert after["folder"] == Path("there")
-    else:
-        assert (after["tensorboard"], after["progress"], after["trust"]) == (
-            option == "tensorboard",
-            option != "quiet",
-            option == "trust",
-        )
+    words, value = CONFIG[option]
+    name = {"envs": "n_envs"}.get(option, option)
+    before, after = (getattr(asked(w, monkeypatch)["config"], name) for w in ("", words))
+    assert before != value == after
+
+
+@pytest.mark.parametrize("option", ENV)
+def test_an_option_of_a_training_is_an_argument_of_its_scene(option, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words, value = ENV[option]
+    assert asked("", monkeypatch)["config"].env == {}
+    assert asked(words, monkeypatch)["config"].env == {option: value}
+
+
+@pytest.mark.parametrize("option", CALLS)
+def test_an_option_of_a_training_reaches_its_run_alone(option, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words, name, value = CALLS[option]
+    before, after = asked("", monkeypatch), asked(words, monkeypatch)
+    assert before.pop(name) != value == after.pop(name)
+    before.pop("folder", None), after.pop("folder", None)  # each run has a new one
+    assert before == after
 
 
 def test_a_search_is_asked_for_by_words(tmp_path, monkeypatch, capsys):
@@ -478,13 +420,8 @@ def test_a_search_is_asked_for_by_words(tmp_path, monkeypatch, capsys):
 
     monkeypatch.setattr(search, "search", noted)
     assert train.main("--search 3 --out there --ray far --quiet --seed 4".split()) == 0
-    assert (found["trials"], found["folder"], found["ray"], found["progress"]) == (
-        3,
-        Path("there"),
-        "far",
-        False,
-    )
-    assert found["config"].seed == 4
+    assert found.pop("config").seed == 4
+    assert found == {"trials": 3, "folder": Path("there"), "ray": "far", "progress": False}
     assert train.main("--search 2 --ray".split()) == 0
     assert (found["trials"], found["ray"], found["progress"]) == (2, "here", True)
     parameters = set(inspect.signature(search.search).parameters)
@@ -515,16 +452,7 @@ def test_every_option_of_every_command_is_tested(monkeypatch):
         "evaluate": {"run", "policy", "episodes", "seed", "trust"},
         "optimal": {"scene", "again"},
         "gait": {"policy", "scene", "slope", "period", "out", "trust"},
-        "benchmark": {
-            "scenes",
-            "agents",
-            "seeds",
-            "budget",
-            "out",
-            "tables",
-            "document",
-            "quiet",
-        },
+        "benchmark": {"scenes", "agents", "seeds", "budget", "out", "tables", "document", "quiet"},
         "export": {"run", "output", "onnx", "last", "trust"},
     }
 
@@ -537,46 +465,9 @@ def printed(words, capsys):
 
 def test_every_option_of_evaluate_is_heard(capsys):
     base = printed("evaluate --policy steep-ppo --episodes 1", capsys)
-    for words in (
-        "--policy steep-sac --episodes 1",
-        "--policy steep-ppo --episodes 2",
-        "--policy steep-ppo --episodes 1 --seed 5",
-    ):
-        assert printed(f"evaluate {words}", capsys) != base
-
-
-def test_every_option_of_optimal_is_heard(capsys, monkeypatch):
-    asked_for, kept = [], []
-    monkeypatch.setattr(optimal, "optimal_gaits", lambda *given: asked_for.append(given) or [])
-    monkeypatch.setattr(
-        optimal, "save_gaits", lambda path, gaits: kept.append(path) or path.touch()
-    )
-    monkeypatch.setattr(optimal, "save_costs", lambda name, gaits: kept.append(name))
-    monkeypatch.setattr(commands, "replacing", aside)
-    assert printed("optimal", capsys) != printed("optimal --scene lab", capsys)
-    assert not asked_for
-    for scene, (first, last, apart) in commands.GRIDS.items():
-        printed(f"optimal --scene {scene} --again", capsys)
-        name, speeds = asked_for.pop()
-        assert name == scene and (speeds[0], speeds[-1]) == (first, last)
-        assert np.diff(speeds) == pytest.approx(apart / commands.FINER)
-        assert kept[-2:] == [scene, kept[-1]] and kept[-1].name == f"{scene}.json"
-
-
-class aside:
-    """A replacement of a file's writer that discards the file."""
-
-    def __init__(self, path):
-        self.path = path
-
-    def __enter__(self):
-        import tempfile
-
-        self.folder = tempfile.TemporaryDirectory()
-        return Path(self.folder.name) / self.path.name
-
-    def __exit__(self, *_):
-        self.folder.cleanup()
+    for words in ("steep-sac --episodes 1", "steep-ppo --episodes 2",
+                  "steep-ppo --episodes 1 --seed 5"):  # fmt: skip
+        assert printed(f"evaluate --policy {words}", capsys) != base
 
 
 def test_every_option_of_gait_is_heard(capsys, tmp_path, monkeypatch):
@@ -599,11 +490,11 @@ def test_every_option_of_gait_is_heard(capsys, tmp_path, monkeypatch):
 
 def test_every_option_of_a_benchmark_is_heard(capsys, tmp_path, monkeypatch):
     found, written = [], []
-    monkeypatch.setattr(
-        benchmark,
-        "run",
-        lambda folder, todo, *, budget, progress: found.append((folder, todo, budget, progress)),
-    )
+
+    def run(folder, todo, *, budget, progress):
+        found.append((folder, todo, budget, progress))
+
+    monkeypatch.setattr(benchmark, "run", run)
     monkeypatch.setattr(benchmark, "load_scores", lambda folder: [folder])
     monkeypatch.setattr(results, "read_csv", lambda path: [path])
     monkeypatch.setattr(results, "tables", str)
@@ -655,7 +546,7 @@ def test_what_a_sweep_trains_with_is_heard(tmp_path, monkeypatch):
         with pytest.raises(Enough):
             sweep.train(**options)
         config, folder = found.pop()
-        return config, folder.parent == tmp_path, folder.name if folder.parent == tmp_path else ""
+        return config, folder.parent == tmp_path
 
     call = Call(
         trained,
@@ -673,16 +564,4 @@ def test_what_a_sweep_trains_with_is_heard(tmp_path, monkeypatch):
     assert not missing({"train": call}, {"train"})
     for option in call.other:
         check(call, option)
-    names = {
-        trained(folder=str(tmp_path), **other)[2]
-        for other in ({}, {"steps": 100}, {"n_envs": 8}, {"seed": 5}, {"slope": 0.01})
-    }
-    assert len(names) == 5  # each kept apart
     assert trained(slope=0.01)[0].env == {"slope": 0.01}
-
-
-def test_options_that_no_algorithm_has_are_refused():
-    for algo in ALGORITHMS:
-        config = configure(algo, "steep" if algo == "sac" else "level", n_envs=2)
-        with pytest.raises(ConfigError, match="no_such"):
-            build(config, envs.training_envs(config), no_such=1)

@@ -19,6 +19,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*:ResourceWarning")
 
 BUMPY = "--terrain rough:height_std=0.02"
 NEAR = "--state 0.3 -0.3 -0.3 -1.2 -0.8 -1.0"
+WALKED = {"tune": ("C 0.03", "C 0.03 --tune"), "kind": ("C 0.03", "C 0.03 --kind short")}
 
 
 def motors(before, after="", walker="E", at="0.01"):
@@ -32,6 +33,16 @@ def motors(before, after="", walker="E", at="0.01"):
         "controller": (lab, f"{lab} --controller lab-ppo"),
         "scene": (f"{lab} --controller lab-ppo", f"{lab} --controller lab-ppo --scene steep"),
     }
+
+
+def with_rest(rest, base, other):
+    """Words of a command and of its options; all have the same rest."""
+    pairs = {option: (base, words) if isinstance(words, str) else words
+             for option, words in other.items()}  # fmt: skip
+    return (
+        f"{rest} {base}",
+        {option: (f"{rest} {one}", f"{rest} {two}") for option, (one, two) in pairs.items()},
+    )
 
 
 TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
@@ -66,37 +77,31 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             **motors("0.0359 0.0361", at="0.008 0.01"),
         },
     ),
-    "bifurcation": (
-        "D 0.012 0.0155 --slopes 2 --n-transient 9 --n-recorded 33",
+    "bifurcation": with_rest(
+        "--slopes 2 --n-transient 9 --n-recorded 33",
+        "D 0.012 0.0155",
         {
-            "walker": "E 0.012 0.0155 --slopes 2 --n-transient 9 --n-recorded 33",
-            "low": "D 0.013 0.0155 --slopes 2 --n-transient 9 --n-recorded 33",
-            "high": "D 0.012 0.016 --slopes 2 --n-transient 9 --n-recorded 33",
-            "tune": (
-                "C 0.02 0.03 --slopes 2 --n-transient 9 --n-recorded 33",
-                "C 0.02 0.03 --slopes 2 --n-transient 9 --n-recorded 33 --tune",
-            ),
-            "slopes": "D 0.012 0.0155 --slopes 3 --n-transient 9 --n-recorded 33",
-            "n_transient": "D 0.012 0.0155 --slopes 2 --n-transient 10 --n-recorded 33",
-            "n_recorded": "D 0.012 0.0155 --slopes 2 --n-transient 9 --n-recorded 34",
-            "kind": "D 0.012 0.0155 --slopes 2 --n-transient 9 --n-recorded 33 --kind short",
-            **motors(
-                "0.035 0.036", "--slopes 2 --n-transient 9 --n-recorded 33", "D", "0.008 0.01"
-            ),
+            "walker": "E 0.012 0.0155",
+            "low": "D 0.013 0.0155",
+            "high": "D 0.012 0.016",
+            "tune": ("C 0.02 0.03", "C 0.02 0.03 --tune"),
+            "slopes": "D 0.012 0.0155 --slopes 3",
+            "n_transient": "D 0.012 0.0155 --n-transient 10",
+            "n_recorded": "D 0.012 0.0155 --n-recorded 34",
+            "kind": "D 0.012 0.0155 --kind short",
+            **motors("0.035 0.036", walker="D", at="0.008 0.01"),
         },
     ),
-    "basin": (
-        "D 0.009 --resolution 5 --strides 30",
+    "basin": with_rest(
+        "--resolution 5 --strides 30",
+        "D 0.009",
         {
-            "walker": "E 0.009 --resolution 5 --strides 30",
-            "slope": "D 0.01 --resolution 5 --strides 30",
-            "tune": (
-                "C 0.018 --resolution 5 --strides 30",
-                "C 0.018 --resolution 5 --strides 30 --tune",
-            ),
-            "resolution": "D 0.009 --resolution 6 --strides 30",
-            "strides": "D 0.009 --resolution 5 --strides 3",
-            **motors("0.036", "--resolution 5 --strides 20"),
+            "walker": "E 0.009",
+            "slope": "D 0.01",
+            "tune": ("C 0.018", "C 0.018 --tune"),
+            "resolution": "D 0.009 --resolution 6",
+            "strides": "D 0.009 --strides 3",
+            **motors("0.036", "--strides 20"),
         },
     ),
     "check": (
@@ -110,91 +115,69 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             **motors("0.036"),
         },
     ),
-    "robustness": (
-        "D --slope 0.009 --walkers 4 --strides 9 --roughness 2e-4",
+    "robustness": with_rest(
+        "--walkers 4 --strides 9 --roughness 2e-4",
+        "D --slope 0.009",
         {
-            "controller": "lab --slope 0.036 --walkers 4 --strides 9 --roughness 2e-4",
-            "scene": (
-                "lab --slope 0.036 --walkers 4 --strides 9",
-                "lab --scene lab --slope 0.036 --walkers 4 --strides 9",
-            ),
-            "slope": "D --slope 0.01 --walkers 4 --strides 9 --roughness 2e-4",
-            "roughness": "D --slope 0.009 --walkers 4 --strides 9 --roughness 1e-3",
-            "first_passage": "D --slope 0.009 --walkers 4 --strides 9 --roughness 2e-4 "
-            "--first-passage mesh",
-            "strides": "D --slope 0.009 --walkers 4 --strides 19 --roughness 2e-4",
-            "walkers": "D --slope 0.009 --walkers 9 --strides 9 --roughness 2e-4",
-            "seed": "D --slope 0.009 --walkers 4 --strides 9 --roughness 2e-4 --seed 1",
-            "out": "D --slope 0.009 --walkers 4 --strides 9 --roughness 2e-4 --out r.png",
+            "controller": "lab --slope 0.036",
+            "scene": ("lab --slope 0.036", "lab --scene lab --slope 0.036"),
+            "slope": "D --slope 0.01",
+            "roughness": "D --slope 0.009 --roughness 1e-3",
+            "first_passage": "D --slope 0.009 --first-passage mesh",
+            "strides": "D --slope 0.009 --strides 19",
+            "walkers": "D --slope 0.009 --walkers 9",
+            "seed": "D --slope 0.009 --seed 1",
+            "out": "D --slope 0.009 --out r.png",
         },
     ),
-    "simulate": (
-        "lab 0.036 --strides 2 --out w.csv",
+    "simulate": with_rest(
+        "--strides 2 --out w.csv",
+        "lab 0.036",
         {
-            "walker": "C 0.036 --strides 2 --out w.csv",
-            "slope": "lab 0.037 --strides 2 --out w.csv",
-            "tune": ("C 0.03 --strides 2 --out w.csv", "C 0.03 --strides 2 --out w.csv --tune"),
-            "kind": (
-                "C 0.03 --strides 2 --out w.csv",
-                "C 0.03 --strides 2 --out w.csv --kind short",
-            ),
-            "strides": "lab 0.036 --strides 3 --out w.csv",
-            "state": f"lab 0.036 --strides 2 --out w.csv {NEAR}",
-            **motors("0.036", "--strides 2 --out w.csv"),
-            "terrain": "lab 0.036 --strides 2 --out w.csv --terrain stairs:rise=-0.001",
+            "walker": "C 0.036",
+            "slope": "lab 0.037",
+            **WALKED,
+            "strides": "lab 0.036 --strides 3",
+            "state": f"lab 0.036 {NEAR}",
+            **motors("0.036"),
+            "terrain": "lab 0.036 --terrain stairs:rise=-0.001",
             "terrain_seed": (
-                "lab 0.036 --strides 2 --out w.csv --terrain rough:height_std=1e-3",
-                "lab 0.036 --strides 2 --out w.csv --terrain rough:height_std=1e-3 --terrain-seed "
-                "1",
+                "lab 0.036 --terrain rough:height_std=1e-3",
+                "lab 0.036 --terrain rough:height_std=1e-3 --terrain-seed 1",
             ),
-            "samples": "lab 0.036 --strides 2 --out w.csv --samples 9",
-            "out": "lab 0.036 --strides 2 --out other.csv",
+            "samples": "lab 0.036 --samples 9",
+            "out": "lab 0.036 --out other.csv",
         },
     ),
-    "strobe": (
-        "lab 0.036 --strides 1 --out w.png",
+    "strobe": with_rest(
+        "--strides 1 --out w.png",
+        "lab 0.036",
         {
-            "walker": "C 0.036 --strides 1 --out w.png",
-            "slope": "lab 0.05 --strides 1 --out w.png",
-            "tune": ("C 0.03 --strides 1 --out w.png", "C 0.03 --strides 1 --out w.png --tune"),
-            "kind": (
-                "C 0.03 --strides 1 --out w.png",
-                "C 0.03 --strides 1 --out w.png --kind short",
-            ),
-            "strides": "lab 0.036 --strides 2 --out w.png",
-            "state": f"lab 0.036 --strides 1 --out w.png {NEAR}",
-            **motors("0.036", "--strides 2 --out w.png", "D"),
-            "terrain": "lab 0.036 --strides 1 --out w.png --terrain stairs:rise=-0.02",
-            "terrain_seed": (
-                f"lab 0.036 --strides 1 --out w.png {BUMPY}",
-                f"lab 0.036 --strides 1 --out w.png {BUMPY} --terrain-seed 1",
-            ),
-            "out": "lab 0.036 --strides 1 --out other.png",
+            "walker": "C 0.036",
+            "slope": "lab 0.05",
+            **WALKED,
+            "strides": "lab 0.036 --strides 2",
+            "state": f"lab 0.036 {NEAR}",
+            **motors("0.036", "--strides 2", "D"),
+            "terrain": "lab 0.036 --terrain stairs:rise=-0.02",
+            "terrain_seed": (f"lab 0.036 {BUMPY}", f"lab 0.036 {BUMPY} --terrain-seed 1"),
+            "out": "lab 0.036 --out other.png",
         },
     ),
-    "video": (
-        "D 0.009 --strides 1 --slower 0.1 --out w.gif",
+    "video": with_rest(
+        "--strides 1 --slower 0.1 --out w.gif",
+        "D 0.009",
         {
-            "walker": "E 0.009 --strides 1 --slower 0.1 --out w.gif",
-            "slope": "D 0.018 --strides 1 --slower 0.1 --out w.gif",
-            "tune": (
-                "C 0.03 --strides 1 --slower 0.1 --out w.gif",
-                "C 0.03 --strides 1 --slower 0.1 --out w.gif --tune",
-            ),
-            "kind": (
-                "C 0.03 --strides 1 --slower 0.1 --out w.gif",
-                "C 0.03 --strides 1 --slower 0.1 --out w.gif --kind short",
-            ),
-            "strides": "D 0.009 --strides 2 --slower 0.1 --out w.gif",
-            "state": f"D 0.009 --strides 1 --slower 0.1 --out w.gif {NEAR}",
-            **motors("0.036", "--strides 2 --slower 0.1 --out w.gif", "D"),
-            "terrain": "D 0.009 --strides 1 --slower 0.1 --out w.gif --terrain stairs:rise=-0.02",
-            "terrain_seed": (
-                f"D 0.009 --strides 1 --slower 0.1 --out w.gif {BUMPY}",
-                f"D 0.009 --strides 1 --slower 0.1 --out w.gif {BUMPY} --terrain-seed 1",
-            ),
-            "out": "D 0.009 --strides 1 --slower 0.1 --out other.gif",
-            "slower": "D 0.009 --strides 1 --slower 0.2 --out w.gif",
+            "walker": "E 0.009",
+            "slope": "D 0.018",
+            **WALKED,
+            "strides": "D 0.009 --strides 2",
+            "state": f"D 0.009 {NEAR}",
+            **motors("0.036", "--strides 2", "D"),
+            "terrain": "D 0.009 --terrain stairs:rise=-0.02",
+            "terrain_seed": (f"D 0.009 {BUMPY}", f"D 0.009 {BUMPY} --terrain-seed 1"),
+            "out": "D 0.009 --out other.gif",
+            "slower": "D 0.009 --slower 0.2",
         },
     ),
     "figures": ("4.6", {"names": "4.10", "out": "4.6 --out there"}),
@@ -214,15 +197,16 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
         "steep-ppo policy.onnx",
         {"policy": "steep-sac policy.onnx", "out": "steep-ppo other.onnx"},
     ),
-    "play": (
-        "lab 0.036 --seconds 0.1 --video f.gif",
+    "play": with_rest(
+        "--seconds 0.1 --video f.gif",
+        "lab 0.036",
         {
-            "walker": "C 0.036 --seconds 0.1 --video f.gif",
-            "slope": "lab 0.02 --seconds 0.1 --video f.gif",
-            "policy": "lab 0.036 --seconds 0.1 --video f.gif --policy lab-ppo",
-            "seconds": "lab 0.036 --seconds 0.2 --video f.gif",
-            "video": "lab 0.036 --seconds 0.1 --video g.gif",
-            "picture": "lab 0.036 --seconds 0.1 --video f.gif --picture q.png",
+            "walker": "C 0.036",
+            "slope": "lab 0.02",
+            "policy": "lab 0.036 --policy lab-ppo",
+            "seconds": "lab 0.036 --seconds 0.2",
+            "video": "lab 0.036 --video g.gif",
+            "picture": "lab 0.036 --picture q.png",
         },
     ),
     "warmup": ("", {}),
@@ -279,13 +263,8 @@ def noted(name: str, folder: Path) -> Path:
 
 @pytest.mark.parametrize("name, option", CASES)
 def test_an_option_of_a_command_is_heard(name, option, tmp_path, monkeypatch):
-    needed = {
-        "strobe": "matplotlib",
-        "figures": "matplotlib",
-        "video": "moviepy",
-        "play": "moviepy",
-        "export": "onnx",
-    }
+    drawn = {"strobe": "matplotlib", "figures": "matplotlib"}
+    needed = {**drawn, "video": "moviepy", "play": "moviepy", "export": "onnx"}
     if name in needed:
         pytest.importorskip(needed[name])
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")

@@ -178,8 +178,8 @@ def test_every_argument_of_a_scene_is_tested():
 @pytest.mark.parametrize("name", SCENES)
 def test_a_scene_by_name_is_its_arguments(name):
     for way in WAYS.values():
-        assert plain(way(scene=name)) == plain(way(scene=make_scene(name)))
-        assert plain(way(scene=name)) == plain(way(scene=SCENES[name]))
+        by_name = plain(way(scene=name))
+        assert by_name == plain(way(scene=make_scene(name))) == plain(way(scene=SCENES[name]))
 
 
 def rest(table, of):
@@ -299,16 +299,16 @@ def slopes_in_sb3(slopes, mask=None):
 
 def charges(env, energy):
     env.set_energy_cost(energy)
-    act = np.full((getattr(env, "num_envs", 1), 1), -1.0, np.float32)
-    return [env.step(act if hasattr(env, "num_envs") else act[0])[1] for _ in range(20)]
+    act = np.full(env.action_space.shape, -1.0, np.float32)
+    return [env.step(act)[1] for _ in range(20)]
 
 
 def renewed(env, scene=None, **changes):
     """Steps after a change of scene."""
     env.set_scene(scene, **changes)
     env.reset(seed=1)
-    act = np.full((getattr(env, "num_envs", 1), 1), 0.5, np.float32)
-    return [env.step(act if hasattr(env, "num_envs") else act[0])[:2] for _ in range(2)]
+    act = np.full(env.action_space.shape, 0.5, np.float32)
+    return [env.step(act)[:2] for _ in range(2)]
 
 
 def steps(make, action):
@@ -351,41 +351,11 @@ METHODS = {
     "PassiveWalkerEnv.reset": Call(
         resets_alone, dict(seed=0), dict(seed=1, options=FROM), of=PassiveWalkerEnv.reset
     ),
-    "PassiveWalkerEnv.step": Call(
-        lambda action: steps(single, action),
-        dict(action=0.0),
-        dict(action=1.0),
-        of=PassiveWalkerEnv.step,
-    ),
     "PassiveWalkerEnv.set_slope": Call(
         slopes_alone, dict(slope=0.01), dict(slope=0.02), of=PassiveWalkerEnv.set_slope
     ),
-    "PassiveWalkerEnv.set_energy_cost": Call(
-        lambda energy: charges(single("level", energy="net"), energy),
-        dict(energy=None),
-        dict(energy="absolute"),
-        of=PassiveWalkerEnv.set_energy_cost,
-    ),
-    "PassiveWalkerEnv.set_scene": Call(
-        lambda **given: renewed(single(), **given),
-        dict(),
-        dict(scene="steep"),
-        of=PassiveWalkerEnv.set_scene,
-    ),
-    "PassiveWalkerEnv.set_state": Call(
-        lambda state: goes_on(single, state),
-        dict(state=single().get_state()),
-        dict(state=a_later_state(single)),
-        of=PassiveWalkerEnv.set_state,
-    ),
     "PassiveWalkerVectorEnv.reset": Call(
         resets, dict(seed=0), dict(seed=1, options=FROM), of=PassiveWalkerVectorEnv.reset
-    ),
-    "PassiveWalkerVectorEnv.step": Call(
-        lambda actions: steps(vector, actions),
-        dict(actions=0.0),
-        dict(actions=1.0),
-        of=PassiveWalkerVectorEnv.step,
     ),
     "PassiveWalkerVectorEnv.set_slopes": Call(
         slopes_together,
@@ -399,43 +369,51 @@ METHODS = {
         dict(steps=[1, 0, 2]),
         of=PassiveWalkerVectorEnv.set_elapsed_steps,
     ),
-    "PassiveWalkerVectorEnv.set_energy_cost": Call(
-        lambda energy: charges(vector(energy="net"), energy),
-        dict(energy=None),
-        dict(energy="absolute"),
-        of=PassiveWalkerVectorEnv.set_energy_cost,
-    ),
-    "PassiveWalkerVectorEnv.call": Call(
-        lambda name: vector(slope=(0.0, 0.1)).call(name),
-        dict(name="slope"),
-        dict(name="render_mode"),
-        of=PassiveWalkerVectorEnv.call,
-    ),
-    "PassiveWalkerVectorEnv.get_attr": Call(
-        lambda name: vector(slope=(0.0, 0.1)).get_attr(name),
-        dict(name="slope"),
-        dict(name="render_mode"),
-        of=PassiveWalkerVectorEnv.get_attr,
-    ),
     "PassiveWalkerVectorEnv.set_attr": Call(
         lambda name, values: str(refusal(lambda: vector().set_attr(name, values))),
         dict(name="slope", values=0.1),
         dict(name="scene", values=To(0.2, same=True)),
         of=PassiveWalkerVectorEnv.set_attr,
     ),
-    "PassiveWalkerVectorEnv.set_scene": Call(
-        lambda **given: renewed(vector(), **given),
-        dict(),
-        dict(scene="steep"),
-        of=PassiveWalkerVectorEnv.set_scene,
-    ),
-    "PassiveWalkerVectorEnv.set_state": Call(
-        lambda state: goes_on(vector, state),
-        dict(state=vector().get_state()),
-        dict(state=a_later_state(vector)),
-        of=PassiveWalkerVectorEnv.set_state,
-    ),
+    **{
+        f"PassiveWalkerVectorEnv.{name}": Call(
+            lambda name, method=name: getattr(vector(slope=(0.0, 0.1)), method)(name),
+            dict(name="slope"),
+            dict(name="render_mode"),
+            of=getattr(PassiveWalkerVectorEnv, name),
+        )
+        for name in ("call", "get_attr")
+    },
 }
+for of, make, action in (
+    (PassiveWalkerEnv, single, "action"), (PassiveWalkerVectorEnv, vector, "actions"),
+):  # fmt: skip
+    METHODS |= {
+        f"{of.__name__}.step": Call(
+            lambda make=make, **given: steps(make, *given.values()),
+            {action: 0.0},
+            {action: 1.0},
+            of=of.step,
+        ),
+        f"{of.__name__}.set_energy_cost": Call(
+            lambda energy, make=make: charges(make(energy="net"), energy),
+            dict(energy=None),
+            dict(energy="absolute"),
+            of=of.set_energy_cost,
+        ),
+        f"{of.__name__}.set_scene": Call(
+            lambda make=make, **given: renewed(make(), **given),
+            {},
+            dict(scene="steep"),
+            of=of.set_scene,
+        ),
+        f"{of.__name__}.set_state": Call(
+            lambda state, make=make: goes_on(make, state),
+            dict(state=make().get_state()),
+            dict(state=a_later_state(make)),
+            of=of.set_state,
+        ),
+    }
 
 
 @pytest.mark.parametrize("name, option", cases(METHODS))
@@ -449,11 +427,8 @@ def test_every_argument_of_every_method_is_tested():
         for name, function in inspect.getmembers(of, inspect.isfunction):
             ours = function.__module__.startswith("gym_passive_walker")
             if not name.startswith("_") and ours:
-                kinds = [
-                    p
-                    for p in inspect.signature(function).parameters.values()
-                    if p.kind is not p.VAR_KEYWORD
-                ]
+                given = inspect.signature(function).parameters.values()
+                kinds = [p for p in given if p.kind is not p.VAR_KEYWORD]
                 found |= {f"{of.__name__}.{name}"} if len(kinds) > 1 else set()
     assert not missing(METHODS, found)
 
@@ -483,7 +458,8 @@ def test_slopes_and_charges_reach_walkers_of_stable_baselines3():
     def charged(energy):
         env = PassiveWalkerVecEnv(2, seed=0, energy="net")
         env.reset()
-        return charges(env, energy)
+        env.set_energy_cost(energy)
+        return [env.step(np.full((2, 1), -1.0, np.float32))[1] for _ in range(20)]
 
     check(Call(charged, dict(energy=None), dict(energy="absolute")), "energy")
 
@@ -519,9 +495,7 @@ def test_every_option_of_torch_is_heard():
                 tolerance=1e-5,
                 max_stride_time=To(0.5, look=lambda reported: reported.outcome),
                 end_on_toe_stub=To(
-                    True,
-                    dict(hip_torque=-0.04 * 7.0 * 9.81),
-                    look=lambda reported: reported.outcome,
+                    True, dict(hip_torque=-0.04 * 7.0 * 9.81), look=lambda found: found.outcome
                 ),
             ),
         ),

@@ -180,8 +180,6 @@ def test_a_sweep_is_given_by_its_file(folder):
     (folder / "mine.yaml").write_text("analysis: gait\nover: {slope: [0.009]}\ngiven: {walker: D}")
     found = gpw.sweep("mine.yaml", workers=1)
     assert found.folder.name == "mine" and found.columns()["found"].all()
-    with pytest.raises(ValueError, match="out must be a folder"):
-        gpw.sweep("gait", over={"slope": [0.009]}, given={"walker": "D"})
 
 
 @pytest.mark.parametrize("name", ["mine.txt", "missing.json", "list.json"])

@@ -41,7 +41,7 @@ RESULTS = set(
 )
 """Classes of results, which users do not construct; the tests of functions cover their content."""
 
-D = gpw.WALKERS["D"]
+D, E = gpw.WALKERS["D"], gpw.WALKERS["E"]
 
 
 @cache
@@ -127,19 +127,16 @@ def stated(**statement):
 
 
 LAB = dict(
-    thigh_length=0.35,
-    thigh_offset=0.0,
-    thigh_mass=2.3,
-    thigh_gyration=0.1,
-    thigh_com=0.1,
-    shank_length=0.46,
-    shank_offset=0.02,
-    shank_mass=1.0,
-    shank_gyration=0.15,
-    shank_com=0.24,
-    foot_radius=0.2,
-    foot_angle=0.2,
-)
+    thigh_length=0.35, thigh_offset=0.0, thigh_mass=2.3, thigh_gyration=0.1, thigh_com=0.1,
+    shank_length=0.46, shank_offset=0.02, shank_mass=1.0, shank_gyration=0.15, shank_com=0.24,
+    foot_radius=0.2, foot_angle=0.2,
+)  # fmt: skip
+OTHER = dict(
+    thigh_length=0.4, thigh_offset=0.01, thigh_mass=2.4, thigh_gyration=0.12, thigh_com=0.12,
+    shank_length=0.5, shank_offset=0.03, shank_mass=1.1, shank_gyration=0.16, shank_com=0.25,
+    foot_radius=0.1, foot_angle=0.1, hip_mass=0.5, hip_stiffness=0.5, hip_friction=0.01,
+    knee_stiffness=0.1, knees=False, gravity=1.6,
+)  # fmt: skip
 TICKS = dict(
     walker=D,
     slope=0.009,
@@ -208,25 +205,25 @@ OPTIONS = {
     },
     "System.vary": Call(COMPASS.vary, {}, {}, of=gpw.System.vary),
     "System.with_body": Call(COMPASS.with_body, {"values": {"hip": 0.6}}, {"values": {"hip": 0.7}}),
-    "System.centre_of_mass": Call(
-        COMPASS.centre_of_mass, {"state": COMPASS.start}, {"state": (0.3, -0.1, 0.0, 0.0)}
-    ),
-    "System.drawn": Call(COMPASS.drawn, {"state": COMPASS.start}, {"state": (0.3, -0.1, 0.0, 0.0)}),
+    **{
+        f"System.{method}": Call(
+            getattr(COMPASS, method), {"state": COMPASS.start}, {"state": (0.3, -0.1, 0.0, 0.0)}
+        )
+        for method in ("centre_of_mass", "drawn")
+    },
     "System.lines": Call(
         TORSO.lines,
         {"body": TORSO.body, "state": TORSO.State(*TORSO.start)},
         {"body": TORSO.body._replace(height=0.9), "state": TORSO.State(0.3, -0.1, *[0.0] * 4)},
     ),
-    "System.with_both_feet_down": Call(
-        COMPASS.with_both_feet_down,
-        {"coordinates": np.array([[0.3, -0.25]])},
-        {"coordinates": np.array([[0.2, -0.25]])},
-    ),
-    "System.exchanged": Call(
-        COMPASS.exchanged,
-        {"coordinates": np.array([[0.3, -0.25]])},
-        {"coordinates": np.array([[0.2, -0.25]])},
-    ),
+    **{
+        f"System.{method}": Call(
+            getattr(COMPASS, method),
+            {"coordinates": np.array([[0.3, -0.25]])},
+            {"coordinates": np.array([[0.2, -0.25]])},
+        )
+        for method in ("with_both_feet_down", "exchanged")
+    },
     "System.struck": Call(
         COMPASS.struck,
         {"states": np.array([[-0.3, 0.3, -1.0, -0.2]])},
@@ -262,31 +259,7 @@ OPTIONS = {
         },
         of=gpw.System.__init__,
     ),
-    "Walker": Call(
-        walks,
-        LAB,
-        dict(
-            thigh_length=0.4,
-            thigh_offset=0.01,
-            thigh_mass=2.4,
-            thigh_gyration=0.12,
-            thigh_com=0.12,
-            shank_length=0.5,
-            shank_offset=0.03,
-            shank_mass=1.1,
-            shank_gyration=0.16,
-            shank_com=0.25,
-            foot_radius=0.1,
-            foot_angle=0.1,
-            hip_mass=0.5,
-            hip_stiffness=0.5,
-            hip_friction=0.01,
-            knee_stiffness=0.1,
-            knees=False,
-            gravity=1.6,
-        ),
-        of=gpw.Walker.__init__,
-    ),
+    "Walker": Call(walks, LAB, OTHER, of=gpw.Walker.__init__),
     "Terrain": Call(
         stands,
         dict(rises=(0.0, 0.1), slopes=(0.0, 0.02)),
@@ -322,18 +295,15 @@ OPTIONS = {
         dict(path="other.onnx"),
         of=gpw.TrainedPolicy.to_onnx,
     ),
-    "TrainedPolicy.mean_actions": Call(
-        lambda observation: gpw.load_policy("rolling-ppo").mean_actions(observation),
-        dict(observation=np.zeros((1, 8))),
-        dict(observation=np.full((1, 8), 0.1)),
-        of=gpw.TrainedPolicy.mean_actions,
-    ),
-    "TrainedPolicy.linearize": Call(
-        lambda observation: gpw.load_policy("level-ppo").linearize(observation),
-        dict(observation=np.zeros((1, 8))),
-        dict(observation=np.full((1, 8), 0.1)),
-        of=gpw.TrainedPolicy.linearize,
-    ),
+    **{
+        f"TrainedPolicy.{method}": Call(
+            getattr(gpw.load_policy(policy), method),
+            dict(observation=np.zeros((1, 8))),
+            dict(observation=np.full((1, 8), 0.1)),
+            of=getattr(gpw.TrainedPolicy, method),
+        )
+        for method, policy in (("mean_actions", "rolling-ppo"), ("linearize", "level-ppo"))
+    },
     "ConstantTorque": Call(
         made(baselines.ConstantTorque),
         dict(torque=0.01, scene="level"),
@@ -481,22 +451,18 @@ def public():
         found |= set() if name in RESULTS else {name}
         for method, function in inspect.getmembers(of, inspect.isfunction):
             ours = function.__module__.startswith("gym_passive_walker")
-            if (
-                ours
-                and not method.startswith("_")
-                and len(inspect.signature(function).parameters) > 1
-            ):
+            several = len(inspect.signature(function).parameters) > 1
+            if ours and not method.startswith("_") and several:
                 found.add(f"{name}.{method}")
     return {name for name in found if name.partition(".")[2] not in ("plot", "to_csv")}
 
 
 def test_every_argument_of_every_public_object_is_tested():
+    of_baselines = (each for each in vars(baselines).values() if inspect.isclass(each))
     found = {
         each.__name__
-        for each in vars(baselines).values()
-        if inspect.isclass(each)
-        and hasattr(each, "predict")
-        and each.__module__ == baselines.__name__
+        for each in of_baselines
+        if hasattr(each, "predict") and each.__module__ == baselines.__name__
     } - {"StrideFeedback"}
     of_functions = {"gains", "ticked_stride", "rough_strides", "strobe", "phase_portrait"}
     assert not missing(OPTIONS, public() | found | of_functions)
@@ -539,7 +505,7 @@ def test_every_picture_is_tested():
 
 
 LEVEL = {"walker": D, "slope": 0.009}
-OF_E = {"walker": gpw.WALKERS["E"], "controller": "constant"}
+OF_E = {"walker": E, "controller": "constant"}
 OF_LAB = {"walker": gpw.WALKERS["lab"], "slope": 0.036}
 PLAYED = {"control": "stride", "max_hip_torque": 0.0025}  # all of it
 STAIRS = {"stairs": {"rise": -1e-4}}
@@ -549,14 +515,14 @@ SWEPT = {
         ANALYSES["gait"],
         LEVEL,
         dict(
-            walker=gpw.WALKERS["E"],
+            walker=E,
             slope=0.01,
             kind="short",
             period=To(2, dict(slope=0.016)),
             hip_torque=0.001,
             ankle_torque=0.001,
             push_off=0.001,
-            controller=To("constant", dict(walker=gpw.WALKERS["E"])),
+            controller=To("constant", dict(walker=E)),
             scene=To({**PLAYED, "max_hip_torque": 0.001}, OF_E),
             terrain=STAIRS,
         ),
@@ -565,11 +531,11 @@ SWEPT = {
         ANALYSES["family"],
         dict(walker=D, slope_min=0.01, slope_max=0.016),
         dict(
-            walker=gpw.WALKERS["E"],
+            walker=E,
             slope_min=0.011,
             slope_max=0.015,
             kind="short",
-            controller=To("constant", dict(walker=gpw.WALKERS["E"], scene=PLAYED)),
+            controller=To("constant", dict(walker=E, scene=PLAYED)),
             scene=To({**PLAYED, "max_hip_torque": 0.001}, OF_E),
             terrain=STAIRS,
         ),
@@ -578,7 +544,7 @@ SWEPT = {
         ANALYSES["bifurcation"],
         dict(walker=D, slope=0.0153, n_transient=5, n_recorded=40),
         dict(
-            walker=gpw.WALKERS["E"],
+            walker=E,
             slope=0.0165,
             n_transient=6,
             n_recorded=50,
@@ -596,7 +562,7 @@ SWEPT = {
             slope=0.018,
             resolution=9,
             strides=100,
-            controller=To("lqr", dict(walker=gpw.WALKERS["E"], resolution=20)),
+            controller=To("lqr", dict(walker=E, resolution=20)),
             scene=To({**PLAYED, "max_hip_torque": 1e-4}, dict(OF_E, controller="lqr")),
             terrain=To({"stairs": {"rise": -0.003}}, dict(resolution=20)),
         ),
@@ -609,9 +575,7 @@ SWEPT = {
             slope=0.02,
             kind=To("short", dict(walker=gpw.WALKERS["C"], slope=0.001)),
             friction=0.01,
-            controller=To(
-                "constant", dict(walker=gpw.WALKERS["E"], slope=0.009, friction=0.0), same=True
-            ),
+            controller=To("constant", dict(walker=E, slope=0.009, friction=0.0), same=True),
             scene=To({"max_hip_torque": 0.03}, dict(controller="lab-ppo"), same=True),
         ),
     ),

@@ -17,6 +17,7 @@ from gym_passive_walker.apps.sweeps.description import Description
 from gym_passive_walker.apps.sweeps.run import SweepResult
 from gym_passive_walker.apps.sweeps.version import version
 from tests.sweeps.conftest import ODD
+from tests.sweeps.odd import odd_sweep
 
 parquet = pytest.importorskip("pyarrow.parquet")
 
@@ -27,8 +28,7 @@ SQUARES = [x * x for x in range(9)]
 
 def squares(folder):
     """A sweep of nine tasks, or the rest of it."""
-    over = {"x": list(range(9))}
-    return gpw.sweep("odd_tasks:square", folder / "out", trust=True, over=over, workers=1)
+    return odd_sweep("square", folder / "out", 9)
 
 
 @pytest.fixture(scope="module")
@@ -50,15 +50,13 @@ def swept(tmp_path_factory):
 @pytest.fixture
 def finished(odd, swept):
     """A folder with a copy of the finished sweep."""
-    shutil.copytree(swept / "finished" / "out", odd / "out")
-    return odd
+    return shutil.copytree(swept / "finished", odd, dirs_exist_ok=True)
 
 
 @pytest.fixture
 def stopped(odd, swept):
     """A folder with a copy of the killed sweep."""
-    shutil.copytree(swept / "stopped" / "out", odd / "out")
-    return odd
+    return shutil.copytree(swept / "stopped", odd, dirs_exist_ok=True)
 
 
 def whole(folder, before=None):
@@ -247,10 +245,8 @@ def test_a_flipped_bit_is_an_error_or_leaves_the_rows_as_they_were(damaged, tmp_
 def test_a_part_that_is_damaged_or_of_another_sweep_is_named_and_left(finished):
     folder = finished / "out" / "rows"
     (part,) = folder.iterdir()
-    kept, before = (
-        part.read_bytes(),
-        SweepResult(finished / "out", 9, 0).columns()["seconds"].tolist(),
-    )
+    kept = part.read_bytes()
+    before = SweepResult(finished / "out", 9, 0).columns()["seconds"].tolist()
     part.write_bytes(kept[: len(kept) // 2])
     refused(finished, f"{part} cannot be read .*move it elsewhere")
     with pytest.raises(ValueError, match=f"{part} cannot be read"):
@@ -336,7 +332,7 @@ def test_a_trusted_function_is_called_by_its_name_by_the_command_or_as_it_is(odd
 
 def test_a_folder_that_names_a_function_runs_nothing_when_it_is_drawn(odd, monkeypatch):
     pytest.importorskip("matplotlib")
-    found = gpw.sweep("odd_tasks:square", odd / "out", trust=True, over={"x": [1, 2]}, workers=1)
+    found = odd_sweep("square", odd / "out", [1, 2])
     assert found.plot(x="x", y="square", by="square")
     monkeypatch.setattr("importlib.import_module", lambda _: pytest.fail("imported"))
     with pytest.raises(ValueError, match=r"odd_tasks:square.* not the package's"):
@@ -347,7 +343,6 @@ def test_results_that_no_column_can_hold_are_an_error_in_their_row(odd):
     (odd / "odd_tasks.py").write_text(
         "def vast(x):\n    return {'size': 2**x, 'word': 'a' if x < 9 else '\\udc80'}\n"
     )
-    over = {"x": [1, 9, 99]}
-    found = gpw.sweep("odd_tasks:vast", odd / "out", trust=True, over=over, workers=1).columns()
+    found = odd_sweep("vast", odd / "out", [1, 9, 99]).columns()
     assert [*found["status"]] == ["done", "done", "failed"] and found["word"][1] == "\\udc80"
     assert "must fit into 64 bits" in found["error"][2]

@@ -13,9 +13,8 @@ from gym_passive_walker.apps.sweeps.tasks import ANALYSES, flat, task
 
 def test_a_grid_is_every_combination_and_a_list_goes_row_by_row():
     over = {"slope": [0.02, 0.03], "seed": [7, 8]}
-    pairs = [
-        (given["slope"], given["seed"]) for given in Description(analysis="gait", over=over).tasks
-    ]
+    tasks = Description(analysis="gait", over=over).tasks
+    pairs = [(given["slope"], given["seed"]) for given in tasks]
     assert pairs == [(0.02, 7), (0.02, 8), (0.03, 7), (0.03, 8)]
     rows = Description(analysis="gait", over=over, how="list").tasks
     assert [(given["slope"], given["seed"]) for given in rows] == [(0.02, 7), (0.03, 8)]
@@ -31,25 +30,20 @@ def test_each_of_n_slices_of_a_parameter_holds_one_of_n_latin_samples():
         assert sorted(slices) == list(range(50))
 
 
+def sampled(how, samples, **options):
+    """Tasks of a sample of slopes."""
+    over = {"slope": [0.01, 0.05]}
+    return Description(analysis="gait", over=over, how=how, samples=samples, **options).tasks
+
+
 @pytest.mark.parametrize("how", ["sobol", "latin-hypercube"])
 def test_another_seed_draws_another_sample(how):
-    drawn = [
-        [
-            given["slope"]
-            for given in Description(
-                analysis="gait", over={"slope": [0.01, 0.05]}, how=how, samples=8, seed=seed
-            ).tasks
-        ]
-        for seed in (0, 1, 1)
-    ]
+    drawn = [[given["slope"] for given in sampled(how, 8, seed=seed)] for seed in (0, 1, 1)]
     assert drawn[1] == drawn[2] and not set(drawn[0]) & set(drawn[1])
 
 
 def test_the_first_half_of_a_sobol_sample_is_the_smaller_sample():
-    few, many = (
-        Description(analysis="gait", over={"slope": [0.01, 0.05]}, how="sobol", samples=n).tasks
-        for n in (16, 32)
-    )
+    few, many = sampled("sobol", 16), sampled("sobol", 32)
     assert many[:16] == few and len({each["slope"] for each in many}) == 32
 
 
@@ -115,16 +109,11 @@ def test_a_swept_gait_is_the_gait():
 
 
 def test_a_seed_that_is_given_to_all_tasks_is_theirs_and_the_sweep_s_draws_the_sample():
-    reported = Description(
-        analysis="gait", over={"slope": [0.01, 0.05]}, how="sobol", samples=4, seed=3,
-        given={"seed": 11},
-    )  # fmt: skip
-    assert {each["seed"] for each in reported.tasks} == {11}
-    plain = Description(
-        analysis="gait", over={"slope": [0.01, 0.05]}, how="sobol", samples=4, seed=3
-    )
-    assert {each["seed"] for each in plain.tasks} == {3}
-    assert [each["slope"] for each in reported.tasks] == [each["slope"] for each in plain.tasks]
+    reported = sampled("sobol", 4, seed=3, given={"seed": 11})
+    assert {each["seed"] for each in reported} == {11}
+    plain = sampled("sobol", 4, seed=3)
+    assert {each["seed"] for each in plain} == {3}
+    assert [each["slope"] for each in reported] == [each["slope"] for each in plain]
 
 
 def test_what_is_said_besides_a_description_replaces_what_it_says(tmp_path):

@@ -15,8 +15,10 @@ pytest.importorskip("pyarrow")
 import gym_passive_walker as gpw
 from gym_passive_walker.apps.cli import main, parser
 from gym_passive_walker.apps.sweeps.description import Description
+from tests.sweeps.odd import odd_sweep
 
 SQUARES = {"analysis": "odd_tasks:square", "over": {"x": [1, 2, 3]}}
+HANGS = {"analysis": "odd_tasks:hangs", "over": {"x": [0, 2]}}
 SAMPLE = {**SQUARES, "over": {"x": [0.0, 1.0]}, "how": "sobol", "samples": 4}
 DESCRIBED = {
     "analysis": ({**SQUARES, "analysis": "odd_tasks:changeable"}, SQUARES),
@@ -25,10 +27,7 @@ DESCRIBED = {
     "given": (SQUARES, {**SQUARES, "given": {"seed": 3}}),
     "samples": (SAMPLE, {**SAMPLE, "samples": 8}),
     "seed": (SQUARES, {**SQUARES, "seed": 5}),
-    "time_out": (
-        {"analysis": "odd_tasks:hangs", "over": {"x": [0, 2]}, "time_out": 0.3},
-        {"analysis": "odd_tasks:hangs", "over": {"x": [0, 2]}, "time_out": 0.6},
-    ),
+    "time_out": ({**HANGS, "time_out": 0.3}, {**HANGS, "time_out": 0.6}),
 }
 """Of each entry of a description, two sweeps that differ in it alone."""
 
@@ -62,21 +61,11 @@ def test_an_entry_of_a_description_is_heard(entry, odd):
     assert rows(found[0]) != rows(found[1])
 
 
-def test_rows_are_the_same_whoever_does_the_tasks_and_lie_where_they_are_asked_for(odd):
-    alone, together = (
-        gpw.sweep(SQUARES, odd / f"by {count}", trust=True, workers=count) for count in (1, 2)
-    )
-    assert rows(alone) == rows(together)
-    assert (odd / "by 1").is_dir() and (odd / "by 2").is_dir()
-
-
 def test_as_many_processes_work_as_are_asked_for(odd):
     for count in (1, 2):
         (odd / str(count)).mkdir()
         given = {"folder": str(odd / str(count)), "processes": count}
-        over = {"x": list(range(8))}
-        gpw.sweep("odd_tasks:noted", odd / f"out {count}", trust=True, over=over, given=given,
-                  workers=count)  # fmt: skip
+        odd_sweep("noted", odd / f"out {count}", 8, given=given, workers=count)
         lines = (odd / str(count) / "noted").read_text().splitlines()
         assert len({line.split()[1] for line in lines}) == count
 
@@ -107,16 +96,6 @@ def test_words_of_the_command_are_the_options_of_python(odd, capsys, monkeypatch
         assert asked == {**usual, "content": file, "out": None} | change
         said = json.loads(capsys.readouterr().out)
         assert said["tasks"] == 3 and np.isfinite(said["failures"])
-
-
-def test_a_branch_has_the_name_of_the_folder_and_of_its_digest(odd):
-    gpw.sweep(SQUARES, odd / "out", trust=True, workers=1)
-    other = {**SQUARES, "seed": 9}
-    with pytest.raises(ValueError, match="holds a sweep with another seed: give another folder"):
-        gpw.sweep(other, odd / "out", trust=True, workers=1)
-    beside = gpw.sweep(other, odd / "out", trust=True, workers=1, branch=True)
-    assert beside.folder == odd / f"out-{Description.of(other).digest[:8]}"
-    assert gpw.sweep(SQUARES, odd / "out", trust=True, branch=True).folder == odd / "out"
 
 
 def test_a_function_that_no_other_process_finds_is_refused(tmp_path):

@@ -7,9 +7,8 @@ import time
 
 import pytest
 
-import gym_passive_walker as gpw
 from gym_passive_walker.apps.sweeps.run import SweepResult
-from tests.sweeps.same import same
+from tests.sweeps.odd import odd_sweep, same
 
 pytest.importorskip("ray")
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -41,25 +40,18 @@ def line(odd, count, address):
 
 
 def test_it_finds_the_same_as_processes_do(odd, cluster):
-    over = {"x": list(range(200))}
-    here = gpw.sweep("odd_tasks:square", odd / "here", trust=True, over=over, workers=2)
-    same(
-        here,
-        gpw.sweep("odd_tasks:square", odd / "there", trust=True, over=over, ray=cluster.address),
-    )
+    here = odd_sweep("square", odd / "here", 200, workers=2)
+    same(here, odd_sweep("square", odd / "there", 200, workers=None, ray=cluster.address))
 
 
 def test_a_worker_that_is_killed_leaves_its_tasks_to_the_others(odd, cluster):
-    over, given = {"x": list(range(40))}, {"folder": str(odd)}
-    options = {"over": over, "given": given}
-    killed = gpw.sweep("odd_tasks:orphans", odd / "out", trust=True, ray=cluster.address, **options)
+    given, on_ray = {"folder": str(odd)}, {"workers": None, "ray": cluster.address}
+    killed = odd_sweep("orphans", odd / "out", 40, given=given, **on_ray)
     assert (odd / "reported").exists() and killed.failures == 0
-    same(killed, gpw.sweep("odd_tasks:orphans", odd / "whole", trust=True, workers=1, **options))
+    same(killed, odd_sweep("orphans", odd / "whole", 40, given=given))
 
 
 def test_a_machine_that_is_lost_leaves_its_tasks_to_the_others(odd, cluster):
-    over, given = {"x": list(range(300))}, {"folder": str(odd)}
-
     def lose():
         while not (odd / "noted").exists() or (odd / "noted").read_text().count("\n") < 20:
             time.sleep(0.01)
@@ -67,9 +59,8 @@ def test_a_machine_that_is_lost_leaves_its_tasks_to_the_others(odd, cluster):
 
     losing = threading.Thread(target=lose)
     losing.start()
-    found = gpw.sweep(
-        "odd_tasks:noted", odd / "out", trust=True, over=over, given=given, ray=cluster.address
-    )
+    on_ray = {"workers": None, "ray": cluster.address}
+    found = odd_sweep("noted", odd / "out", 300, given={"folder": str(odd)}, **on_ray)
     losing.join()
     assert found.failures == 0
     assert found.columns()["square"].tolist() == [x * x for x in range(300)]
@@ -95,11 +86,9 @@ def test_a_machine_of_another_version_is_refused(odd, cluster, monkeypatch):
     cluster.remove_node(cluster.other)
     monkeypatch.setenv("PYTHONPATH", str(elsewhere), prepend=":")
     cluster.add_node(num_cpus=1)
-    over = {"x": list(range(500))}
-    with pytest.raises(
-        ValueError, match=r"of the cluster has version .* install that version there"
-    ):
-        gpw.sweep("odd_tasks:noted", odd / "out", trust=True, over=over, given={"folder": str(odd)},
+    said = r"of the cluster has version .* install that version there"
+    with pytest.raises(ValueError, match=said):
+        odd_sweep("noted", odd / "out", 500, given={"folder": str(odd)}, workers=None,
                   ray=cluster.address)  # fmt: skip
 
 
@@ -123,7 +112,5 @@ def test_a_sweep_that_loses_its_head_goes_on_with_the_next(odd):
         second.shutdown()
     again = (odd / "noted").read_text().count("\n") - done
     assert 30 <= kept < 400 and again == 400 - kept  # nothing that was kept is done again
-    same(SweepResult(odd / "out", 400, 0), gpw.sweep(
-        "odd_tasks:noted", odd / "whole", trust=True, over={"x": list(range(400))},
-        given={"folder": str(odd)}, workers=1,
-    ))  # fmt: skip
+    whole = odd_sweep("noted", odd / "whole", 400, given={"folder": str(odd)})
+    same(SweepResult(odd / "out", 400, 0), whole)

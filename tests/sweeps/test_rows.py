@@ -20,6 +20,7 @@ from gym_passive_walker.apps.sweeps.quantities import label, sizes
 from gym_passive_walker.apps.sweeps.store import DONE, FAILED, TIMED_OUT, Store
 from gym_passive_walker.apps.sweeps.tasks import flat
 from gym_passive_walker.apps.sweeps.workers import Pace, TaskOutcome, Workers
+from tests.sweeps.odd import odd_sweep
 
 parquet = pytest.importorskip("pyarrow.parquet")
 
@@ -75,18 +76,11 @@ def test_columns_are_in_their_order_and_rows_in_that_of_the_tasks(order, tmp_pat
 @pytest.mark.parametrize(
     ("values", "kind"),
     [
-        ([1, 2], "int64"),
-        ([1.5, 2.0], "double"),
-        ([1, 2.5], "double"),
-        ([2.5, 1], "double"),
-        ([True, False], "bool"),
-        ([True, 2], "string"),
-        (["C", "E"], "string"),
-        (["C", 1.0], "string"),
-        ([[1, 2], [3]], "string"),
-        ([None, 1.0], "string"),
+        ([1, 2], "int64"), ([1.5, 2.0], "double"), ([1, 2.5], "double"), ([2.5, 1], "double"),
+        ([True, False], "bool"), ([True, 2], "string"), (["C", "E"], "string"),
+        (["C", 1.0], "string"), ([[1, 2], [3]], "string"), ([None, 1.0], "string"),
     ],
-)
+)  # fmt: skip
 def test_a_parameter_has_the_type_that_holds_all_its_values(values, kind, tmp_path):
     description = Description(analysis="a:b", over={"x": values})
     found = written(tmp_path / "out", description, [{"y": 1}, {"y": 2}])
@@ -102,14 +96,10 @@ def test_a_parameter_has_the_type_that_holds_all_its_values(values, kind, tmp_pa
 @pytest.mark.parametrize(
     ("first", "second", "fits"),
     [
-        (1.5, 2, True),
-        (1, 2.5, False),
-        (True, 1, False),
-        (1.5, True, False),
-        ("a", 1, False),
+        (1.5, 2, True), (1, 2.5, False), (True, 1, False), (1.5, True, False), ("a", 1, False),
         ("a", "b", True),
     ],
-)
+)  # fmt: skip
 def test_only_integers_fit_a_column_of_another_type(first, second, fits, tmp_path):
     description = Description(analysis="a:b", over={"x": [1, 2, 3]})
     found = written(tmp_path / "out", description, [{"y": first}, {"y": second}, {"y": first}])
@@ -457,15 +447,10 @@ def test_a_walker_s_file_is_kept_by_its_content(where, tmp_path):
 @pytest.mark.parametrize(
     ("value", "expected"),
     [
-        (np.float32(0.5), 0.5),
-        (np.int64(3), 3),
-        (np.bool_(True), True),
-        (np.array([2.0]), 2.0),
-        (2**63 - 1, 2**63 - 1),
-        (-(2**63), -(2**63)),
-        ("word", "word"),
+        (np.float32(0.5), 0.5), (np.int64(3), 3), (np.bool_(True), True), (np.array([2.0]), 2.0),
+        (2**63 - 1, 2**63 - 1), (-(2**63), -(2**63)), ("word", "word"),
     ],
-)
+)  # fmt: skip
 def test_a_result_becomes_a_plain_value(value, expected):
     for row in (flat(value), flat({"value": value})):
         assert row == {"value": expected} and type(row["value"]) is type(expected)
@@ -500,10 +485,9 @@ class Alone:
     def outcomes(self, tasks):
         """Yield the outcome of each task."""
         for number, given in tasks:
-            status = FAILED if number == 1 else DONE
-            yield TaskOutcome(
-                number, status, None, 0.5, {"y": given["x"]} if status == DONE else {}
-            )
+            failed = number == 1
+            found = {} if failed else {"y": given["x"]}
+            yield TaskOutcome(number, FAILED if failed else DONE, None, 0.5, found)
 
     def close(self):
         """Count the calls."""
@@ -549,20 +533,17 @@ def test_a_sweep_starts_no_more_workers_than_tasks_and_none_without_tasks(odd, m
         return Alone()
 
     monkeypatch.setattr(run, "Workers", made)
-    options = {"trust": True, "over": {"x": [1, 2, 3]}, "time_out": 2.5}
     for count in (2, 8):
-        found = gpw.sweep("odd_tasks:square", odd / str(count), workers=count, **options)
+        found = odd_sweep("square", odd / str(count), [1, 2, 3], time_out=2.5, workers=count)
         assert (found.tasks, found.failures, found.trust) == (3, 1, True)
     assert asked == [("odd_tasks:square", count, 2.5) for count in (2, 3)]
-    gpw.sweep("odd_tasks:square", odd / "2", workers=2, **options)
+    odd_sweep("square", odd / "2", [1, 2, 3], time_out=2.5, workers=2)
     assert len(asked) == 2  # nothing is left
-    gpw.sweep("odd_tasks:square", odd / "2", workers=2, retry=True, **options)
+    odd_sweep("square", odd / "2", [1, 2, 3], time_out=2.5, workers=2, retry=True)
     assert asked[2:] == [("odd_tasks:square", 1, 2.5)]
     for wrong in ({"workers": 0}, {"workers": 1.5}, {"retry": 1}, {"branch": "no"}):
         with pytest.raises(ValueError, match=f"{next(iter(wrong))} must be"):
-            gpw.sweep("odd_tasks:square", odd / "2", **options, **wrong)
-    with pytest.raises(ValueError, match="out must be a folder"):
-        gpw.sweep("odd_tasks:square", **options)
+            odd_sweep("square", odd / "2", [1, 2, 3], **wrong)
 
 
 def test_invalid_arguments_and_versions_leave_no_folder(tmp_path):
@@ -579,9 +560,8 @@ def test_a_sweep_that_is_stopped_reports_the_tasks_that_are_kept(odd, monkeypatc
             raise KeyboardInterrupt
 
     monkeypatch.setattr(run, "Workers", lambda *_: Stopped())
-    options = {"trust": True, "over": {"x": [1, 2, 3]}}
     with pytest.raises(KeyboardInterrupt):
-        gpw.sweep("odd_tasks:square", odd / "out", **options)
+        odd_sweep("square", odd / "out", [1, 2, 3])
     assert f"2 of 3 tasks are kept in {odd / 'out'}; repeat" in capsys.readouterr().err
     assert store.read_columns(odd / "out")["task"].tolist() == [0, 1]
 

@@ -21,7 +21,7 @@ from gym_passive_walker.apps.sweeps import run
 from gym_passive_walker.apps.sweeps.store import DONE, FAILED, TIMED_OUT
 from gym_passive_walker.apps.sweeps.version import version
 from gym_passive_walker.apps.sweeps.workers import Workers
-from tests.sweeps.same import same
+from tests.sweeps.odd import odd_sweep, same
 
 pytest.importorskip("pyarrow")
 
@@ -34,14 +34,8 @@ def on_a_full_disk(path, data, write=Path.write_bytes):
     return write(path, data)
 
 
-def squares(folder, count=12, **options):
-    return gpw.sweep(
-        "odd_tasks:square", folder, trust=True, over={"x": list(range(count))}, **options
-    )
-
-
 def test_ten_thousand_tiny_tasks_are_ten_thousand_rows(odd):
-    found = squares(odd / "out", 10_000, workers=2, seed=4)
+    found = odd_sweep("square", odd / "out", 10_000, workers=2, seed=4)
     columns = found.columns()
     assert columns["task"].tolist() == list(range(10_000)) and found.failures == 0
     assert columns["square"].tolist() == [x * x for x in range(10_000)]
@@ -50,25 +44,15 @@ def test_ten_thousand_tiny_tasks_are_ten_thousand_rows(odd):
 
 
 def test_a_worker_that_is_killed_is_replaced_and_its_task_done_again(odd):
-    over, given = {"x": list(range(12))}, {"times": 1, "folder": str(odd)}
-    killed = gpw.sweep("odd_tasks:dies", odd / "out", trust=True, over=over, given=given, workers=2)
+    options = {"given": {"times": 1, "folder": str(odd)}, "workers": 2}
+    killed = odd_sweep("dies", odd / "out", 12, **options)
     assert (odd / "lives").read_text() == "x" and killed.failures == 0
-    again = gpw.sweep(
-        "odd_tasks:dies", odd / "whole", trust=True, over=over, given=given, workers=2
-    )
-    same(killed, again)
+    same(killed, odd_sweep("dies", odd / "whole", 12, **options))
 
 
 def test_a_task_that_always_takes_its_process_with_it_is_a_row(odd):
     given = {"times": 9, "folder": str(odd)}
-    found = gpw.sweep(
-        "odd_tasks:dies",
-        odd / "out",
-        trust=True,
-        over={"x": list(range(8))},
-        given=given,
-        workers=2,
-    )
+    found = odd_sweep("dies", odd / "out", 8, given=given, workers=2)
     columns = found.columns()
     assert [*columns["status"]] == [FAILED if x == 5 else DONE for x in range(8)]
     assert "exit code -9" in columns["error"][5] and found.failures == 1
@@ -96,15 +80,7 @@ def test_tasks_that_were_sent_to_a_lost_worker_are_done_in_their_order(over, at,
 
 
 def test_a_task_that_hangs_or_fails_is_a_row_and_stops_no_other(odd):
-    found = gpw.sweep(
-        "odd_tasks:hangs",
-        odd / "out",
-        trust=True,
-        over={"x": list(range(6))},
-        time_out=0.5,
-        workers=1,
-    )
-    columns = found.columns()
+    columns = odd_sweep("hangs", odd / "out", 6, time_out=0.5).columns()
     assert [*columns["status"]] == [DONE, DONE, TIMED_OUT, FAILED, DONE, DONE]
     assert columns["error"][2] == "given up after 0.5 s"
     assert columns["error"][3] == "ValueError: three is too many"
@@ -112,9 +88,7 @@ def test_a_task_that_hangs_or_fails_is_a_row_and_stops_no_other(odd):
 
 
 def test_compilation_is_reported_once_and_does_not_count_towards_the_time_out(odd, capfd):
-    columns = gpw.sweep(
-        "odd_tasks:compiles", odd / "out", trust=True, over={"x": [0, 1]}, time_out=0.5, workers=2
-    ).columns()
+    columns = odd_sweep("compiles", odd / "out", 2, time_out=0.5, workers=2).columns()
     assert [*columns["status"]] == [DONE, TIMED_OUT] and columns["seconds"][0] > 1.5
     assert capfd.readouterr().err.count("compiles a test, this once ...") <= 1
 
@@ -129,34 +103,20 @@ def test_a_sweep_compiles_what_its_tasks_use(tmp_path, monkeypatch):
 
 
 def test_results_of_another_kind_are_an_error_in_their_row(odd):
-    found = gpw.sweep(
-        "odd_tasks:changeable", odd / "out", trust=True, over={"x": [1, 2, 0]}, workers=1
-    )
+    found = odd_sweep("changeable", odd / "out", [1, 2, 0])
     assert found.failures == 1
-    assert found.columns()["error"][2] == (
-        "it found cube (int64), where others found square (int64)"
-    )
+    said = "it found cube (int64), where others found square (int64)"
+    assert found.columns()["error"][2] == said
 
 
 @pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT], ids=["killed", "Ctrl-C"])
 def test_a_sweep_that_was_stopped_does_the_rest_alone_and_ends_as_if_it_had_not(odd, sent):
     (odd / "kept").mkdir()
-    text = json.dumps(
-        {
-            "analysis": "odd_tasks:noted",
-            "over": {"x": list(range(120))},
-            "given": {"folder": str(odd)},
-        }
-    )
+    over, given = {"x": list(range(120))}, {"folder": str(odd)}
+    text = json.dumps({"analysis": "odd_tasks:noted", "over": over, "given": given})
     (odd / "kept.json").write_text(text)
-    command = [
-        sys.executable,
-        "-m",
-        "gym_passive_walker",
-        "sweep",
-        str(odd / "kept.json"),
-        "--trust",
-    ]
+    words = ["sweep", str(odd / "kept.json"), "--trust"]
+    command = [sys.executable, "-m", "gym_passive_walker", *words]
     # A process in the background of a shell ignores Ctrl-C, and so would its children.
     usual = signal.signal(signal.SIGINT, signal.default_int_handler)
     process = subprocess.Popen([*command, "--workers", "2"], stderr=subprocess.PIPE, text=True)
@@ -174,7 +134,7 @@ def test_a_sweep_that_was_stopped_does_the_rest_alone_and_ends_as_if_it_had_not(
     assert 10 <= begun < 120
     kept = [line for line in journal.read_text().splitlines() if line.endswith("}")]
     kept = {row["task"] for row in map(json.loads, kept) if "task" in row}
-    assert main([*command[3:], "--workers", "1", "--json"]) == 0
+    assert main([*words, "--workers", "1", "--json"]) == 0
     # Done twice is only what had not come back.
     done = [int(line.split()[0]) for line in (odd / "noted").read_text().splitlines()]
     assert set(done) == set(range(120))
@@ -186,13 +146,12 @@ def test_a_sweep_that_was_stopped_does_the_rest_alone_and_ends_as_if_it_had_not(
 
 
 def test_what_failed_is_done_once_more_if_that_is_asked_for_and_nothing_else(odd):
-    over, given = {"x": list(range(8))}, {"times": 2, "folder": str(odd)}
-    options = {"over": over, "given": given, "workers": 1}
-    first = gpw.sweep("odd_tasks:dies", odd / "out", trust=True, **options)
+    given = {"times": 2, "folder": str(odd)}
+    first = odd_sweep("dies", odd / "out", 8, given=given)
     assert first.failures == 1 and first.columns()["status"][5] == FAILED
-    kept = gpw.sweep("odd_tasks:dies", odd / "out", trust=True, **options)
+    kept = odd_sweep("dies", odd / "out", 8, given=given)
     assert kept.failures == 1 and (odd / "lives").read_text() == "xx"
-    again = gpw.sweep("odd_tasks:dies", odd / "out", trust=True, retry=True, **options)
+    again = odd_sweep("dies", odd / "out", 8, given=given, retry=True)
     before, after = first.columns(), again.columns()
     assert again.failures == 0 and [*after["square"]] == [x * x for x in range(8)]
     others = np.arange(8) != 5
@@ -202,53 +161,53 @@ def test_what_failed_is_done_once_more_if_that_is_asked_for_and_nothing_else(odd
 @pytest.mark.parametrize("retry", [False, True])
 def test_what_failed_before_a_sweep_was_stopped_is_done_again_on_request(odd, monkeypatch, retry):
     """Rows of a sweep that was stopped are in its journal, not in the dataset."""
-    over, given = {"x": list(range(8))}, {"times": 2, "folder": str(odd)}
-    options = {"over": over, "given": given, "workers": 1, "trust": True}
-
+    given = {"times": 2, "folder": str(odd)}
     with monkeypatch.context() as patch:
         patch.setattr(Path, "write_bytes", on_a_full_disk)
         with pytest.raises(OSError, match="free some space"):
-            gpw.sweep("odd_tasks:dies", odd / "out", **options)
+            odd_sweep("dies", odd / "out", 8, given=given)
     journal = (odd / "out" / "journal.jsonl").read_text().splitlines()
     kept = {row["task"]: row for row in map(json.loads, journal)}
     assert kept[5]["status"] == FAILED and len(kept) == 8
-    columns = gpw.sweep("odd_tasks:dies", odd / "out", retry=retry, **options).columns()
+    columns = odd_sweep("dies", odd / "out", 8, given=given, retry=retry).columns()
     assert [*columns["status"]] == [DONE if retry or x != 5 else FAILED for x in range(8)]
     again = [columns["seconds"][task] != row["seconds"] for task, row in kept.items()]
     assert np.flatnonzero(again).tolist() == [5] * retry
 
 
 def test_a_full_disk_loses_nothing_finished(odd, monkeypatch):
-    over, given = {"x": list(range(9))}, {"folder": str(odd)}
+    given = {"folder": str(odd)}
     with monkeypatch.context() as patch:
         patch.setattr(Path, "write_bytes", on_a_full_disk)
         with pytest.raises(OSError, match=r"No space left on device.*free some space.*to continue"):
-            gpw.sweep("odd_tasks:noted", odd / "out", trust=True, over=over, given=given, workers=1)
+            odd_sweep("noted", odd / "out", 9, given=given)
     assert not list((odd / "out" / "rows").iterdir())
-    found = gpw.sweep("odd_tasks:noted", odd / "out", trust=True, over=over, given=given, workers=1)
+    found = odd_sweep("noted", odd / "out", 9, given=given)
     assert (odd / "noted").read_text().count("\n") == 9  # nothing was done again
     assert found.columns()["square"].tolist() == [x * x for x in range(9)]
     assert not list((odd / "out").glob("*.aside"))
 
 
-def test_a_sweep_of_another_version_or_description_is_refused_or_branches(odd, monkeypatch):
-    squares(odd / "out", workers=1)
-    with pytest.raises(ValueError, match="another over: give another folder, or use a new folder"):
-        squares(odd / "out", 5, workers=1)
-    beside = squares(odd / "out", 5, workers=1, branch=True)
-    assert beside.folder != odd / "out" and len(beside.columns()["x"]) == 5
-    assert len(squares(odd / "out", workers=1).columns()["x"]) == 12
+def test_a_sweep_of_another_version_or_description_is_refused_or_branches(odd):
+    """A branch has the name of the folder and of its digest."""
+    odd_sweep("square", odd / "out", 12)
+    for x, other, entry in ((12, {"seed": 9}, "seed"), (5, {}, "over")):
+        said = f"holds a sweep with another {entry}: give another folder, or use a new folder"
+        with pytest.raises(ValueError, match=said):
+            odd_sweep("square", odd / "out", x, **other)
+    beside = odd_sweep("square", odd / "out", 5, branch=True)
+    assert beside.folder == odd / f"out-{beside.description().digest[:8]}"
+    assert len(beside.columns()["x"]) == 5
+    again = odd_sweep("square", odd / "out", 12, branch=True)
+    assert again.folder == odd / "out" and len(again.columns()["x"]) == 12
     (odd / "odd_tasks.py").write_text((odd / "odd_tasks.py").read_text() + "# another\n")
     with pytest.raises(ValueError, match="was computed by version"):
-        squares(odd / "out", workers=1)
-    monkeypatch.setattr(run, "version", lambda *_: "0.0.1")
-    with pytest.raises(ValueError, match=r"was computed by version .*, this is 0\.0\.1"):
-        squares(odd / "out", workers=1)
+        odd_sweep("square", odd / "out", 12)
 
 
 def test_a_folder_of_other_things_is_left_alone(odd):
     with pytest.raises(ValueError, match="does not contain a sweep"):
-        squares(odd)
+        odd_sweep("square", odd, 12)
 
 
 def test_gaits_are_the_same_by_one_worker_and_by_two(tmp_path):
@@ -284,9 +243,8 @@ def test_on_a_disk_that_fills_up_nothing_finished_is_lost(odd):
     """A disk of 300 kB, in a place of its own that ends with the processes that see it."""
     disk = odd / "disk"
     disk.mkdir()
-    (odd / "much.json").write_text(
-        json.dumps({"analysis": "odd_tasks:square", "over": {"x": list(range(5000))}})
-    )
+    much = {"analysis": "odd_tasks:square", "over": {"x": list(range(5000))}}
+    (odd / "much.json").write_text(json.dumps(much))
     sweep = f"{sys.executable} -m gym_passive_walker sweep {odd}/much.json --trust --out {disk}/out"
     script = (
         f"mount -t tmpfs -o size=300k none {disk} || exit 77\n"
@@ -302,10 +260,8 @@ def test_on_a_disk_that_fills_up_nothing_finished_is_lost(odd):
         pytest.skip("there is no unshare here")
     if reported.returncode in (1, 77) and "first" not in reported.stdout:
         pytest.skip(f"no disk of one's own here: {reported.stderr}")
-    assert (
-        "No space left on device" in reported.stderr
-        and "repeat the call to continue" in reported.stderr
-    )
+    said = reported.stderr
+    assert "No space left on device" in said and "repeat the call to continue" in said
     assert reported.returncode == 0 and "first 0" not in reported.stdout
     columns = run.SweepResult(odd / "kept", 5000, 0).columns()
     assert columns["square"].tolist() == [x * x for x in range(5000)]
@@ -343,10 +299,8 @@ def test_a_system_and_a_scene_of_one_s_own_are_swept_by_their_names(odd):
     }  # fmt: skip
     rows = gpw.sweep(walks, odd / "walks", trust=True, workers=1).columns()
     assert set(rows["status"]) == {"done"}
-    for content, what in (
-        (gaits, "walker 'own_things:WHEEL'"),
-        (walks, "scene 'own_things:steep'"),
-    ):
+    code = (gaits, "walker 'own_things:WHEEL'"), (walks, "scene 'own_things:steep'")
+    for content, what in code:
         with pytest.raises(ValueError, match=f"the {what} is code that is not the package's"):
             gpw.sweep(content, odd / "refused")
 
