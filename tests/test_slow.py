@@ -30,5 +30,6 @@ def test_each_slow_test_is_one_of_the_suite():
     root = Path(__file__).parents[1]
     for line in LIST.read_text(encoding="utf-8").splitlines():
         file, _, name = line.partition("::")
+        assert name.endswith("]") or "[" not in name, line
         function = name.partition("[")[0].rpartition("::")[2]
         assert f"def {function}(" in (root / file).read_text(encoding="utf-8"), line
