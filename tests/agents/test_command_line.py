@@ -159,7 +159,7 @@ REFUSED = {
     "--slope 2": "slope",
     "--slope 0.1 0.05": "slope",
     "--slope 0 1 2": "--slope takes",
-    "--scene moon": "moon",
+    "--scene moon": "no preset for 'moon' in ppo-fast.yml: it has tick, stride, level",
     "--steps 0": "steps",
     "--envs 0": "envs",
     "--seed -4": "seed",
