@@ -1,6 +1,7 @@
 """Progress reports of long work."""
 
 import io
+import os
 import time
 from types import SimpleNamespace
 
@@ -148,7 +149,7 @@ def test_a_bar_is_full_at_most_and_counts_what_was_done(terminal):
 
 def test_a_bar_is_no_longer_than_the_terminal(terminal, monkeypatch):
     monkeypatch.setattr(
-        module.shutil, "get_terminal_size", lambda *_, **__: SimpleNamespace(columns=30)
+        module.shutil, "get_terminal_size", lambda *_, **__: os.terminal_size((30, 24))
     )
     with progress("a name that is much longer than the line", 4) as done:
         done()

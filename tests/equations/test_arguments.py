@@ -119,13 +119,15 @@ def test_slopes_are_between_the_vertical_ones_and_downhill_where_walkers_need_it
     for slope in ([0.1], "0.1", True, None):
         with pytest.raises(ValueError, match=r"^steepness must be one number"):
             arguments.one_slope(slope, "steepness")
-    np.testing.assert_array_equal(arguments.several_slopes(0.1), [0.1])
-    np.testing.assert_array_equal(arguments.several_slopes([0.0, -0.1], downhill=False), [0, -0.1])
+    np.testing.assert_array_equal(arguments.several_slopes(0.1, "slopes"), [0.1])
+    np.testing.assert_array_equal(
+        arguments.several_slopes([0.0, -0.1], "slopes", downhill=False), [0, -0.1]
+    )
     for slopes in ([], [[0.1]], [0.1, 0.0], [-0.1]):
         with pytest.raises(ValueError, match=r"^slopes must be one or more angles in rad above 0"):
-            arguments.several_slopes(slopes)
+            arguments.several_slopes(slopes, "slopes")
     with pytest.raises(ValueError, match=r"angles in rad, in one row"):
-        arguments.several_slopes([], downhill=False)
+        arguments.several_slopes([], "slopes", downhill=False)
 
 
 @pytest.mark.parametrize(
