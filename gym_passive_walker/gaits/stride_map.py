@@ -336,11 +336,13 @@ class StrideMap(Section):
             None if along is None else along[walking],
         )  # fmt: skip
         outcomes[walking] = ended
+        values, derivatives = results[0], results[1:].transpose(1, 2, 0)
+        if len(walking) < len(points):
+            walked = values, derivatives
+            values = np.full((len(values), len(points)), np.nan)
+            derivatives = np.full((*values.shape, len(results) - 1), np.nan)
+            values[:, walking], derivatives[:, walking] = walked
         # Rounding may end a stride in only one of the two runs; such a stride counts as failed.
-        values = np.full((results.shape[1], len(points)), np.nan)
-        derivatives = np.full((*values.shape, len(results) - 1), np.nan)
-        values[:, walking] = results[0]
-        derivatives[:, walking] = results[1:].transpose(1, 2, 0)
         derivatives[np.isnan(values)] = np.nan
         return Passage(**_named(values), outcomes=outcomes), Change(**_named(derivatives))
 
@@ -406,10 +408,12 @@ class StrideMap(Section):
             records = walked.records if on.all() else walked.records[on]
             unbalanced = imbalance(totals[2], totals[3], records["push_off"], totals[1])
         totals[5][totals[5][:, 0] == 0.0] = np.nan
-        results = np.full((planes, self.dimension + 7, len(points)), np.nan)
         ends = self.point(states_in(records, self.size // 2)).transpose(2, 0, 1)
-        rows = np.concatenate([ends, totals, unbalanced[None]])
-        results[:, :, walking] = rows.transpose(2, 0, 1)
+        rows = np.concatenate([ends, totals, unbalanced[None]]).transpose(2, 0, 1)
+        if len(walking) == len(points):
+            return rows, outcomes
+        results = np.full((planes, self.dimension + 7, len(points)), np.nan)
+        results[:, :, walking] = rows
         return results, outcomes
 
     def _add(self, totals: NDArray, walked: Flow, place: int) -> None:
