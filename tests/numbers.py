@@ -15,7 +15,8 @@ import scipy
 from gym_passive_walker.gaits.flow import Flow
 
 NO_RESULTS = {
-    "walker", "stride_map", "walk", "body", "controller", "scene", "motion", "period_response"
+    "walker", "stride_map", "axis", "walk", "body", "controller", "scene", "motion",
+    "period_response",
 }  # fmt: skip
 """Fields of results that were given, or are made of others; the last one's digits are few."""
 _PINS = (Path(__file__).parents[1] / "constraints.txt").read_text("utf-8").splitlines()
