@@ -19,6 +19,8 @@ from gym_passive_walker.gaits.scenes.starts import REFERENCE_SLOPES
 from gym_passive_walker.models.equations.hybrid import Outcome
 from tests.own.statements import DRIVEN, PROGRESSIVE
 
+pytestmark = pytest.mark.slow  # a page's module takes a minute to compile
+
 build = importlib.import_module(
     "gym_passive_walker.devices.web.build"
 )  # of which `web.build` is a function

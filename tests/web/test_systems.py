@@ -16,6 +16,8 @@ from gym_passive_walker.envs.constraints import ROOM, hooks
 from gym_passive_walker.models.model import bodies
 from tests.own.statements import DRIVEN, PROGRESSIVE
 
+pytestmark = pytest.mark.slow  # a page's modules take a minute to compile
+
 TICKS, EVERY, IMPULSE, SEED = 130, 7, 0.002, 5
 TERRAIN = gpw.rough(0.0005)
 SYSTEMS = {
