@@ -228,3 +228,11 @@ def test_without_standard_error_nothing_is_shown(clock, monkeypatch):
         clock.seconds += 100.0
         done()
     module._tell("nothing")
+
+
+def test_one_compilation_within_another_is_reported_once(monkeypatch):
+    heard = []
+    monkeypatch.setattr(module, "COMPILING", [heard.append])
+    with compiling("a kernel"), compiling("its equations"):
+        assert heard == [True]
+    assert heard == [True, False]

@@ -47,6 +47,7 @@ class _Line:
     def __init__(self) -> None:
         self.bars: list[_Bar] = []
         self.hushed = self.silent = False
+        self.compilations = 0  # that have begun, one within another
         self._drawn = False
         self._shown = self._reported = -_REPORT
 
@@ -156,13 +157,20 @@ def compiling(what: str) -> Iterator[None]:
     """
     notice = f"gym_passive_walker compiles {what}, this once"
     with nullcontext() if _LINE.silent else said(notice):
-        for called in COMPILING:
-            called(True)
+        _LINE.compilations += 1
+        _report_compilation(1)
         try:
             yield
         finally:
-            for called in COMPILING:
-                called(False)
+            _LINE.compilations -= 1
+            _report_compilation(0)
+
+
+def _report_compilation(outermost: int) -> None:
+    """Call what waits for compilations, when the outermost of them begins or has ended."""
+    if _LINE.compilations == outermost:
+        for called in COMPILING:
+            called(bool(outermost))
 
 
 COMPILING: list[Callable[[bool], object]] = []

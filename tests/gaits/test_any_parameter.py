@@ -75,6 +75,21 @@ def test_a_crisis_in_the_torque_is_the_crisis_in_the_slope():
     assert slope == pytest.approx(0.0185, abs=1e-4)  # long transients hide a little of it
 
 
+def test_a_function_is_asked_for_a_map_once_at_each_value():
+    values = []
+
+    def driven(torque):
+        values.append(torque)
+        return gpw.stride_map("D", 0.0185, controller=gpw.Actuation(hip_torque=torque))
+
+    start = gpw.find_gait("D", 0.0185).state
+    found = gpw.crisis(
+        driven, 0.0, 0.05, parameter="torque", strides=200, walkers=4, accuracy=1e-3, start=start
+    )
+    assert 0.0 < found < 0.05
+    assert len(values) < 5 + 2 * len(set(values))
+
+
 @pytest.mark.parametrize(
     ("asked", "said"),
     [

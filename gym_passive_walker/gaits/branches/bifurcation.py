@@ -310,20 +310,21 @@ def bifurcation_diagram(
     points, n = walks.beginnings(kind, start), len(walks.values)
     together = 1 if sweep else n
     angles, states = np.empty((n, n_recorded)), np.empty((n, walks.own.size))
+    slopes = np.empty(n)
     with progress("slopes" if parameter == "slope" else "values", n) as done:
         for i in range(0, n, together):
             if i > 0 and np.all(np.isfinite(points[i - 1])):
                 points[i] = points[i - 1]
             at = slice(i, i + together)
-            there, slopes = walks.at(at)
-            angles[at], points[at] = _settle(there, points[at], slopes, n_transient, n_recorded)
+            there, slopes[at] = walks.at(at)
+            angles[at], points[at] = _settle(there, points[at], slopes[at], n_transient, n_recorded)
             states[at] = there.states_at(points[at])
             done(together)
     return BifurcationDiagram(
         walker=walks.own.walker,
         parameter=parameter,
         value=walks.values,
-        slope=walks.at()[1],
+        slope=slopes,
         stance_angle=angles,
         period=period_of(angles, longest_period),
         state=states,
@@ -386,25 +387,20 @@ def crisis(
     own = _Walks.of(walker, parameter, [low], slope, tolerance)
     strides, walkers = whole(strides, "strides"), whole(walkers, "walkers", 1, KEPT)
     accuracy = number(accuracy, "accuracy", least=_FINEST, most=1.0 if steep else abs(high - low))
-    ends = low, high, own.axis.low, own.axis.high
-    axis = own.axis._replace(low=min(ends), high=max(ends))
     points = own.beginnings(kind, start)
-
-    def walk(points: NDArray, value: float, strides: int) -> NDArray:
-        there, slopes = axis.settings(own.own, np.full(len(points), value))
-        return there.apply(points, slopes, strides=strides).ends
-
+    there, at = own.axis.setting(own.own, low)
+    points = there.apply(points, at, strides=strides).ends
     said = "at " + parameter + " {}"
-    points = walk(points, low, strides)
     if not np.all(np.isfinite(points)):
         raise ValueError(f"the walker falls {said.format(low)}")
     batch = np.repeat(points, walkers, axis=0)
     for i in range(1, walkers):  # spread along the settled walk
-        batch[i] = walk(batch[i - 1 : i], low, 1)[0]
+        batch[i] = there.apply(batch[i - 1 : i], at).ends[0]
 
     def all_walk(points: NDArray, value: float) -> NDArray | None:
+        there, at = own.axis.setting(own.own, value)
         for _ in range(0, strides, 50):
-            points = walk(points, value, 50)
+            points = there.apply(points, at, strides=50).ends
             if not np.all(np.isfinite(points)):
                 return None
         return points
@@ -415,13 +411,13 @@ def crisis(
     step, fell = (high - low) / 64.0, False
     with progress("slopes tried" if steep else "values tried") as tried:
         while abs(step) > accuracy or not fell:
-            there = low + step if (low + step - high) * step < 0.0 else high
-            if (moved := all_walk(batch, there)) is None:
+            value = low + step if (low + step - high) * step < 0.0 else high
+            if (moved := all_walk(batch, value)) is None:
                 step, fell = 0.5 * step, True
-            elif there == high:  # by small steps, though not by one from `low`
+            elif value == high:  # by small steps, though not by one from `low`
                 raise ValueError(on)
             else:
-                low, batch = there, moved
+                low, batch = value, moved
             tried()
     return low
 
