@@ -102,6 +102,12 @@ def test_beyond_a_fold_a_family_has_two_gaits_at_a_slope():
         gait_family("D", 0.005, 0.01).at(0.2)
 
 
+def test_a_family_has_gaits_at_the_ends_of_the_range_that_was_asked_for():
+    family = gait_family("D", 0.005, 0.01)
+    for end in (0.005, 0.01):
+        assert family.at(end)[0].slope == pytest.approx(end, rel=1e-14)
+
+
 def heavier(mass):
     return WALKERS["lab"].with_parameters(hip_mass=mass)
 

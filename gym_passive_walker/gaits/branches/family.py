@@ -140,13 +140,18 @@ class GaitFamily(InUnits, Table):
         Raises:
             GaitNotFound: if the family has none there.
         """
-        beyond = self.value - number(value, self.parameter)
+        value, ends = number(value, self.parameter), np.array([self.value.min(), self.value.max()])
+        if np.any(at_end := np.isclose(ends, value, rtol=1e-12, atol=0.0)):
+            value = float(
+                ends[at_end][0]
+            )  # an end of the range that was asked for, but for rounding
+        beyond = self.value - value
         crossed = np.flatnonzero(beyond[:-1] * beyond[1:] <= 0.0)
         crossed = crossed[(beyond[crossed + 1] != 0.0) | (crossed == len(self) - 2)]
         if len(crossed) == 0:
             raise GaitNotFound(
                 f"no gait of this family at {self.parameter} {value:g}: it reaches from "
-                f"{self.value.min():g} to {self.value.max():g}"
+                f"{ends[0]:g} to {ends[1]:g}"
             )
         share = beyond[crossed] / (beyond[crossed] - beyond[crossed + 1])
         between = self.state[crossed] + share[:, None] * np.diff(self.state, axis=0)[crossed]
@@ -437,7 +442,7 @@ def axis_of(
     slope, here = stride_map.chosen(slope), known[parameter]
     low, high = number(low, "low"), number(high, "high")
     if not low < high:
-        raise ValueError(f"{parameter} of this walker is {here}: give low <= {here} <= high")
+        raise ValueError(f"give low < high, not {low:g} and {high:g}")
     own = parameter in stride_map.walker.parameters
     unit = stride_map.unit(parameter)
     size = max(abs(here), size_of(parameter, stride_map.walker, slope) if own else unit)
