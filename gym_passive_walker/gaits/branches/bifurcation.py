@@ -38,6 +38,7 @@ from gym_passive_walker.gaits.branches.family import (
     axis_of,
     gait_family,
     parameter_family,
+    states_between,
 )
 from gym_passive_walker.gaits.branches.varied_map import MapOfValue
 from gym_passive_walker.gaits.gait import GaitKind
@@ -138,17 +139,13 @@ def nearest_on(family: GaitFamily, values: NDArray) -> NDArray[np.float64]:
     Returns:
         Section states, (n, 6) for a `Walker`, in the walker's own units.
     """
-    here, there = family.value[:-1], family.value[1:]
     size = np.abs(family.multipliers[:, 0])
     size = np.maximum(size[:-1], size[1:])
     states = np.full((len(values), family.state.shape[1]), np.nan)
     for i, value in enumerate(values):
-        low, high = np.minimum(here, there), np.maximum(here, there)
-        passed = np.flatnonzero((low <= value) & (value <= high) & (low < high))
+        passed, between = states_between(family, value)
         if len(passed):
-            j = passed[np.argmin(size[passed])]
-            share = (value - here[j]) / (there[j] - here[j])
-            states[i] = family.state[j] + share * (family.state[j + 1] - family.state[j])
+            states[i] = between[np.argmin(size[passed])]
     return states
 
 

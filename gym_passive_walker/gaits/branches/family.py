@@ -141,21 +141,17 @@ class GaitFamily(InUnits, Table):
             GaitNotFound: if the family has none there.
         """
         value, ends = number(value, self.parameter), np.array([self.value.min(), self.value.max()])
+        # The ends are those of the range that was asked for, but for rounding.
         if np.any(at_end := np.isclose(ends, value, rtol=1e-12, atol=0.0)):
-            value = float(
-                ends[at_end][0]
-            )  # an end of the range that was asked for, but for rounding
-        beyond = self.value - value
-        crossed = np.flatnonzero(beyond[:-1] * beyond[1:] <= 0.0)
-        crossed = crossed[(beyond[crossed + 1] != 0.0) | (crossed == len(self) - 2)]
-        if len(crossed) == 0:
+            value = float(ends[at_end][0])
+        passed, states = states_between(self, value)
+        once = (self.value[passed + 1] != value) | (passed == len(self) - 2)
+        if len(passed) == 0:
             raise GaitNotFound(
                 f"no gait of this family at {self.parameter} {value:g}: it reaches from "
                 f"{ends[0]:g} to {ends[1]:g}"
             )
-        share = beyond[crossed] / (beyond[crossed] - beyond[crossed + 1])
-        between = self.state[crossed] + share[:, None] * np.diff(self.state, axis=0)[crossed]
-        return [self._gait(value, state) for state in between]
+        return [self._gait(value, state) for state in states[once]]
 
     def _gait(self, value: float, state: NDArray) -> Gait:
         """Return the gait at a value, near a state.
@@ -214,6 +210,20 @@ class GaitFamily(InUnits, Table):
             },
             "stable": self.stable,
         }
+
+
+def states_between(family: GaitFamily, value: float) -> tuple[NDArray, NDArray]:
+    """Return the places where a family passes a value, and the states there, by interpolation.
+
+    Returns:
+        Numbers of the gaits before, (n,), and states, (n, 6) for a `Walker`.
+    """
+    here, there = family.value[:-1], family.value[1:]
+    low, high = np.minimum(here, there), np.maximum(here, there)
+    passed = np.flatnonzero((low <= value) & (value <= high) & (low < high))
+    share = (value - here[passed]) / (there[passed] - here[passed])
+    first, second = family.state[passed], family.state[passed + 1]
+    return passed, first + share[:, None] * (second - first)
 
 
 def _family(
