@@ -21,6 +21,7 @@ from gym_passive_walker.gaits.branches.bifurcation import (
 )
 from gym_passive_walker.gaits.branches.doubling import Cascade, doubling_cascade
 from gym_passive_walker.gaits.branches.family import GaitFamily, gait_family, parameter_family
+from gym_passive_walker.gaits.branches.locus import BifurcationLocus, bifurcation_locus
 from gym_passive_walker.gaits.control.maps import closed_loop_gait, stride_map
 from gym_passive_walker.gaits.control.optimal import optimal_gait, optimal_gaits
 from gym_passive_walker.gaits.control.optimum import OptimalGait
@@ -70,6 +71,7 @@ __all__ = [
     "Actuation",
     "Basin",
     "BifurcationDiagram",
+    "BifurcationLocus",
     "Cascade",
     "Design",
     "FootVelocity",
@@ -102,6 +104,7 @@ __all__ = [
     "assemble",
     "basin_of_attraction",
     "bifurcation_diagram",
+    "bifurcation_locus",
     "closed_loop_gait",
     "collision_matrix",
     "combine",

@@ -135,6 +135,9 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "family of D": lambda: gpw.gait_family("D", 0.001, 0.0175),
     "short family of D": lambda: gpw.gait_family("D", 0.001, 0.02, kind="short"),
     "family in a mass": lambda: gpw.parameter_family("lab", "shank_mass", 0.6, 1.4, slope=0.036),
+    "locus of folds": lambda: gpw.bifurcation_locus(
+        lab := gpw.gait_family("lab", 0.003, 0.15), lab.folds[1], "shank_length", 0.3, 0.6
+    ),
     "doublings": lambda: gpw.doubling_cascade("D", 0.01, 0.02, doublings=3),
     "crisis": lambda: gpw.crisis(
         "D", 0.017, 0.022, strides=200, walkers=16, accuracy=1e-5

@@ -6,7 +6,8 @@ Points are dimensionless (see `units`); `Points` converts them to states in the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -20,21 +21,19 @@ from gym_passive_walker.models.walkers import Walker
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Section:
-    """The Poincaré section of one walker, or of n walkers that differ in one parameter.
+    """The Poincaré section of one walker, or of n walkers that differ in some parameters.
 
     Attributes:
         walker: The walker.
-        parameter: Name of the parameter in which the walkers differ; None if there is none.
-        values: Value of `parameter` for each of n points, (n,).
+        varied: Parameters in which the walkers differ: a value for each of n points, (n,).
     """
 
     walker: Walker
-    parameter: str | None = None
-    values: NDArray[np.float64] | None = None
+    varied: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
     def with_parameter(self, name: str, values: ArrayLike) -> Self:
-        """Return the section of walkers that differ in a parameter, with one point for each."""
-        return replace(self, parameter=name, values=np.asarray(values, dtype=float))
+        """Return the section of walkers that differ in a parameter too, with one point for each."""
+        return replace(self, varied={**self.varied, name: np.asarray(values, dtype=float)})
 
     @cached_property
     def chart(self) -> Chart:
@@ -54,9 +53,7 @@ class Section:
     @cached_property
     def units(self) -> Units:
         """The walker's units; arrays (n,) where walkers differ."""
-        if self.parameter is None or self.values is None:
-            return self.walker.units
-        return self.walker.units_with(**{self.parameter: self.values})
+        return self.walker.units_with(**self.varied) if self.varied else self.walker.units
 
     def state(self, points: NDArray, place: int = 0) -> NDArray:
         """Return dimensionless states (..., 6) at points (..., m); `place` is ignored here."""

@@ -84,17 +84,15 @@ class Seeds(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StrideMap(Section):
-    """The stride map of one walker, or of n walkers that differ in one parameter; made by `of`.
+    """The stride map of one walker, or of n walkers that differ in some parameters; made by `of`.
 
     Attributes:
         walker: The walker.
-        parameter: Name of the parameter in which the walkers differ; None if there is none.
-        values: Value of `parameter` for each of n points, (n,).
+        varied: Parameters in which the walkers differ: a value for each of n points, (n,).
         tolerance: Integration error relative to the largest angle or angular velocity.
         max_stride_time: Time in sqrt(l/g) after which a stride is given up.
         end_on_toe_stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
-        actuation: Torques and push-off in each stride, dimensionless. One of its parts may be
-            `parameter`.
+        actuation: Torques and push-off in each stride, dimensionless. Its parts may be `varied`.
         slope: Slope in rad that is used if none is given to `apply`, `linearize` or an analysis.
         terrain: Footholds of uneven ground; None for smooth ground. The map leads from the first
             foothold through all of them until they repeat. On ground that repeats after L strides,
@@ -148,14 +146,19 @@ class StrideMap(Section):
     @cached_property
     def walkers(self) -> Walkers:
         """The walkers, with the tolerance and the rules of their integration."""
-        driven = self.parameter in Actuation._fields
+        driven = self._driven
         return Walkers(
             walker=self.walker,
-            parameters={} if self.parameter is None or driven else {self.parameter: self.values},  # type: ignore[dict-item]
-            using=(*self.actuation.using, *([self.parameter] if driven else [])),  # type: ignore[list-item]
+            parameters={name: self.varied[name] for name in self.varied if name not in driven},
+            using=(*self.actuation.using, *driven),
             tolerance=self.tolerance,
             end_on_toe_stub=self.end_on_toe_stub,
         )
+
+    @property
+    def _driven(self) -> dict[str, Any]:
+        """Parts of `actuation` in which strides differ."""
+        return {name: self.varied[name] for name in Actuation._fields if name in self.varied}
 
     @property
     def controller(self) -> Any:
@@ -170,7 +173,7 @@ class StrideMap(Section):
     @property
     def passive(self) -> bool:
         """Whether no actuator drives the walkers."""
-        return self.parameter not in Actuation._fields and self.actuation.passive
+        return not self._driven and self.actuation.passive
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -261,9 +264,7 @@ class StrideMap(Section):
 
     def _actuations(self, lanes: NDArray) -> NDArray[np.float64]:
         """Return dimensionless hip torque, ankle torque and push-off of n points, (n, 3)."""
-        actuation = self.actuation
-        if self.parameter in Actuation._fields:
-            actuation = actuation._replace(**{self.parameter: self.values})  # type: ignore[dict-item]
+        actuation = self.actuation._replace(**self._driven)
         actuations = np.empty((len(lanes), len(actuation)))
         for column, part in zip(actuations.T, actuation, strict=True):
             column[:] = part[lanes] if np.ndim(part) else part

@@ -12,6 +12,7 @@ from gym_passive_walker.gaits.branches import continuation
 from gym_passive_walker.gaits.branches.bifurcation import BifurcationDiagram
 from gym_passive_walker.gaits.branches.doubling import Cascade
 from gym_passive_walker.gaits.branches.family import GaitFamily
+from gym_passive_walker.gaits.branches.locus import BifurcationLocus
 from gym_passive_walker.gaits.control.optimum import OptimalGait
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.look.reality import RealityCheck
@@ -215,6 +216,37 @@ def _cascade(cascade: Cascade, ax: Axes | None = None, **style: Any) -> Axes:
         f"period doublings of walker {name_of(cascade.walker)}, limit {cascade.limit:.6g}{unit}",
         fontsize="medium",
     )
+    return ax
+
+
+_LOCI = {"fold": BLUE, "period doubling": VERMILION, "Neimark-Sacker": GREEN}
+_SPECIAL = {"cusp": "^", "fold-flip": "s", "1:1": "o", "1:2": "D", "1:3": "v", "1:4": "p"}
+
+
+@picture.register(BifurcationLocus)
+def _locus(locus: BifurcationLocus, ax: Axes | None = None, **style: Any) -> Axes:
+    """Draw a locus, heavy where it bounds stable gaits, with options of matplotlib's lines.
+
+    On axes with other loci, each kind of bifurcation and of special point has one entry in the
+    legend.
+    """
+    ax = axes_for(ax)
+    known = ax.get_legend_handles_labels()[1]
+    style = {"color": _LOCI[locus.bifurcation], "solid_capstyle": "butt", **style}
+    label = str(style.pop("label", locus.bifurcation))
+    x, y = locus.values.T
+    ax.plot(x, y, label=None if label in known else label, **{"linewidth": LIGHT, **style})
+    heavy = np.where(locus.bounds_stable_gaits, y, np.nan)
+    ax.plot(x, heavy, **{"linewidth": HEAVY, **style})
+    for kind in dict.fromkeys(kind for kind, _ in locus.special):
+        places = np.array([values for other, values in locus.special if other == kind])
+        named = kind if kind[0] != "1" else f"{kind} resonance"
+        ax.plot(
+            *places.T, _SPECIAL[kind], color=BLACK, fillstyle="none", markersize=6.0, zorder=3,
+            label=None if named in known else named,
+        )  # fmt: skip
+    ax.set(xlabel=varied_label(locus.parameters[0]), ylabel=varied_label(locus.parameters[1]))
+    legend(ax)
     return ax
 
 

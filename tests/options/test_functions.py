@@ -36,6 +36,7 @@ def family(walker="D", low=0.003, high=0.012, kind="long"):
     return gpw.gait_family(walker, low, high, kind)
 
 
+FOLDED = Later(lambda: family("lab", 0.018, 0.06))
 STATE = Later(lambda: 1.01 * gait().state)
 OF_D = Later(lambda: gait("D", 0.009).state)
 OF_LAB = {"walker": Later(lambda: gpw.stride_map("lab", 0.036)), "values": [0.036, 0.038]}
@@ -206,6 +207,24 @@ OPTIONS = {
             tolerance=1e-4,
             parameter=To("hip_torque", refused="slope must be one number"),
             slope=To(0.0165, dict(walker=D_AT_A_SLOPE, low=0.0, accuracy=1e-3) | TORQUES),
+        ),
+    ),
+    "bifurcation_locus": Call(
+        gpw.bifurcation_locus,
+        dict(
+            family=FOLDED,
+            at=Later(lambda: FOLDED.value().folds[1]),
+            parameter="shank_mass",
+            low=1.0,
+            high=1.02,
+        ),
+        dict(
+            family=To(Later(family), refused="not 0.0530371: it has none"),
+            at=Later(lambda: FOLDED.value().folds[0]),
+            parameter=To("shank_length", dict(low=0.44, high=1.03)),
+            low=1.005,
+            high=1.03,
+            resolution=0.005,
         ),
     ),
     "doubling_cascade": Call(

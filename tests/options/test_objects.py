@@ -34,9 +34,9 @@ from tests.own import statements
 from tests.own.statements import COMPASS, DRIVEN
 
 RESULTS = set(
-    "Basin BifurcationDiagram Cascade Design TimedExtremum FootVelocity Gait GaitFamily Gauntlet "
-    "GaitNotFound Impulse OptimalGait Outcome PolicyError RealityCheck Robustness "
-    "StatementError Stride SweepResult TrainedPolicy Trajectory Transition TuningErrors "
+    "Basin BifurcationDiagram BifurcationLocus Cascade Design TimedExtremum FootVelocity Gait "
+    "GaitFamily Gauntlet GaitNotFound Impulse OptimalGait Outcome PolicyError RealityCheck "
+    "Robustness StatementError Stride SweepResult TrainedPolicy Trajectory Transition TuningErrors "
     "VelocityPerturbations WalkerError".split()
 )
 """Classes of results, which users do not construct; the tests of functions cover their content."""
@@ -414,12 +414,19 @@ OPTIONS = {
     ),
 }
 
+
+def _fold():
+    family = gpw.gait_family("lab", 0.018, 0.06)
+    return gpw.bifurcation_locus(family, family.folds[0], "shank_mass", 0.95, 1.05)
+
+
 SHOWN = {  # for each class with a picture: an example, and what its picture can be asked for
     "Basin": (lambda: gpw.basin_of_attraction("D", 0.009, resolution=4, strides=20), {}),
     "BifurcationDiagram": (
         lambda: gpw.bifurcation_diagram("D", [0.012, 0.016], n_transient=50, n_recorded=40),
         {"markersize": 9.0},
     ),
+    "BifurcationLocus": (_fold, {"linewidth": 9.0}),
     "Cascade": (lambda: gpw.doubling_cascade("D", 0.01, 0.0195, doublings=3), {"linewidth": 9.0}),
     "Gait": (closed, {"optimum": Later(lambda: baselines.optimal.load("level")[0])}),
     "Gauntlet": (lambda: gpw.gauntlet("steep-ppo", walkers=2), {}),

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import scipy
@@ -46,11 +46,11 @@ _AT_ONCE = 1e-3  # of a control step: a strike so near to its end comes with it
 _ENDLESS = 12.0  # time in sqrt(l/g) of a stride that hardly gets over the vertical
 
 _CORRECTIONS = 7  # of a guess, before it is given up
+_UNPOLISHED = 1e-5  # violation of gaits until all of a curve are known
 _CLOSED = 1e-10  # violation of a gait that is to be known to rounding
 _FIRST_STEP, _SHORTEST_STEP = 0.02, 1e-7
 _VANISHING = 10.0  # rate over angle of a walker that rocks rather than steps
 _ASTRAY = 0.3  # of a step: from where a gait is expected to where it may be
-_UNPOLISHED = 1e-5  # violation of gaits until all of a curve are known
 _MOST_POINTS = 4000
 _LAST = 40  # points that indicate an end
 _CROWDED = 1e-3
@@ -153,6 +153,9 @@ class Curve:
     axis: Axis
     period: int = 1
 
+    last_step: ClassVar[float] = math.inf
+    """Longest step that may be the last one of a rough correction."""
+
     def value_at(self, point: Point) -> float:
         """Return the varied quantity at a point."""
         return float(self.axis.value(point.y[-1]))
@@ -199,7 +202,10 @@ class Curve:
         if found.sizes[0] > max(closes, accuracy) or not np.isfinite(found.derivatives[0]).all():
             return None
         # One step more squares what is left of the error, and costs no stride.
-        y = found.points[0] - np.linalg.solve(found.derivatives[0], found.values[0])
+        left = np.linalg.solve(found.derivatives[0], found.values[0])
+        if accuracy > _CLOSED and np.abs(left).max() > self.last_step:
+            return self.correct(guess, tangent, bend=bend)
+        y = found.points[0] - left
         new = np.linalg.svd(found.derivatives[0, :-1])[2][-1]
         return Point(y, new if new @ across >= 0.0 else -new, found.carried[0])
 

@@ -33,8 +33,11 @@ from gym_passive_walker.gaits.measures import InUnits, StrideQuantities
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.walkers import Walker, describe, name_of
 
-_TOLERANCE = 1e-12
-_FINEST = 1e-3  # resolution
+TOLERANCE = 1e-12
+"""Of the integration, in which families are followed."""
+
+FINEST = 1e-3
+"""Least resolution."""
 _WIDEST = 1e6  # of a range, over what the walker has there
 _TRIED = 9  # values of a function's parameter at which a gait to begin with is sought
 
@@ -159,7 +162,7 @@ class GaitFamily(InUnits, Table):
         Raises:
             GaitNotFound: if there is none near.
         """
-        curve = Curve(self.stride_map.with_tolerance(_TOLERANCE), self.axis, self.period)
+        curve = Curve(self.stride_map.with_tolerance(TOLERANCE), self.axis, self.period)
         there, slope = self.axis.setting(curve.stride_map, float(value))
         guess = there.points(state[None]).search[0]
         found = curve.correct(np.append(guess, self.axis.coordinate(value)))
@@ -231,7 +234,7 @@ def _family(
 ) -> GaitFamily:
     """Return the family of a gait, followed in both directions from a value."""
     period, walker = gait.period, stride_map.walker
-    curve = Curve(stride_map.with_tolerance(_TOLERANCE), axis, period)
+    curve = Curve(stride_map.with_tolerance(TOLERANCE), axis, period)
     start = curve.correct(np.append(gait.point.search[0], axis.coordinate(value)))
     if start is None:
         raise GaitNotFound(f"the gait of {describe(walker)} at {value} could not be followed")
@@ -336,10 +339,10 @@ def gait_family(
     Raises:
         GaitNotFound: if no gait to begin with is found in the range.
     """
-    stride_map = map_of(walker, tolerance=_TOLERANCE)
+    stride_map = map_of(walker, tolerance=TOLERANCE)
     low, high = one_slope(slope_min, "slope_min"), one_slope(slope_max, "slope_max")
     kind = gait_kind(kind)
-    resolution = number(resolution, "resolution", least=_FINEST, most=1.0)
+    resolution = number(resolution, "resolution", least=FINEST, most=1.0)
     if start is not None:
         own = instance(start, Gait, "start", "gpw.find_gait returns").stride_map
         stride_map = own.with_walker(stride_map.walker)
@@ -401,7 +404,7 @@ def parameter_family(
         ValueError: if there is no such parameter, or the range is empty or leaves it out; or if a
             function does not return a stride map.
     """
-    resolution = number(resolution, "resolution", least=_FINEST, most=1.0)
+    resolution = number(resolution, "resolution", least=FINEST, most=1.0)
     kind = gait_kind(kind)
     if parameter == "slope" and not callable(walker):
         start = None if slope is None else find_gait(walker, slope, kind)
@@ -422,7 +425,7 @@ def axis_of(
     high: float,
     slope: float | None = None,
     *,
-    tolerance: float = _TOLERANCE,
+    tolerance: float = TOLERANCE,
 ) -> tuple[StrideMap, Axis]:
     """Return a stride map and what varies in it, from the arguments of `parameter_family`.
 

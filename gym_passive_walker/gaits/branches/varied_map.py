@@ -49,10 +49,14 @@ class VariedMap(StrideMap):
     Beyond its range, a map is continued linearly, so that a branch of gaits may cross the end.
 
     Attributes:
+        parameter: Name of what varies.
+        values: Its values, (n,).
         make: The function from a value to a map.
         bounds: Range of the parameter: its lowest and highest value.
     """
 
+    parameter: str
+    values: NDArray[np.float64]
     make: MapOfValue
     bounds: tuple[float, float]
 
@@ -64,11 +68,11 @@ class VariedMap(StrideMap):
     @cached_property
     def _inside(self) -> NDArray[np.float64]:
         """The nearest values in the range; its start where a guess has failed."""
-        values = np.asarray(self.values)
+        values = self.values
         return np.clip(np.where(np.isfinite(values), values, self.bounds[0]), *self.bounds)
 
     def _map(self, value: float) -> StrideMap:
-        found = map_at(self.make, str(self.parameter), value, self.tolerance)
+        found = map_at(self.make, self.parameter, value, self.tolerance)
         if found.dimension != self.dimension:
             raise ValueError(
                 f"maps of one section are needed: at {self.parameter} = {value:.6g} points have "
@@ -79,7 +83,7 @@ class VariedMap(StrideMap):
     @property
     def parameters(self) -> dict[str, float]:
         """The parameter; a family varies no other."""
-        return {str(self.parameter): self.bounds[0]}
+        return {self.parameter: self.bounds[0]}
 
     @property
     def hold(self) -> float:
@@ -120,7 +124,7 @@ class VariedMap(StrideMap):
             ways = None if along is None else along[here]
             rest = [name for name in by if name != self.parameter]
             found, ended = self.maps[lane]._follow(*walk, rest, ways)
-            beyond = np.asarray(self.values)[lane] - self._inside[lane]
+            beyond = self.values[lane] - self._inside[lane]
             if self.parameter in by or beyond != 0.0:
                 rate = self._rate(float(self._inside[lane]), walk)
                 found[:1] += beyond * rate

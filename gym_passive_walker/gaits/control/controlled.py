@@ -221,7 +221,7 @@ class ControlledMap(StrideMap):
         using = tuple(name for name in self._inputs if name != "hip_torque")
         return Walkers(
             walker=self.walker, using=using, tolerance=self.tolerance,
-            parameters={} if self.values is None else {str(self.parameter): self.values},
+            parameters=self.varied,
             end_on_toe_stub=bool(self.scene.end_on_toe_stub) and self.walker.knees,
         )  # fmt: skip
 
@@ -375,15 +375,19 @@ class ControlledMap(StrideMap):
         for shifts in (steps, -steps):
             starts = points[:, None] + (change * shifts[:, None]).swapaxes(1, 2)
             grounds = np.repeat(slopes[:, None], count, axis=1)
-            batch, every = self, np.repeat(lanes, count)
+            every, varied = np.repeat(lanes, count), {}
             for name, tangent in seeds.moving.items():
                 if name == "slope":
                     grounds[:, tangent] += shifts[:, tangent]
                 else:
-                    own = self.parameters[name] if self.values is None else self.values[lanes]
+                    own = self.varied[name][lanes] if name in self.varied else self.parameters[name]
                     values = np.repeat(np.broadcast_to(own, n)[:, None], count, axis=1)
                     values[:, tangent] += shifts[:, tangent]
-                    batch, every = self.with_parameter(name, values.ravel()), np.arange(n * count)
+                    varied[name] = values.ravel()
+            batch = self
+            if varied:
+                others = {name: values[every] for name, values in self.varied.items()}
+                batch, every = replace(self, varied=others | varied), np.arange(n * count)
             taken, _ = batch._stride(starts.reshape(-1, m), grounds.ravel(), every, still, place)
             results.append(taken[:, :, 0].reshape(n, count, m + 7).swapaxes(1, 2))
         by = (results[0] - results[1]) / (2.0 * steps[:, None])
