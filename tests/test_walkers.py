@@ -89,7 +89,7 @@ def test_what_is_no_part_makes_no_segment(parts):
 
 @pytest.mark.parametrize("knees", [1, 0, None, "yes"])
 def test_knees_are_there_or_not(knees):
-    with pytest.raises(WalkerError, match="knees must be True or False"):
+    with pytest.raises(WalkerError, match="knees must be True, False or 'held'"):
         replace(LAB, knees=knees)
 
 

@@ -170,7 +170,7 @@ def _ends(scene: Scene, limit: float | None) -> Rows:
         "stalled": f"no heelstrike within {scene.max_stride_time:g} sqrt(l/g)",
         "diverged": "the motion is no longer finite",
     }
-    if scene.walker.kind == "kneed":
+    if scene.walker.kind in ("kneed", "held"):
         found["knee_not_locked"] = "the foot lands before the knee has locked"
     if scene.end_on_toe_stub:
         found["stubbed_toe"] = "the locked swing leg is below the ground"

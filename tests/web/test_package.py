@@ -76,6 +76,11 @@ def test_a_walker_that_cannot_be_is_refused_in_pythons_words(run, given):
     assert said == f"WalkerError: {error.value}"
 
 
+def test_a_walker_of_held_knees_is_refused_in_a_page(run):
+    (said,) = run({"what": "refusal", "walker": {"preset": "C", "knees": "held"}, "scene": {}})
+    assert said == "WalkerError: knees='held' is not for pages: knees must be True or False there"
+
+
 @pytest.mark.parametrize(
     "given",
     [

@@ -72,7 +72,8 @@ def collision_matrix(
     """Return the matrix M of Eq. 4.7: a heelstrike at foot velocity v loses the energy v.M.v / 2.
 
     Just before the impact the motion is a roll on the new foot plus a translation v. The ground's
-    impulse removes the translation, while the joints, including an old stance knee, turn freely.
+    impulse removes the translation, while the joints turn freely, with an old stance knee that is
+    not held.
     M is the effective mass at the foot: the Schur complement of the mass matrix in the mass matrix
     of the walker off the ground. The impulse is -M v. For the simplest walker only the component
     of v along the leg contributes.
@@ -106,11 +107,13 @@ def collision_matrix(
     links = system.phases[0].links
     state = State(stance_angle, -stance_angle, -stance_angle, 0.0, 0.0, 0.0)
     mass = _symmetric(system.mass_matrix(walker.body, state), links)
-    units, jumps = walker.units, np.eye(3)[:links]
+    # A trailing leg that is locked has one angular velocity.
+    jumps = np.eye(3) if walker.knees is True else np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0]])
+    if links > len(jumps):
+        mass = jumps @ mass @ jumps.T
+    units = walker.units
     mass = mass * walker.total_mass * units.length**2
-    if not walker.knees:
-        jumps[1, 2] = 1.0
-    angles = np.tile(state[:3], (links, 1))
+    angles = np.tile(state[:3], (len(jumps), 1))
     back, up, *_ = struck(walker.body, angles.T, jumps.T * units.time, (0.0, 0.0))
     momentum = np.stack([-back, up]) * units.force * units.time
     return _at_foot(walker, mass, momentum)

@@ -174,7 +174,7 @@ class Scene:
         if self.reset_noise_scale is None:
             put("reset_noise_scale", _PERTURBATION[self.control])
         if self.end_on_toe_stub is None:
-            put("end_on_toe_stub", self.walker.knees)
+            put("end_on_toe_stub", bool(self.walker.knees))
         for name in ("end_on_toe_stub", "reward_terms"):
             put(name, checked(boolean, getattr(self, name), name))
         if self.end_on_toe_stub and not self.walker.knees:
@@ -199,7 +199,7 @@ class Scene:
         if self.command is not None:
             low, high = spread("command", self.command, 0.0, FASTEST)
             put("command", low if low == high else (low, high))
-        put("constraints", checked_constraints(self.constraints, knees=self.walker.knees))
+        put("constraints", checked_constraints(self.constraints, knees=bool(self.walker.knees)))
         put("terrain_lookahead", self._checked_preview())
         bound("action_noise", 0.0, 1.0)
         bound("command_weight", 0.0, 1e3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gym_passive_walker.models.equations import kneed, legs, simplest, straight
-from gym_passive_walker.models.equations.hybrid import State, System
+from gym_passive_walker.models.equations.hybrid import Outcome, Reset, State, System
 
 FITTINGS = ("hip_stiffness", "hip_friction", "knee_stiffness")
 """Constants of springs and friction at a walker's joints."""
@@ -47,6 +47,21 @@ def _anywhere(kind: System) -> System:
 SYSTEMS: dict[str, System] = {}
 """Systems by name: those of users, and three of each kind of the package. These are one without
 extras, one with all `EXTRAS`, and one for `UNEVEN` ground too."""
+
+
+def held(kind: System) -> System:
+    """A system of walkers with knees of which the trailing one stays locked in the heelstrike."""
+    *others, locked = kind.phases
+    strikes = {Outcome.HEELSTRIKE: Reset(straight.heelstrike)}
+    phases = *others, locked._replace(resets=locked.resets | strikes)
+    return kind._replace(name=kind.name.replace("kneed", "held"), phases=phases)
+
+
+def system_of(name: str) -> System:
+    """Return a system by its name; those of held knees are made when they are first used."""
+    if name not in SYSTEMS and name.startswith("held"):
+        register_system(held(SYSTEMS[name.replace("held", "kneed")]))
+    return SYSTEMS[name]
 
 
 def register_system(system: System) -> System:

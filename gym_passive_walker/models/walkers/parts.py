@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from gym_passive_walker._tools.arguments import number, one_slope
 from gym_passive_walker.models.walkers.walker import Walker, WalkerError
@@ -62,7 +62,7 @@ def assemble(
     foot_radius: float,
     knee_angle: float,
     hip_mass: float = 0.0,
-    knees: bool = True,
+    knees: bool | Literal["held"] = True,
     gravity: float = 9.81,
 ) -> Walker:
     """Build a walker from the measured pieces of its legs (appendix 4.10.1).
@@ -78,7 +78,7 @@ def assemble(
         foot_radius: R, of the circular foot.
         knee_angle: Angle in rad between the thigh's line and the line knee-foot centre, straight.
         hip_mass: Point mass at the hip, for both legs together.
-        knees: Whether the knees bend.
+        knees: Whether the knees bend; "held" as in `Walker`.
         gravity: g.
 
     Returns:

@@ -112,7 +112,7 @@ def interpolate(a: WalkerLike, b: WalkerLike, fraction: float) -> Walker:
         number(fraction, "fraction"),
     )
     if a.knees != b.knees:
-        raise WalkerError("cannot interpolate between a walker with knees and one without")
+        raise WalkerError("cannot interpolate between walkers of which `knees` differs")
     values = {
         name: (1.0 - fraction) * getattr(a, name) + fraction * getattr(b, name)
         for name in PARAMETERS

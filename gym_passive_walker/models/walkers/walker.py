@@ -8,7 +8,7 @@ from copy import copy
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,7 @@ from gym_passive_walker._tools.shown import Shown
 from gym_passive_walker.models.chart import Mirrored
 from gym_passive_walker.models.equations.bodies import body_from
 from gym_passive_walker.models.equations.hybrid import System
-from gym_passive_walker.models.equations.systems import EXTRAS, FITTINGS, SYSTEMS, UNEVEN
+from gym_passive_walker.models.equations.systems import EXTRAS, FITTINGS, UNEVEN, system_of
 from gym_passive_walker.models.model import FEATURES, Actuator, Model, check_row, constants_from
 from gym_passive_walker.models.units import Units, mass_of
 
@@ -79,6 +79,8 @@ class Walker(Shown, Model):
         knee_stiffness: of a torsional spring at the knee, relaxed where the leg is straight; of no
             effect on locked knees.
         knees: whether the swing knee is free until it strikes its stop; False locks both knees.
+            "held" keeps the trailing knee locked during the heelstrike and frees it afterwards, as
+            many other programs do; True frees it before, as McGeer and Garcia do.
         gravity: g, acceleration of gravity.
 
     Raises:
@@ -102,7 +104,7 @@ class Walker(Shown, Model):
     hip_stiffness: float = 0.0
     hip_friction: float = 0.0
     knee_stiffness: float = 0.0
-    knees: bool = True
+    knees: bool | Literal["held"] = True
     gravity: float = 9.81
     title = ""
     """Name in pictures and messages; walkers that differ in it alone are equal."""
@@ -132,8 +134,8 @@ class Walker(Shown, Model):
         for field in fields(self):
             value = getattr(self, field.name)
             if field.name == "knees":
-                if not isinstance(value, bool):
-                    raise WalkerError(f"knees must be True or False, not {shown(value)}")
+                if not isinstance(value, bool) and not (isinstance(value, str) and value == "held"):
+                    raise WalkerError(f"knees must be True, False or 'held', not {shown(value)}")
                 continue
             try:
                 if isinstance(value, str | bytes | bool | np.bool_):
@@ -243,7 +245,7 @@ class Walker(Shown, Model):
     @property
     def chart(self) -> Mirrored:
         """Coordinates of its states just after heelstrike."""
-        return Mirrored(self.knees)
+        return Mirrored(bool(self.knees))
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -332,8 +334,10 @@ class Walker(Shown, Model):
 
     @property
     def kind(self) -> str:
-        """Kind of the legs: "kneed", "straight" or "simplest"."""
-        return "simplest" if self.massless_legs else "kneed" if self.knees else "straight"
+        """Kind of the legs: "kneed", "held" (see `knees`), "straight" or "simplest"."""
+        if self.massless_legs or not self.knees:
+            return "simplest" if self.massless_legs else "straight"
+        return "kneed" if self.knees is True else "held"
 
     def equations(self, using: Collection[str] = ()) -> System:
         """Return the equations of motion.
@@ -343,14 +347,14 @@ class Walker(Shown, Model):
                 vary, and changes of the ground.
         """
         if not set(UNEVEN).isdisjoint(using):
-            return SYSTEMS[f"{self.kind}-uneven"]
+            return system_of(f"{self.kind}-uneven")
         fitted = any(getattr(self, name) for name in FITTINGS) or not set(EXTRAS).isdisjoint(using)
-        return SYSTEMS[f"{self.kind}-fitted" if fitted else self.kind]
+        return system_of(f"{self.kind}-fitted" if fitted else self.kind)
 
     @property
     def body(self) -> Any:
         """Constants in the equations of motion."""
-        return body_from(self, SYSTEMS[self.kind].Body)
+        return body_from(self, system_of(self.kind).Body)
 
     def constants(self, **values: ArrayLike) -> NDArray[Any]:
         """Return the constants of walkers that differ from this one in some parameters.
@@ -361,7 +365,7 @@ class Walker(Shown, Model):
         Returns:
             Shape (1 or n, constants).
         """
-        return constants_from(body_from(varied(self, values), SYSTEMS[self.kind].Body))
+        return constants_from(body_from(varied(self, values), system_of(self.kind).Body))
 
     @property
     def massless_legs(self) -> bool:

@@ -161,7 +161,8 @@ export function checkWalker(given, data) {
       throw new WalkerError(`no walker ${shown(given)}: it needs ${name}; change a preset, one of ${Object.keys(data.walkers).join(", ")}`);
     }
     if (name === "knees") {
-      if (typeof value !== "boolean") throw new WalkerError(`knees must be True or False, not ${shown(value)}`);
+      if (value === "held") throw new WalkerError("knees='held' is not for pages: knees must be True or False there");
+      if (typeof value !== "boolean") throw new WalkerError(`knees must be True, False or 'held', not ${shown(value)}`);
     } else if (typeof value !== "number") {
       throw new WalkerError(`${name} must be a number, not ${shown(value)}`);
     } else if (!Number.isFinite(value)) {
