@@ -139,8 +139,8 @@ class Batch:
         self.walkers = [scene.walker] * count if walkers is None else list(walkers)
         if len({walker.kind for walker in self.walkers}) > 1:
             raise SceneError(
-                "walkers of one batch must be of one kind: all with free knees, all with held knees, "
-                "all with straight legs, all with legs without mass, or all one system"
+                "walkers of one batch must be of one kind: all with free knees, all with held "
+                "knees, all with straight legs, all with legs without mass, or all one system"
             )
         slope_of = [None] * count if slopes is None else check_slope(slopes).tolist()
         shared: dict[Any, Starts] = {}
