@@ -54,7 +54,7 @@ PAIR_MEETS = "the complex pair of multipliers becomes real"
 
 _ROUGH = 1e-6  # violation of points until all are known
 _SHIFT = 1e-4  # of logarithmic coordinates, for differences of derivatives
-_FIRST_STEP, _VANISHING, _CUSP = 0.02, 10.0, 1e-5
+_FIRST_STEP, _VANISHING, _CUSP, _SAME = 0.02, 10.0, 1e-5, 1e-9
 
 
 class SpecialPoint(NamedTuple):
@@ -392,7 +392,7 @@ def _follow(curve: _LocusCurve, start: Point, resolution: float) -> _Part:
                 guess = here.y + (bound - here.y[i]) / (p - here.y[i]) * (there.y - here.y)
                 guess[i] = bound
                 last = curve.correct(guess, np.eye(len(guess))[i])
-                if last is not None:
+                if last is not None and np.abs(last.y - here.y).max() > _SAME:  # or it began there
                     points.append(crossings(last) or last)
                 return _Part(points, special, LocusEnd(curve.values_at(points[-1]), BOUND))
             points.append(met := crossings(there) or there)
@@ -474,12 +474,13 @@ def bifurcation_locus(
         down = _follow(curve, start._replace(tangent=-start.tangent), resolution)
     points = curve.polished(down.points[:0:-1] + up.points)
     there, places, slopes, _ = curve.gaits_at(points)
+    bounds = [(axis.low, axis.high) for axis in (family.axis, second)]  # passed by rounding alone
     return BifurcationLocus(
         walker=family.walker,
         bifurcation=bifurcation,
         period=family.period,
         parameters=(family.parameter, parameter),
-        values=np.array([curve.values_at(point) for point in points]),
+        values=np.clip([curve.values_at(point) for point in points], *np.transpose(bounds)),
         slope=slopes,
         state=there.states_at(places),
         multipliers=np.array([multipliers_of(point.map) for point in points]),
