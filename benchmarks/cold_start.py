@@ -151,12 +151,18 @@ def _taken() -> None:
 
 
 def _modules() -> Iterator[tuple[str, float, float, float, float]]:
-    """Name of each native module, CPU seconds of its three stages, and size in kB."""
+    """Name of each native module, CPU seconds of its three stages, and size in kB.
+
+    The last ones are systems of one's own, as `examples` states them.
+    """
+    from examples.five_links import FIVE_LINKS
+    from examples.torso import TORSO
     from gym_passive_walker.engine.compiled import written
     from gym_passive_walker.engine.machine import loaded, object_code
     from gym_passive_walker.models.equations.systems import SYSTEMS
 
-    for name, system in SYSTEMS.items():
+    examples = {f"examples: {own.name}": own.hybrid for own in (TORSO, FIVE_LINKS)}
+    for name, system in {**SYSTEMS, **examples}.items():
         for derived in (False, True):
             label = name + ", and derivatives" * derived
             start = time.process_time()
