@@ -22,7 +22,6 @@ from pathlib import Path
 from benchmarks.report import command, machine, table
 from benchmarks.tables import BENCHMARKS, DOCS, keep
 
-
 WALKS = {"C": 0.03, "A": 0.03, "D": 0.009}
 """A kneed, a straight-legged and the simplest walker, with a slope in rad for each."""
 
@@ -112,7 +111,11 @@ def levels() -> None:
         rows.append((name, empty, filled, size, 1e6 * took))
         print(*rows[-1], flush=True)
     text = table(["made for", "CPU s, none there", "all there", "kB", "µs a stride"], rows)
-    keep("levels", f"{text}\n\nOne core, scene lab: a first reset and step. {_machine()}.", BENCHMARKS)
+    keep(
+        "levels",
+        f"{text}\n\nOne core, scene lab: a first reset and step. {_machine()}.",
+        BENCHMARKS,
+    )
 
 
 def _targets() -> Iterator[tuple[str, dict[str, str]]]:

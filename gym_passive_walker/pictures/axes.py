@@ -129,6 +129,17 @@ def legend(ax: Axes, *, columns: int = 3, gap: float = 40.0) -> None:
     )  # fmt: skip
 
 
+def fit(figure: Figure, size: tuple[float, float]) -> None:
+    """Change the size of a figure (cm), and the columns of its legends to those that have room."""
+    width, height = (length / 2.54 for length in size)
+    figure.set_size_inches(width, height)
+    for ax in figure.axes:
+        if ax.get_legend():
+            legend(ax)
+    for each in figure.legends:
+        each.set_ncols(max(1, int(width / _COLUMN)))
+
+
 def picture_path(path: str | PathLike[str]) -> Path:
     """Check a path that a figure is to be written to, and create its folder if needed.
 
@@ -169,7 +180,10 @@ def save(figure: Figure, path: str | PathLike[str] | None, caption: str = "") ->
         kind = path.suffix.lower()
         place = {".png": "Description", ".svg": "Description", ".pdf": "Subject"}.get(kind)
         metadata = {place: caption} if place and caption else None
-        with replacing(path) as aside:
+        from matplotlib import rc_context
+
+        # Type 42 embeds fonts as outlines that journals accept.
+        with replacing(path) as aside, rc_context({"pdf.fonttype": 42, "ps.fonttype": 42}):
             figure.savefig(aside, format=kind[1:], dpi=_DPI, metadata=metadata)
     return figure
 
