@@ -129,6 +129,17 @@ def legend(ax: Axes, *, columns: int = 3, gap: float = 40.0) -> None:
     )  # fmt: skip
 
 
+def legend_below(figure: Figure, ax: Axes, *, columns: int = 5) -> None:
+    """Put the legend of one of its axes below a figure, in at most this number of columns."""
+    handles, labels = ax.get_legend_handles_labels()
+    style: Any = {"loc": "outside lower center", "frameon": False, "fontsize": "small"}
+    for count in range(columns, 0, -1):
+        made = figure.legend(handles, labels, ncols=count, **style)
+        if made.get_window_extent().width <= figure.bbox.width or count == 1:
+            return
+        made.remove()
+
+
 def fit(figure: Figure, size: tuple[float, float]) -> None:
     """Change the size of a figure (cm), and the columns of its legends to those that have room."""
     width, height = (length / 2.54 for length in size)
@@ -136,8 +147,9 @@ def fit(figure: Figure, size: tuple[float, float]) -> None:
     for ax in figure.axes:
         if ax.get_legend():
             legend(ax)
-    for each in figure.legends:
-        each.set_ncols(max(1, int(width / _COLUMN)))
+    if figure.legends:
+        figure.legends.clear()
+        legend_below(figure, next(ax for ax in figure.axes if ax.get_legend_handles_labels()[1]))
 
 
 def picture_path(path: str | PathLike[str]) -> Path:

@@ -38,6 +38,7 @@ from gym_passive_walker.pictures.axes import (
     figure_of,
     fit,
     legend,
+    legend_below,
     panels,
     picture_path,
     save,
@@ -177,9 +178,7 @@ def detuning(tables: Tables) -> Figure:
     for ax in axes[::3]:
         ax.set_ylabel(ANGLE)
     family_key(axes[0], *tables.values())
-    handles, labels = axes[0].get_legend_handles_labels()
-    style = {"frameon": False, "fontsize": "small"}
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, **style)
+    legend_below(figure, axes[0], columns=3)
     return figure
 
 
@@ -207,9 +206,7 @@ def tuned_families(tables: Tables, by: str = _ANGLE) -> Figure:
     for ax in axes:
         ax.set(xlabel=SLOPE, ylabel=PLOTTED[by])
     axes[1].set(xscale="log", yscale="log")
-    handles, labels = axes[1].get_legend_handles_labels()
-    style = {"frameon": False, "fontsize": "small"}
-    figure.legend(handles, labels, loc="outside lower center", ncols=5, **style)
+    legend_below(figure, axes[1])
     return figure
 
 
