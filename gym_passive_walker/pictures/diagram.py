@@ -159,7 +159,9 @@ def standing_diagram() -> Figure:
     return figure
 
 
-def _legs(ax: Axes, posture: Pose, walker: Walker, slope: float, alpha: float = 1.0) -> None:
+def _legs(
+    ax: Axes, posture: Pose, walker: Walker, slope: float, alpha: float | None = None
+) -> None:
     """Draw both legs and the hip."""
     hip = level(posture.hip, slope)
     for leg, colour in ((posture.stance, LEG_COLOURS[0]), (posture.swing, LEG_COLOURS[1])):
