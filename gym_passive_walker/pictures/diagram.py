@@ -81,7 +81,7 @@ class Approach(NamedTuple):
 
 
 def approach() -> Approach:
-    """A stride of the laboratory's walker with locked knees, whose foot lands obliquely."""
+    """A stride of the laboratory's walker with locked knees; its foot lands obliquely."""
     walk = simulate(find_gait("lab-straight", 0.05))
     foot = pose(walk.walker, walk.states, walk.contact_x).swing.foot
     turned = walk.states[:, 1] - walk.states[-1, 1]  # of the foot, up to heelstrike

@@ -1,4 +1,4 @@
-"""First examples of the libraries in the extra `dev` run with a walker: rows of `docs/howto-train.md`.
+"""First examples of libraries in the extra `dev` run with a walker: rows of `docs/howto-train.md`.
 
 Where a library's package has an example, it is run with the environment's name in it. Changed
 besides are windows, because tests have none, and lengths of training over a minute. That of rsl_rl

@@ -28,7 +28,8 @@ MADE = {
 """Texts between markers, by PAGE/NAME."""
 
 BY_HAND = (
-    "anywhere", "benchmarks", "learners", "scaling", "stability## Mutation tests", "training", "web",
+    "anywhere", "benchmarks", "learners", "scaling", "stability## Mutation tests", "training",
+    "web",
 )  # fmt: skip
 """Pages, or a page from a heading on, with tables of results that no command writes."""
 
