@@ -93,7 +93,7 @@ def heelstrike_diagram(found: Approach) -> Figure:
     """Draw the coordinates x and y of a foot close to heelstrike, like Fig. 4.4."""
     figure, (ax,) = panels(size=(6.4, 5.4), ax=OWN)
     walk, slope, length = found.walk, found.walk.slope, found.walk.walker.leg_length
-    now = int(np.argmax(found.y < 0.1 * length * (found.x > 0.0)))
+    now = int(np.argmax((found.x > 0.0) & (found.y < 0.1 * length)))
     soon, lands = (
         pose(walk.walker, walk.states[i], walk.contact_x[i]) for i in (now, len(walk) - 1)
     )
