@@ -4,7 +4,7 @@
     python -m benchmarks.cold_start waits         Run one part.
 
 Each time is that of a fresh process, in CPU seconds: first with an empty cache, then with the cache
-that the first process filled. The tables are written to docs/benchmarks-start.md.
+that the first process filled. The tables are written to docs/benchmarks.md.
 """
 
 from __future__ import annotations
@@ -20,9 +20,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from benchmarks.report import command, machine, table
-from benchmarks.tables import DOCS, keep
-
-PAGE = DOCS / "benchmarks-start.md"
+from benchmarks.tables import BENCHMARKS, DOCS, keep
 
 WALKS = {"C": 0.03, "A": 0.03, "D": 0.009}
 """A kneed, a straight-legged and the simplest walker, with a slope in rad for each."""
@@ -90,7 +88,7 @@ def waits() -> None:
             rows.append((name, wait(parts, cache), wait(parts, cache)))
         print(*rows[-1], flush=True)
     text = table(["CPU seconds", "empty cache", "filled cache"], rows)
-    keep("cold start", f"{text}\n\nOne core, each in a fresh process. {_machine()}.", PAGE)
+    keep("cold start", f"{text}\n\nOne core, each in a fresh process. {_machine()}.", BENCHMARKS)
 
 
 _BATCH = (
@@ -113,7 +111,11 @@ def levels() -> None:
         rows.append((name, empty, filled, size, 1e6 * took))
         print(*rows[-1], flush=True)
     text = table(["made for", "CPU s, none there", "all there", "kB", "µs a stride"], rows)
-    keep("levels", f"{text}\n\nOne core, scene lab: a first reset and step. {_machine()}.", PAGE)
+    keep(
+        "levels",
+        f"{text}\n\nOne core, scene lab: a first reset and step. {_machine()}.",
+        BENCHMARKS,
+    )
 
 
 def _targets() -> Iterator[tuple[str, dict[str, str]]]:
@@ -139,7 +141,7 @@ def kernels() -> None:
         table(["equations, CPU seconds", "traced", "LLVM", "loaded", "kB"], modules),
         table(["bookkeeping compiled by numba, CPU seconds", "alone"], compilations),
     ]
-    keep("kernels", "\n\n".join([*text, f"One core. {_machine()}."]), PAGE)
+    keep("kernels", "\n\n".join([*text, f"One core. {_machine()}."]), BENCHMARKS)
 
 
 def _machine() -> str:
@@ -152,12 +154,18 @@ def _taken() -> None:
 
 
 def _modules() -> Iterator[tuple[str, float, float, float, float]]:
-    """Name of each native module, CPU seconds of its three stages, and size in kB."""
+    """Name of each native module, CPU seconds of its three stages, and size in kB.
+
+    The last ones are systems of one's own, as `examples` states them.
+    """
+    from examples.five_links import FIVE_LINKS
+    from examples.torso import TORSO
     from gym_passive_walker.engine.compiled import written
     from gym_passive_walker.engine.machine import loaded, object_code
     from gym_passive_walker.models.equations.systems import SYSTEMS
 
-    for name, system in SYSTEMS.items():
+    examples = {f"examples: {own.name}": own.hybrid for own in (TORSO, FIVE_LINKS)}
+    for name, system in {**SYSTEMS, **examples}.items():
         for derived in (False, True):
             label = name + ", and derivatives" * derived
             start = time.process_time()
@@ -253,7 +261,7 @@ def wheel() -> None:
     text = table(
         ["CPU seconds, each in a fresh process with an empty cache", "least of 5", "median"], rows
     )
-    keep("wheel", f"{text}\n\nThe wheel has {size:.2f} MB. One core. {_machine()}.", PAGE)
+    keep("wheel", f"{text}\n\nThe wheel has {size:.2f} MB. One core. {_machine()}.", BENCHMARKS)
 
 
 PARTS: dict[str, Callable[[], None]] = {

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from benchmarks import other_solvers, penalty, reference
 from benchmarks.problem import Problem, problem
 from benchmarks.report import command, machine, plot, seconds, table
-from benchmarks.tables import PRECISION, keep
+from benchmarks.tables import BENCHMARKS, keep
 from gym_passive_walker import WALKERS
 from gym_passive_walker._tools import console
 from gym_passive_walker.gaits.stride_map import StrideMap
@@ -259,7 +259,7 @@ def main() -> None:
     text = table(["strides", "method", "setting", "relative error", "ms a gradient"], rows)
     used = machine("torch", "heyoka", "jax", "diffrax", "torchdiffeq", "mujoco")
     text += f"\n\nThe references' own errors are about {', '.join(notes)}. {used}."
-    keep("gradients", text, PRECISION)
+    keep("gradients", text, BENCHMARKS)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@
 Each pair replaces the engine's own: its step is compiled from the engine's equations into native
 code over lanes. The engine's loop then integrates the swing of the lab walker, with a knee that
 does not lock. Heyoka's Taylor method in batch mode is measured beside them, the best method of its
-kind. The table is written to docs/benchmarks-precision.md.
+kind. The table is written to docs/benchmarks.md.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from benchmarks import reference
 from benchmarks.other_solvers import heyoka_swings
 from benchmarks.problem import Problem, error, problem
 from benchmarks.report import command, machine, seconds, table
-from benchmarks.tables import PRECISION, keep
+from benchmarks.tables import BENCHMARKS, keep
 from gym_passive_walker._tools import console
 from gym_passive_walker.engine.compiled import phases_of, written
 from gym_passive_walker.engine.layout import HISTORY, PAIR, aligned, tile_for
@@ -124,7 +124,7 @@ def main() -> None:
         print(rows[-1], flush=True)
     rows.append(("Taylor, heyoka, 8 lanes", "", *at_errors(heyoka_swings(p, HORIZON), p, exact)))
     heads = ["method", "", *(f"µs at error {error:.0e}" for error in ERRORS)]
-    keep("integrators", f"{table(heads, rows)}\n\nOne core. {machine('heyoka')}.", PRECISION)
+    keep("integrators", f"{table(heads, rows)}\n\nOne core. {machine('heyoka')}.", BENCHMARKS)
 
 
 if __name__ == "__main__":

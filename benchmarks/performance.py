@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks import engine
 from benchmarks.problem import WALKS, Problem, problem
 from benchmarks.report import command, machine, seconds, table
-from benchmarks.tables import DOCS, keep
+from benchmarks.tables import BENCHMARKS, keep
 from gym_passive_walker.engine import jit
 from gym_passive_walker.engine.compiled import constants_used
 from gym_passive_walker.engine.compiler import PRIMITIVES
@@ -30,7 +30,6 @@ from gym_passive_walker.engine.step import StepCode
 
 call = PRIMITIVES[jit.call]
 
-PAGE = DOCS / "benchmarks.md"
 COUNTED = ("fma", "fmul", "fadd", "fsub", "fdiv", "sqrt")
 """Arithmetic instructions; signs, comparisons, selections and memory accesses cost little."""
 
@@ -158,7 +157,7 @@ def operations() -> None:
         "measured", "ratio",
     ]  # fmt: skip
     best = f"The fastest a b + c takes {fastest():.3f} ns a lane"
-    keep("operations", f"{table(heads, rows)}\n\n{best}. One core. {machine()}.", page=PAGE)
+    keep("operations", f"{table(heads, rows)}\n\n{best}. One core. {machine()}.", page=BENCHMARKS)
 
 
 def strides() -> None:
@@ -177,7 +176,7 @@ def strides() -> None:
                 f"{name}", f"{tolerance:.0e}", steps, stepping, whole, stepping / whole,
             ])  # fmt: skip
     heads = ["walker", "tolerance", "steps a stride", "µs in steps", "µs in all", "share"]
-    keep("strides", f"{table(heads, rows)}\n\nOne core. {machine()}.", page=PAGE)
+    keep("parts of a stride", f"{table(heads, rows)}\n\nOne core. {machine()}.", page=BENCHMARKS)
 
 
 def _phases(p: Problem) -> list[tuple[StepCode, np.ndarray]]:

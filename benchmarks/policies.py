@@ -2,7 +2,7 @@
 
     python -m benchmarks.policies
 
-Writes docs/policies.md and docs/images/policy-*.gif, in five minutes.
+Writes docs/agents.md and docs/images/policy-*.gif, in five minutes.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def described(name: str, found: Scores) -> str:
         (f"mean strides to a fall, heights with σ = {ROUGHNESS:g} l", found.lasts),
     ]  # fmt: skip
     picture = f"![Two strides under {name}](images/{file})"
-    return f"## {name}\n\n{picture}\n\n{table(['', name], rows)}"
+    return f"### {name}\n\n{picture}\n\n{table(['', name], rows)}"
 
 
 def main() -> None:
@@ -105,7 +105,7 @@ def main() -> None:
         f"The gauntlet has {WALKERS} walks in each test. The first passage is sampled with "
         f"{FALLING.walkers} walkers and at most {FALLING.count} strides each. {machine()}."
     )
-    keep("policies", "\n\n".join([*sections, closing]), DOCS / "policies.md")
+    keep("policies", "\n\n".join([*sections, closing]), DOCS / "agents.md")
 
 
 if __name__ == "__main__":

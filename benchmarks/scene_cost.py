@@ -3,7 +3,7 @@
     python -m benchmarks.scene_cost
 
 Run times are ratios to the simplest scene with that walker, from alternating measurements in one
-run. The table is written to docs/benchmarks-speed.md.
+run. The table is written to docs/benchmarks.md.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import gym_passive_walker as gpw
 from benchmarks.engine import again, new_batch
 from benchmarks.problem import problem
 from benchmarks.report import command, machine, seconds, table
-from benchmarks.tables import SPEED, keep
+from benchmarks.tables import BENCHMARKS, keep
 from gym_passive_walker._tools import console
 from gym_passive_walker.gaits.look.trajectory import simulate
 
@@ -198,7 +198,7 @@ def main() -> None:
     command(__doc__)
     numba.set_num_threads(1)
     text = "\n\n".join([kinds(), analysis(), derivatives(), environments(), rewards()])
-    keep("scene cost", f"{text}\n\nOne core. {machine('gymnasium')}.", SPEED)
+    keep("scene cost", f"{text}\n\nOne core. {machine('gymnasium')}.", BENCHMARKS)
 
 
 if __name__ == "__main__":

@@ -18,28 +18,28 @@ import sys
 from pathlib import Path
 
 DOCS = Path(__file__).parents[1] / "docs"
-PRECISION, SPEED = DOCS / "benchmarks-precision.md", DOCS / "benchmarks-speed.md"
-GPU = DOCS / "gpu.md"
+BENCHMARKS, GPU = DOCS / "benchmarks.md", DOCS / "gpu.md"
 
 SCRIPTS = {
-    "benchmarks-precision/work-precision": "work_precision strides",
-    "benchmarks-precision/walks": "work_precision walks",
-    "benchmarks-precision/tick": "work_precision ticks",
-    "benchmarks-precision/penalty": "work_precision penalties",
-    **{f"benchmarks-precision/{name}": name for name in ("gradients", "integrators")},
-    **{f"benchmarks-speed/{part}": f"throughput {part}" for part in (
+    "benchmarks/work-precision": "work_precision strides",
+    "benchmarks/walks": "work_precision walks",
+    "benchmarks/tick": "work_precision ticks",
+    "benchmarks/penalty": "work_precision penalties",
+    **{f"benchmarks/{name}": name for name in ("gradients", "integrators")},
+    **{f"benchmarks/{part}": f"throughput {part}" for part in (
         "accelerations", "strides", "ticks", "learning", "on_tensors")},
     **{f"gpu/gpu {part}": f"gpu {part}" for part in ("strides", "ticks", "learning")},
-    "benchmarks-speed/scene cost": "scene_cost",
-    "benchmarks-start/cold start": "cold_start waits",
-    **{f"benchmarks-start/{part}": f"cold_start {part}" for part in ("wheel", "levels", "kernels")},
-    **{f"benchmarks/{part}": f"performance {part}" for part in ("strides", "operations")},
+    "benchmarks/scene cost": "scene_cost",
+    "benchmarks/cold start": "cold_start waits",
+    **{f"benchmarks/{part}": f"cold_start {part}" for part in ("wheel", "levels", "kernels")},
+    "benchmarks/parts of a stride": "performance strides",
+    "benchmarks/operations": "performance operations",
     "design/cheap": "design cost",
     "design/steady": "design return",
     **{f"design/{part}": f"design {part}" for part in ("steep", "tuned")},
     "agents/random guesses": "optimum",
     "robustness/gauntlet": "gauntlet",
-    "policies/policies": "policies",
+    "agents/policies": "policies",
     "robustness/first passage": "first_passage",
     "anywhere/anywhere": "anywhere show",
     "stability/stress": "stress --long --write",
@@ -51,8 +51,8 @@ SCRIPTS = {
 }  # fmt: skip
 TABLES = {name: f"python -m benchmarks.{script}" for name, script in SCRIPTS.items()} | {
     "analyses/pairs": "python -m tests.control.test_matrix",
-    "benchmarks-agents/benchmark": "python train.py benchmark --scenes level steep rolling lab "
-    "--budget 0.2 --document docs/benchmarks-agents.md",
+    "agents/benchmark": "python train.py benchmark --scenes level steep rolling lab "
+    "--budget 0.2 --document docs/agents.md",
 }
 """Commands by PAGE/NAME of the table that they write."""
 
@@ -62,7 +62,7 @@ GROUPS = {"learning": (
     "python train.py benchmark --scenes level --agents sac shac shac-learned ppo-fast",
     "python train.py benchmark --scenes rough pushed push-off commanded --agents passive constant "
     "lqr deadbeat optimal ppo --seeds 3 --budget 0.2",
-    "benchmarks-agents/benchmark",
+    "agents/benchmark",
     "python train.py benchmark --scenes level --agents shac --budget 0.3333 --out runs/third",
     "python -m benchmarks.defaults --id PassiveWalkerEasy-v0",
     "python -m benchmarks.defaults --id PassiveWalker-v0",
@@ -74,7 +74,7 @@ GROUPS = {"learning": (
     "python train.py gait level-ppo --out docs/images/gait-level-ppo.png",
     "robustness/first passage",
     "robustness/gauntlet",
-    "policies/policies",  # with the gauntlet's measures
+    "agents/policies",  # with the gauntlet's measures
     "python -m benchmarks.anywhere train walk optima",
     "anywhere/anywhere",
     "python -m benchmarks.off_policy --learners sac tqc crossq xqc --seeds 0 1 2 3 4 5 6 7 8 9",

@@ -3,7 +3,7 @@
     python -m benchmarks.throughput               Run all parts, in some ten minutes.
     python -m benchmarks.throughput strides       Run one part.
 
-Each part prints its table and writes the table to docs/benchmarks-speed.md. Run it on an otherwise
+Each part prints its table and writes the table to docs/benchmarks.md. Run it on an otherwise
 idle machine.
 """
 
@@ -23,7 +23,7 @@ from benchmarks import engine, reference
 from benchmarks.engine import microseconds
 from benchmarks.problem import WALKS, Problem, error, problem
 from benchmarks.report import command, machine, plot, seconds, table
-from benchmarks.tables import SPEED, keep
+from benchmarks.tables import BENCHMARKS, keep
 from gym_passive_walker.engine import jit
 from gym_passive_walker.engine.compiled import constants_used
 from gym_passive_walker.engine.compiler import PRIMITIVES
@@ -45,7 +45,7 @@ def accelerations() -> None:
         together, alone = (_nanoseconds(problem(name), vectorized) for vectorized in (True, False))
         rows.append((name, together, alone, alone / together))
     heads = ["walker", "ns, one of a tile", "ns, one alone", "ratio"]
-    keep("accelerations", f"{table(heads, rows)}\n\nOne core. {machine()}.", SPEED)
+    keep("accelerations", f"{table(heads, rows)}\n\nOne core. {machine()}.", BENCHMARKS)
 
 
 def _nanoseconds(p: Problem, vectorized: bool) -> float:
@@ -107,7 +107,7 @@ def strides() -> None:
         ]  # fmt: skip
     size = engine.new_batch(problem("kneed"), 1).nbytes
     text += [f"Memory: {size} bytes a walker. {machine()}."]
-    keep("strides", "\n\n".join(text), SPEED)
+    keep("strides", "\n\n".join(text), BENCHMARKS)
     names = "walkers in the batch", "µs a stride and walker, one core"
     plot("throughput", {name: (SIZES, times) for name, times in curves.items()}, names)
 
@@ -174,7 +174,7 @@ def ticks() -> None:
         f"{scene.tolerance:.0e}. Actions are drawn beforehand. "
         f"{machine('gymnasium', 'envpool', 'mujoco')}."
     ]
-    keep("ticks", "\n\n".join(text), SPEED)
+    keep("ticks", "\n\n".join(text), BENCHMARKS)
 
 
 def _one(env: gym.Env) -> float:
@@ -225,14 +225,14 @@ def learning() -> None:
     """Measure frames per second of PPO with this environment, and with an empty one."""
     from benchmarks import frames
 
-    keep("learning", frames.report(), SPEED)
+    keep("learning", frames.report(), BENCHMARKS)
 
 
 def on_tensors() -> None:
     """Measure frames per second of PPO on tensors, beside PPO of stable-baselines3."""
     from benchmarks import frames
 
-    keep("on_tensors", frames.on_tensors(), SPEED)
+    keep("on_tensors", frames.on_tensors(), BENCHMARKS)
 
 
 PARTS = {

@@ -4,7 +4,7 @@
     python -m benchmarks.work_precision strides       Run one part.
 
 Errors are relative to 80-bit arithmetic (see `reference`). Tables are written to
-docs/benchmarks-precision.md, plots to docs/images/.
+docs/benchmarks.md, plots to docs/images/.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from benchmarks import engine, errors_and_times, reference
 from benchmarks.errors_and_times import BATCH, Point
 from benchmarks.problem import WALKS, error, problem
 from benchmarks.report import command, machine, plot, seconds, table
-from benchmarks.tables import PRECISION, keep
+from benchmarks.tables import BENCHMARKS, keep
 
 TOLERANCES = 10.0 ** -np.arange(3.0, 14.1, 0.5)
 LEVELS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
@@ -73,7 +73,7 @@ def strides() -> None:
     keep(
         "work-precision",
         "\n\n".join([*text, f"{machine('scipy', 'heyoka', 'diffrax')}."]),
-        PRECISION,
+        BENCHMARKS,
     )
 
 
@@ -90,7 +90,7 @@ def walks() -> None:
     keep(
         "walks",
         f"{text}\n\nA stable gait forgets errors of single strides. {machine('heyoka')}.",
-        PRECISION,
+        BENCHMARKS,
     )
 
 
@@ -110,7 +110,7 @@ def ticks() -> None:
     keep(
         "tick",
         f"{text}\n\nA tick of 0.1 √(l/g) with a hip torque of 0.02 m g l. {machine()}.",
-        PRECISION,
+        BENCHMARKS,
     )
 
 
@@ -118,7 +118,7 @@ def penalties() -> None:
     """Measure the benefit of exact events over a penalty contact in MuJoCo."""
     from benchmarks import penalty
 
-    keep("penalty", f"{penalty.report()}\n\n{machine('mujoco')}.", PRECISION)
+    keep("penalty", f"{penalty.report()}\n\n{machine('mujoco')}.", BENCHMARKS)
 
 
 PARTS: dict[str, Callable[[], Any]] = {

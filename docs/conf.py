@@ -41,13 +41,24 @@ html_static_path = ["_generated/static", "explore"]
 html_css_files = ["passive-walker/player.css", "explore.css"]
 
 REDIRECTS = {
+    "benchmarks-agents": "agents.html#results",
+    "benchmarks-precision": "benchmarks.html#run-time-against-error",
+    "benchmarks-speed": "benchmarks.html#throughput",
+    "benchmarks-start": "benchmarks.html#cold-start",
+    "building": "architecture.html#how-the-package-is-built",
+    "clients": "howto-train.html#libraries",
+    "former-names": "api.html#former-names",
     "gallery": "index.html",
+    "mutation": "stability.html#mutation-tests",
     "names": "reference.html",
+    "off-policy": "learners.html#off-policy-learners",
     "performance": "benchmarks.html#where-the-time-goes",
+    "policies": "agents.html#the-policies-one-by-one",
     "validation-kneed": "validation.html#kneed-and-tuned-walkers",
     "validation-lab": "validation.html#the-laboratorys-walker",
     "validation-literature": "validation.html#other-publications",
     "validation-simplest": "validation.html#the-simplest-walker-and-point-feet",
+    "vector": "environment.html#many-environments-in-one-kernel",
     "viewer": "web.html",
     "notebooks/policy_bifurcations": "policy-bifurcations.html",
 }

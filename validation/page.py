@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
 from validation import (
     chaos,
+    chapter,
     controllers,
     families,
     lab,
@@ -20,7 +20,7 @@ from validation import (
     tuning,
     wheel,
 )
-from validation.rows import Row
+from validation.rows import Row, link
 
 
 class Section(NamedTuple):
@@ -119,6 +119,7 @@ more than what stands in brackets behind the difference. Walkers are those of
 {statements} statements; {agree} agree and {differ} differ. Where one differs, "Agrees" is **no**,
 and the remark has the reason. Numbers of sections, figures and tables are those of the chapter,
 except beside a publication's name. [Sources](#sources) follow the tables.
+[Chapter 4, item by item](chapter4.md) has the figures and tables in their order.
 """
 
 _SOURCES = """## Sources
@@ -159,11 +160,6 @@ def _table(cells: list[tuple[str, ...]], columns: tuple[str, ...]) -> str:
     )
 
 
-def _link(title: str) -> str:
-    anchor = re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
-    return f"[{title}](#{anchor})"
-
-
 def render(rows: dict[str, list[Row]]) -> str:
     """The page as Markdown.
 
@@ -176,7 +172,7 @@ def render(rows: dict[str, list[Row]]) -> str:
         for section in sections:
             of = rows[section.title]
             differ = sum(not row.agrees for row in of)
-            contents.append((_link(section.title), str(len(of)), str(differ) if differ else ""))
+            contents.append((link(section.title), str(len(of)), str(differ) if differ else ""))
             parts += [f"### {section.title}\n", *([section.text + "\n"] if section.text else [])]
             parts.append(_table([_cells(row) for row in of], _COLUMNS) + "\n")
     every = [row for of in rows.values() for row in of]
@@ -208,11 +204,13 @@ def compute(progress: Callable[[str], None] = lambda title: None) -> dict[str, l
 
 
 def write(path: str | Path, progress: Callable[[str], None] = lambda title: None) -> list[Row]:
-    """Compute the page and write it to a file.
+    """Compute the page and write it to a file, and `chapter4.md` beside it.
 
     Returns:
         The rows that are not as expected; an empty list if there are none.
     """
     computed = compute(progress)
-    Path(path).write_text(render(computed), encoding="utf-8")
+    path = Path(path)
+    path.write_text(render(computed), encoding="utf-8")
+    path.with_name("chapter4.md").write_text(chapter.render(computed), encoding="utf-8")
     return [row for rows in computed.values() for row in rows if not row.sound]

@@ -9,6 +9,7 @@ reason, and the computed value must equal the recorded one.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from decimal import Decimal
 from fractions import Fraction
@@ -45,6 +46,12 @@ class Row(NamedTuple):
 def listed(values: Iterable[float], form: str = "") -> str:
     """Numbers in a format, separated by commas."""
     return ", ".join(format(value, form) for value in values)
+
+
+def link(title: str, page: str = "") -> str:
+    """A link to the section of a page with this title."""
+    anchor = re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
+    return f"[{title}]({page}#{anchor})"
 
 
 def _unit(text: str) -> float:

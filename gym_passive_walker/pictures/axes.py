@@ -129,6 +129,29 @@ def legend(ax: Axes, *, columns: int = 3, gap: float = 40.0) -> None:
     )  # fmt: skip
 
 
+def legend_below(figure: Figure, ax: Axes, *, columns: int = 5) -> None:
+    """Put the legend of one of its axes below a figure, in at most this number of columns."""
+    handles, labels = ax.get_legend_handles_labels()
+    style: Any = {"loc": "outside lower center", "frameon": False, "fontsize": "small"}
+    for count in range(columns, 0, -1):
+        made = figure.legend(handles, labels, ncols=count, **style)
+        if made.get_window_extent().width <= figure.bbox.width or count == 1:
+            return
+        made.remove()
+
+
+def fit(figure: Figure, size: tuple[float, float]) -> None:
+    """Change the size of a figure (cm), and the columns of its legends to those that have room."""
+    width, height = (length / 2.54 for length in size)
+    figure.set_size_inches(width, height)
+    for ax in figure.axes:
+        if ax.get_legend():
+            legend(ax)
+    if figure.legends:
+        figure.legends.clear()
+        legend_below(figure, next(ax for ax in figure.axes if ax.get_legend_handles_labels()[1]))
+
+
 def picture_path(path: str | PathLike[str]) -> Path:
     """Check a path that a figure is to be written to, and create its folder if needed.
 
@@ -169,7 +192,10 @@ def save(figure: Figure, path: str | PathLike[str] | None, caption: str = "") ->
         kind = path.suffix.lower()
         place = {".png": "Description", ".svg": "Description", ".pdf": "Subject"}.get(kind)
         metadata = {place: caption} if place and caption else None
-        with replacing(path) as aside:
+        from matplotlib import rc_context
+
+        # Type 42 embeds fonts as outlines that journals accept.
+        with replacing(path) as aside, rc_context({"pdf.fonttype": 42, "ps.fonttype": 42}):
             figure.savefig(aside, format=kind[1:], dpi=_DPI, metadata=metadata)
     return figure
 

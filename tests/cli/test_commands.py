@@ -168,6 +168,8 @@ def test_a_passive_walker_needs_a_slope_and_the_command_says_by_which_option(cap
         "video D 0.009 --out w.doc",
         "figures 4.6 9.9",
         "figures 4.6 --out a-file",
+        "figures 4.6 --out a-file/f.pdf",
+        "figures 4.6 --out f.doc",
     ],
 )
 def test_where_files_go_is_checked_before_anything_is_computed(line, tmp_path, monkeypatch, capsys):
@@ -334,6 +336,11 @@ WRONG = {
     "simulate lab 0.036 --terrain rough:height_std=1e-3 --terrain-seed -1": "error: "
     "--terrain-seed must be a whole number",
     "figures 9.9": "no figure '9.9' (4.9?): choose from 4.1",
+    "figures 4.5 4.6 --out both.pdf": "both.pdf is one file, for one figure: name a folder",
+    "figures 4.6 --out f.doc": "a picture's name must end in one of",
+    "figures 4.6 --out light.json/f.pdf": "light.json",
+    "figures 4.6 --size 8.5 0": "--size must be a number above 0, not 0",
+    "table 4.3": "no table '4.3': choose from 4.1, 4.2",
     "video lab 0.036 --out walk.doc": "must end in .mp4 or .gif",
     "evaluate nobody": "no policy 'nobody': choose from",
     "evaluate level-ppo --episodes 0": "--episodes must be a whole number from 1 on",

@@ -1,4 +1,4 @@
-"""First examples of the libraries in the extra `dev` run with a walker: rows of `docs/clients.md`.
+"""First examples of libraries in the extra `dev` run with a walker: rows of `docs/howto-train.md`.
 
 Where a library's package has an example, it is run with the environment's name in it. Changed
 besides are windows, because tests have none, and lengths of training over a minute. That of rsl_rl
@@ -99,7 +99,7 @@ assert study.best_value > 0.0
 
 
 def test_versions_in_the_table_are_those_that_are_pinned():
-    page = (ROOT / "docs" / "clients.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "howto-train.md").read_text(encoding="utf-8")
     pins = dict(
         line.split("==") for line in (ROOT / "constraints.txt").read_text().split() if "==" in line
     )

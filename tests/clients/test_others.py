@@ -1,4 +1,4 @@
-"""First examples of libraries in environments of their own: rows of `docs/clients.md`.
+"""First examples of libraries in environments of their own: rows of `docs/howto-train.md`.
 
 `nox -s clients` installs each library and runs its tests. Changed in an example are the name of the
 environment, windows, lengths of training over a minute, and an algorithm of discrete actions.

@@ -145,7 +145,7 @@ def test_each_fragment_of_the_changelog_is_of_a_kind_that_towncrier_prints():
 
 
 def test_the_new_names_of_former_modules_are_modules():
-    table = (DOCS / "docs" / "former-names.md").read_text("utf-8").split("|---|---|---|\n")[1]
+    table = (DOCS / "docs" / "api.md").read_text("utf-8").split("|---|---|---|\n")[1]
     for row in table.partition("\n\n")[0].splitlines():
         for name in re.findall(r"`([\w.]+)`", "|".join(row.split("|")[2:])):
             assert find_spec(f"gym_passive_walker.{name}"), name

@@ -74,7 +74,7 @@ def scenes():
 def results():
     from agents.results import by_agent, middle, read_csv  # loads torch
 
-    speed = MADE["benchmarks-speed/ticks"]
+    speed = MADE["benchmarks/ticks"]
 
     def steps(name, count="1,024"):
         (row,) = cells(speed, f"{name}, 1 core", count)
@@ -94,7 +94,7 @@ def results():
     yield "of 10 seeds"
     yield f"SHAC {above['shac']:.1f} %, PPO of `train.py` {above[DEFAULT_ALGORITHM]:.1f} %"
     yield f"Stable-Baselines3, tuned: PPO {above['ppo']:.1f} %, SAC {above['sac']:.0f} %"
-    lab = MADE["benchmarks-precision/work-precision"].split("walker lab")[1]
+    lab = MADE["benchmarks/work-precision"].split("walker lab")[1]
     error = next(row for row in cells(lab, "method")).index("µs at error 1e-08")
 
     def took(name):
@@ -109,7 +109,7 @@ def results():
     yield f"({power(gpu)} strides/s)"
     counts = re.search(r"(\d+) statements; (\d+) agree", page("docs/validation.md"))
     yield f"Of {counts[1]} published numbers, [{counts[2]} are reproduced]"
-    for table in (speed, lab, MADE["benchmarks-precision/work-precision"]):
+    for table in (speed, lab, MADE["benchmarks/work-precision"]):
         assert re.search(r"2026-11-\d\d, AMD EPYC", table)
     yield "AMD EPYC, November 2026"
 

@@ -180,7 +180,16 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             "slower": "D 0.009 --slower 0.2",
         },
     ),
-    "figures": ("4.6", {"names": "4.10", "out": "4.6 --out there"}),
+    "figures": (
+        "4.6",
+        {
+            "names": "4.10",
+            "list": "4.6 --list",
+            "out": "4.6 --out there.pdf",
+            "size": "4.6 --size 8.5 6",
+        },
+    ),
+    "table": ("4.1", {"number": "4.2"}),
     "evaluate": (
         "steep-ppo --episodes 1",
         {
@@ -253,12 +262,10 @@ def answer(name: str, words: str, folder: Path, monkeypatch) -> tuple:
 CASES = [(name, option) for name, (_, other) in TABLE.items() for option in other]
 
 
-def noted(name: str, folder: Path) -> Path:
-    """A replacement of a figure: its name."""
-    folder.mkdir(exist_ok=True)
-    path = folder / f"{name}.png"
-    path.write_text(name)
-    return path
+def noted(name: str, path: Path, size: tuple[float, float] | None) -> list[Path]:
+    """A replacement of a figure: its name and size."""
+    path.write_text(f"{name} {size}")
+    return [path]
 
 
 @pytest.mark.parametrize("name, option", CASES)

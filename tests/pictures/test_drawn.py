@@ -30,7 +30,7 @@ from gym_passive_walker.pictures import strobe  # noqa: E402
 from gym_passive_walker.pictures.axes import OWN  # noqa: E402
 from gym_passive_walker.pictures.brush import Brush  # noqa: E402
 from gym_passive_walker.pictures.diagram import walker_diagram  # noqa: E402
-from gym_passive_walker.pictures.figures import transition  # noqa: E402
+from gym_passive_walker.pictures.figures import point_feet, transition  # noqa: E402
 from gym_passive_walker.pictures.ground import ground_under  # noqa: E402
 from gym_passive_walker.pictures.portrait import both  # noqa: E402
 from gym_passive_walker.pictures.screen import Screen  # noqa: E402
@@ -241,7 +241,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
         "lab", 0.036, _gait().state, strides=3, flashes=3, ax=OWN,
         terrain=gpw.footholds([0.0] * 3, [0.0, 0.01, -0.01]),
     ),
-    "transition": transition,
+    "transition": lambda: transition(point_feet()),
     **{f"agents-{x}": lambda x=x: of_agents(x) for x in ("costs", "runs", "curve", "gait")},
 }  # fmt: skip
 FRAMES: dict[str, Callable[[], list[str]]] = {

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from validation import page
+from gym_passive_walker.pictures.figures import FIGURES
+from validation import chapter, page
 from validation.__main__ import main
 from validation.page import SUBJECTS, Section, render, sections
 from validation.rows import Row, claim, number
@@ -29,15 +30,49 @@ def committed():
     return tables(PAGE.read_text(encoding="utf-8"))
 
 
-def test_the_page_is_rendered_from_its_rows(committed):
-    rows = {
+@pytest.fixture(scope="module")
+def rows(committed):
+    """The rows of the committed page, by the titles of their sections."""
+    return {
         section.title: [
             Row._make([*cells[:5], cells[5] == "yes", True, cells[6]])
             for cells in committed[section.title][2:]
         ]
         for section in sections()
     }
+
+
+def test_the_pages_are_rendered_from_their_rows(rows):
     assert render(rows) == PAGE.read_text(encoding="utf-8")
+    items = PAGE.with_name("chapter4.md").read_text(encoding="utf-8")
+    assert chapter.render(rows) == items, "run python -m validation --out docs/validation.md"
+
+
+def test_the_chapter_s_items_are_all_there_in_its_order():
+    pictures = [name.partition("-")[0] for item in chapter.ITEMS for name in item.pictures]
+    assert list(dict.fromkeys(pictures)) == list(
+        dict.fromkeys(name.partition("-")[0] for name in FIGURES)
+    )
+    names = [item.name for item in chapter.ITEMS if item.name.startswith("Figure")]
+    assert names == [f"Figure 4.{number}" for number in range(1, 14)]
+
+
+def test_each_pattern_of_an_item_finds_its_rows(rows):
+    every = [f"{row.where} | {row.what}" for each in rows.values() for row in each]
+    for item in chapter.ITEMS:
+        for pattern in item.statements.values():
+            assert any(re.match(pattern, row) for row in every), pattern
+
+
+def test_an_agreement_counts_its_statements_and_names_those_that_differ():
+    met = number("4.4 | a slope | 0.015", 0.0150884)
+    other = number("4.4 | a speed | 2", 3.0)
+    assert chapter.agreement([met]) == "the statement agrees, the number within 0.6%"
+    assert chapter.agreement([met, met]) == "all 2 statements agree, numbers within 0.6%"
+    said = chapter.agreement([met, other])
+    assert said.startswith("1 of 2 statements agree, numbers within 0.6%\n")
+    assert said.endswith("- a speed: print 2, computed 3")
+    assert chapter.agreement([other]).startswith("the statement does not agree\n")
 
 
 def test_the_page_has_every_section_in_order(committed):
@@ -111,3 +146,4 @@ def test_the_command_writes_the_page_and_fails_if_a_row_is_not_as_known(
     assert main(["--out", str(path)]) == 1
     assert "not as known: 4.4, y: 2" in capsys.readouterr().err
     assert [*tables(path.read_text(encoding="utf-8"))] == ["All", "Good", "Bad", "Sources"]
+    assert "# Chapter 4" in (tmp_path / "chapter4.md").read_text(encoding="utf-8")

@@ -15,7 +15,15 @@ from gym_passive_walker._tools import console
 from gym_passive_walker._version import __version__
 from gym_passive_walker.apps.cli.arguments import Parser, add_arguments, call_with
 from gym_passive_walker.apps.cli.disturbances import gauntlet, robustness
-from gym_passive_walker.apps.cli.gaits import basin, bifurcation, check, family, gait, walkers
+from gym_passive_walker.apps.cli.gaits import (
+    basin,
+    bifurcation,
+    check,
+    family,
+    gait,
+    table,
+    walkers,
+)
 from gym_passive_walker.apps.cli.pictures import figures, play, strobe, video
 from gym_passive_walker.apps.cli.report import plain
 from gym_passive_walker.apps.cli.sweeps import sweep
@@ -25,7 +33,7 @@ from gym_passive_walker.gaits.gait import GaitNotFound
 
 COMMANDS = (
     walkers, gait, family, bifurcation, basin, check, robustness, gauntlet, sweep, scene, simulate,
-    strobe, video, figures, evaluate, export, play, warmup,
+    strobe, video, figures, table, evaluate, export, play, warmup,
 )  # fmt: skip
 """All commands; each has the name of its function."""
 

@@ -9,13 +9,15 @@ import numpy as np
 
 from gym_passive_walker._tools.arguments import KEPT, one_slope, whole
 from gym_passive_walker.apps.cli.arguments import High, Kind, Low, Machine, Slope, Strides
-from gym_passive_walker.apps.cli.report import Report, listing, record, table, table_rows
+from gym_passive_walker.apps.cli.report import Report, listing, record, table_rows
+from gym_passive_walker.apps.cli.report import table as tabulated
 from gym_passive_walker.gaits.branches.bifurcation import bifurcation_diagram
 from gym_passive_walker.gaits.branches.family import gait_family
 from gym_passive_walker.gaits.find.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.look.reality import reality_check
 from gym_passive_walker.gaits.robust.basin import FELL, UNSETTLED, basin_of_attraction
-from gym_passive_walker.models.walkers import ABOUT, WALKERS, tuning_errors
+from gym_passive_walker.models.units import KINDS
+from gym_passive_walker.models.walkers import ABOUT, PARAMETERS, WALKERS, tuning_errors
 
 _GAIT = ("kind", "period", "stance_angle", "state", "step_period", "step_length", "speed")
 _GAIT += ("froude_speed", "cost_of_transport", "multipliers", "stable")
@@ -35,7 +37,28 @@ def walkers() -> Report:
         about = {"about": ABOUT[name]}
         rows.append({"name": name, **sizes, "off tuning (legs)": off, **about})
         data.append({"name": name, **sizes, "tuning_errors": errors, **about})
-    return Report(table(rows), data)
+    return Report(tabulated(rows), data)
+
+
+def table(number: Annotated[str, "number of a table: 4.1 or 4.2"]) -> Report:
+    """Recompute a table of Garcia (1999), chapter 4.
+
+    passive-walker table 4.1
+    passive-walker table 4.2 --json
+    """
+    if number == "4.1":
+        shape = [name for name in PARAMETERS if KINDS[name] in ("length", "mass", "angle")]
+        rows = [
+            {"parameter": name, **{who: getattr(WALKERS[who], name) for who in "ABCDE"}}
+            for name in shape
+        ]
+    elif number == "4.2":
+        measures = ("slope", "step_period", "step_length", "speed", "froude_speed", "stance_angle")
+        gaits = [find_gait("lab", slope) for slope in (0.034, 0.045, 0.052)]
+        rows = [record(gait, measures) for gait in gaits]
+    else:
+        raise ValueError(f"no table {number!r}: choose from 4.1, 4.2")
+    return Report(tabulated(rows), rows)
 
 
 def gait(
@@ -85,7 +108,7 @@ def family(machine: Machine, low: Low, high: High, *, kind: Kind = "long") -> Re
     for side, end in zip(("first", "last"), found.ends, strict=True):
         facts[f"{side} end"] = f"{end.value:.8g} rad: {end.reason}"
     title = f"{len(found)} {kind}-step gaits of {machine.title}"
-    text = f"{table(table_rows(shown), units)}\n\n{listing(title, facts)}"
+    text = f"{tabulated(table_rows(shown), units)}\n\n{listing(title, facts)}"
     return Report(text, {"gaits": columns, **marks, "ends": found.ends})
 
 
@@ -124,7 +147,7 @@ def bifurcation(
             ],
         }
     )
-    return Report(table(rows), record(found, ("slope", "period", "walks", "stance_angle")))
+    return Report(tabulated(rows), record(found, ("slope", "period", "walks", "stance_angle")))
 
 
 def basin(
@@ -153,7 +176,7 @@ def basin(
     title += f"to {rate[-1]:.4g} {'rad/s' if 'units' in found.walker.supports else '√(g/l)'}"
     data = record(found, ("slope", "stance_angle", "stance_rate", "settled", "strides"))
     data["gaits"] = [record(gait, _GAIT) for gait in found.gaits]
-    return Report(f"{title}\n{table(rows)}", data)
+    return Report(f"{title}\n{tabulated(rows)}", data)
 
 
 def check(

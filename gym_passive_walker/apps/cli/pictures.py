@@ -7,11 +7,11 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from gym_passive_walker._tools.arguments import near
+from gym_passive_walker._tools.arguments import near, number
 from gym_passive_walker._tools.extras import need
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker.apps.cli.arguments import AWalker, Strides, Walk
-from gym_passive_walker.apps.cli.report import Report
+from gym_passive_walker.apps.cli.report import Report, table
 from gym_passive_walker.envs.policies import shipped_policies
 
 
@@ -111,24 +111,54 @@ def play(
 
 def figures(
     *names: Annotated[str, "number of a figure, such as 4.6", {"metavar": "NUMBER"}],
-    out: Annotated[Path, "output folder", {"metavar": "FOLDER"}] = Path("figures"),
+    list: Annotated[bool, "list the figures, and draw none"] = False,
+    out: Annotated[
+        Path, "output folder, or the file of one figure, such as f.pdf", {"metavar": "PATH"}
+    ] = Path("figures"),
+    size: Annotated[
+        tuple[float, ...] | None,
+        "width and height in cm (the figure's own)",
+        {"nargs": 2, "type": float, "metavar": "CM"},
+    ] = None,
 ) -> Report:
     """Recompute and draw figures of Garcia (1999), chapter 4; all of them if none is named.
 
+    The data of a figure are written beside it, as CSV.
+
+    passive-walker figures --list
     passive-walker figures 4.6 4.10 --out figures
+    passive-walker figures 4.6 --out f.pdf --size 8.5 8
     """
+    from gym_passive_walker.pictures.axes import picture_path
     from gym_passive_walker.pictures.figures import FIGURES, draw
 
+    if list:
+        shown = [
+            {"figure": name, "shows": plate.caption.partition(". ")[0]}
+            for name, plate in FIGURES.items()
+        ]
+        return Report(table(shown), shown)
     need("matplotlib", "figures")
-    paths, asked = [], names or list(FIGURES)
+    asked = names or tuple(FIGURES)
     for name in asked:
         if name not in FIGURES:
             like = near(name, FIGURES)
             raise ValueError(f"no figure {name!r}{like}: choose from {', '.join(FIGURES)}")
-    out.mkdir(parents=True, exist_ok=True)
+    width_height = None
+    if size is not None:
+        width, height = (number(length, "--size", above=0.0) for length in size)
+        width_height = width, height
+    file = out.suffix and not out.is_dir()
+    if file and len(asked) > 1:
+        raise ValueError(f"--out {out} is one file, for one figure: name a folder for several")
+    if file:
+        picture_path(out)
+    else:
+        out.mkdir(parents=True, exist_ok=True)
+    paths = []
     with progress("figures", len(asked)) as drawn:
         for name in asked:
-            paths.append(draw(name, out))
+            paths += draw(name, out if file else out / f"figure-{name}.png", width_height)
             drawn()
     return _saved(paths)
 
