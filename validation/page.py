@@ -86,7 +86,9 @@ _KNEED = (
 )
 _LITERATURE = (
     Section("Other publications: the simplest walker", literature.simplest_walker),
+    Section("Other publications: the simplest walker's way to chaos", literature.chaos),
     Section("Other publications: the compass walker", literature.compass),
+    Section("Other publications: wheels and round feet", literature.wheels_and_round_feet),
     Section("Rough ground: the rimless wheel, and point feet", wheel.rough_ground),
     Section("Controllers: push-off (Kuo)", controllers.push_off,
             "The simplest walker on level ground, l = 1 m, g = 9.81 m/s²; P over m √(g l), the "
@@ -141,6 +143,15 @@ _SOURCES = """## Sources
   Trans. Systems, Man, and Cybernetics A 31 (2001) 737–745.
 - P. A. Bhounsule, A. Zamani, *A discrete control Lyapunov function for exponential orbital
   stabilization of the simplest walker*, J. Mechanisms Robotics 9 (2017) 051011.
+- A. L. Schwab, M. Wisse, *Basin of attraction of the simplest walking model*, ASME Design
+  Engineering Technical Conferences (2001) VIB-21363.
+- M. J. Coleman, A. Chatterjee, A. Ruina, *Motions of a rimless spoked wheel: a simple 3D system
+  with impacts*, Dynamics and Stability of Systems 12 (1997) 139–159.
+- P. G. Adamczyk, S. H. Collins, A. D. Kuo, *The advantages of a rolling foot in human walking*,
+  J. Experimental Biology 209 (2006) 3953–3963.
+- P. A. Bhounsule, passivewalker.m, a program of 2009: github.com/pab47/pab47.github.io.
+- R. Tedrake and others, Drake 1.58, `pydrake.examples`: drake.mit.edu.
+- Recomputed: by another program than this package, as the remark says.
 - K. Byl, R. Tedrake, *Metastable walking machines*, Int. J. Robotics Research 28 (2009) 1040–1064.
 - M. J. Feigenbaum, *Quantitative universality for a class of nonlinear transformations*, J. Stat.
   Phys. 19 (1978) 25–52.
