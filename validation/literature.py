@@ -51,7 +51,7 @@ _NO_EXPANSION = (
     "computed constant meets. The short step's has all its digits."
 )
 _LONG_DOUBLE = "Integrated in long double by heyoka.py, another program."
-_MPMATH = "Computed by mpmath with 30 digits, another program."
+_MPMATH = "Computed by mpmath, another program."
 
 
 def _expansion(kind: Kind) -> NDArray[np.float64]:
