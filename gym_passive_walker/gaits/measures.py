@@ -118,23 +118,36 @@ _OTHERS = {
     "outcome outcomes controller parameter folds period_doublings neimark_sackers "
     "halts ends stride_map knee_locked settled gaits walks strides friction stance_friction "
     "holds passed readings stride_index phases terrain terrain_seed struck ending needed_friction "
-    "charged_cost on_edge optimality stubs held point cycle stride mean",
-    "angle": "slope stance_angle tilts knee_flexion",
+    "charged_cost on_edge optimality stubs held point cycle stride mean taken strikes",
+    "angle": "slope stance_angle thigh_angle shank_angle tilt tilts knee_flexion",
     "time": "time times",
-    "length": "clearance release_depth contact_x contact_y distance",
-    "speed": "release_velocity tangential normal",
-    "rate": "stance_rate forward backward",
-    "torque": "stance_knee_torque swing_knee_torque",
-    "force": "weight least_normal_force greatest_normal_force",
+    "length": "clearance foot_clearance release_depth contact_x contact_y distance centre_of_mass "
+    "com_x com_y",
+    "speed": "release_velocity tangential normal centre_of_mass_velocity com_velocity_x "
+    "com_velocity_y",
+    "rate": "stance_rate thigh_rate shank_rate forward backward",
+    "torque": "stance_knee_torque swing_knee_torque hip_joint_torque",
+    "force": "weight normal_force tangential_force least_normal_force greatest_normal_force",
     "impulse": "kneestrike_impulse heelstrike_impulse push_off_impulse normal_impulse "
     "tangential_impulse",
-    "twist": "stance_knee_at_kneestrike stance_knee_at_heelstrike stance_knee_at_push_off",
+    "twist": "stance_knee_at_kneestrike stance_knee_at_heelstrike stance_knee_at_push_off "
+    "stance_knee_impulse",
+    "energy": "loss kinetic_energy potential_energy spring_energy mechanical_energy",
+    "power": "powers hip_power ankle_power friction_power",
     "state": "state states",
     "controls": "torques",
 }
 UNIT_OF = KINDS | {name: kind for kind, names in _OTHERS.items() for name in names.split()}
 UNIT_OF |= {each.name: each.unit for each in MEASURES}
 """Kind of the unit of each attribute of a result; empty for numbers and for what is none."""
+
+OWN_UNITS = {
+    "angle": "rad", "length": "length", "time": "time", "mass": "mass", "speed": "length/time",
+    "rate": "rad/time", "gravity": "length/time^2", "force": "force", "impulse": "force time",
+    "torque": "force length", "energy": "force length", "power": "force length/time",
+    "friction": "force length time", "twist": "force length time",
+}  # fmt: skip
+"""Each kind of unit in terms of a walker's own units of length, time, mass and force."""
 
 SYMBOLS = {kind: each[1:-1] if each[0] == "(" else each for kind, (each, _) in UNITS.items()}
 """Symbol of each kind of unit."""
@@ -160,6 +173,16 @@ class InUnits:
     def dimensionless(self) -> Any:
         """The same attributes over the walker's mass m, leg length l and time sqrt(l/g)."""
         return Dimensionless(self)
+
+    def column_units(self) -> dict[str, str]:
+        """Units of the columns that have one, by name, in terms of the walker's own units.
+
+        The named walkers have metres, seconds, kilograms and newtons. Columns of a `System` are in
+        the units in which it is stated.
+        """
+        if "units" not in self.walker.supports:
+            return {}
+        return {name: OWN_UNITS[kind] for name, kind in UNIT_OF.items() if kind in OWN_UNITS}
 
 
 class Dimensionless:
