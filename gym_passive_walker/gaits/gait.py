@@ -218,10 +218,16 @@ def gait_equations(
 def kind_of(walker: Walker, multipliers: NDArray, duration: float) -> GaitKind:
     """Return the kind of a gait from the part of the branch on which it lies.
 
-    The sign of det(1 - D), a product over the multipliers, changes at a fold of the branch; it is positive on the long-step part.
-    There are two parts where it is negative. On the short-step part a stride takes less than about
-    half a period of the hanging leg (0.7 to 1.05 times that on the published walkers). On the slow
-    end of an untuned walker's long-step branch it takes 1.2 to 1.9 times that.
+    The sign of det(1 - D), a product over the multipliers, changes at a fold of the branch. It is
+    positive on the long-step part. There are two parts where it is negative. On the short-step part
+    a stride takes less than about half a period of the hanging leg (0.7 to 1.05 times that on the
+    published walkers). On the slow end of an untuned walker's long-step branch it takes 1.2 to 1.9
+    times that.
+
+    Args:
+        walker: The walker.
+        multipliers: Floquet multipliers, (m,).
+        duration: Time of a stride in sqrt(l/g).
     """
     if "step kinds" not in walker.supports:
         return "long"

@@ -18,7 +18,7 @@ from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.look.reality import RealityCheck
 from gym_passive_walker.gaits.look.series import SERIES
 from gym_passive_walker.gaits.look.trajectory import Trajectory, simulate
-from gym_passive_walker.gaits.measures import SYMBOLS, UNIT_OF
+from gym_passive_walker.gaits.measures import UNIT_OF
 from gym_passive_walker.gaits.robust.basin import UNSETTLED, Basin, basin_of_attraction
 from gym_passive_walker.gaits.stride import Stride
 from gym_passive_walker.models.units import KINDS, UNITS
@@ -395,7 +395,7 @@ def _over_time(walk: Trajectory, ax: Axes | None, of: str) -> Axes:
     kinds = {name: UNIT_OF.get(name, "power") for name in names[of]}
     units = {name: UNITS[kind][1](walk.walker, walk.units) for name, kind in kinds.items()}
     values = {name: found[name] / units[name] for name in names[of]}
-    symbol = SYMBOLS[kinds[names[of][0]]].removeprefix("(").removesuffix(")")
+    symbol = UNITS[kinds[names[of][0]]][0]
     if of in _PLANES:
         x, y = (broken(values[name], walk.struck) for name in names[of])
         ax.plot(x, y, color=BLUE, linewidth=1.5)
@@ -414,7 +414,7 @@ def _over_time(walk: Trajectory, ax: Axes | None, of: str) -> Axes:
             ax.plot(times, broken(values[name], walk.struck), label=label, **style)
         impacts(ax, walk)
         ax.axhline(0.0, color=GREY, linewidth=0.4)
-        ax.set(xlabel=TIME, ylabel=f"{_LABELS.get(of, of)} / ({symbol})")
+        ax.set(xlabel=TIME, ylabel=f"{_LABELS.get(of, of)} / {symbol}")
     ax.set_title(f"walker {name_of(walk.walker)}, slope {walk.slope:.4g} rad", fontsize="medium")
     legend(ax, columns=2)
     return ax

@@ -340,13 +340,12 @@ def heelstrike_impulses(
 def _momentum_change(
     walker: Walker, before: NDArray, after: NDArray, time: float
 ) -> tuple[Impulse, TimedExtremum] | None:
-    """Impulse on a system whose momentum is known, in the form of the others."""
+    """Impulse on a system by the change of its momentum, if that is known; else None."""
     system = walker.equations()
     if system.momentum is None:
         return None
-    along, up = np.subtract(
-        *(system.momentum(walker.body, system.State(*state)) for state in (after, before))
-    )
+    momenta = [system.momentum(walker.body, system.State(*state)) for state in (before, after)]
+    along, up = np.diff(momenta, axis=0)[0]
     return Impulse(up, along, time), TimedExtremum(np.nan, np.nan)
 
 

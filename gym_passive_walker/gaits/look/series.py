@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.shown import Table
+from gym_passive_walker.gaits.flow import STATE_BEFORE
 from gym_passive_walker.gaits.look.dense_stride import (
     Impulse,
     TimedExtremum,
@@ -20,7 +21,6 @@ from gym_passive_walker.gaits.look.dense_stride import (
     heelstrike_impulses,
     kneestrike_impulses,
 )
-from gym_passive_walker.gaits.flow import STATE_BEFORE
 from gym_passive_walker.gaits.look.forces import Reactions, centre_of_mass, forces
 from gym_passive_walker.gaits.measures import InUnits
 from gym_passive_walker.gaits.stride import Stride
@@ -136,7 +136,10 @@ class OverTime(InUnits):
 
     @property
     def stance_knee_torque(self) -> NDArray[np.float64]:
-        """Torque on the stance knee's stop, positive when it is pressed, (n,); NaN without knees."""
+        """Torque on the stance knee's stop, positive when it is pressed, (n,).
+
+        It is NaN without knees.
+        """
         return self._reactions.stance_knee
 
     @property
@@ -192,8 +195,8 @@ class OverTime(InUnits):
 
     @property
     def potential_energy(self) -> NDArray[np.float64]:
-        """Weight times vertical height of the centre of mass over the first contact point, (n,)."""
-        along, up = self.centre_of_mass.T
+        """Weight times the height that the centre of mass has gained since the start, (n,)."""
+        along, up = (self.centre_of_mass - self.centre_of_mass[0]).T
         return self.weight * (up * np.cos(self.slope) - along * np.sin(self.slope))
 
     @property
@@ -314,7 +317,7 @@ class OverTime(InUnits):
         return self.walker.equations().State(*self.units.to_dimensionless(self.states).T)
 
     @property
-    def _moving(self) -> NDArray[np.complex128]:
+    def _moving(self) -> NDArray[Any]:
         """States with coordinates that move infinitesimally by their rates."""
         coordinates, rates = np.split(self.states, 2, axis=1)
         return np.concatenate([complex_step(coordinates, rates), rates], axis=1)

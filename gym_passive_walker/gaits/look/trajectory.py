@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,9 +32,6 @@ from gym_passive_walker.gaits.terrain import (
 )
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.walkers import Walker, name_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 COARSEST_SAMPLES = 1e-4
 """Largest tolerance at which samples just before an impact differ from the impact itself."""
@@ -130,9 +127,7 @@ class Trajectory(OverTime, Table):
             **self.series(),
         }
 
-    def plot(
-        self, what: Axes | str | None = None, /, ax: Axes | None = None, **options: Any
-    ) -> Axes | NDArray:
+    def plot(self, what: Any = None, /, ax: Any = None, **options: Any) -> Any:
         """Draw the walk with matplotlib.
 
         Args:
