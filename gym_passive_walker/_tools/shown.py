@@ -93,7 +93,7 @@ class Shown:
         return picture(self, ax, **options)
 
 
-Columns = Mapping[str, NDArray]
+_Columns = Mapping[str, NDArray]
 
 
 class Table(Shown):
@@ -101,7 +101,7 @@ class Table(Shown):
 
     __slots__ = ()
 
-    def columns(self) -> Columns:
+    def columns(self) -> _Columns:
         """Columns of the table by name, each (rows,), in the units of the attributes."""
         raise NotImplementedError
 
@@ -129,7 +129,7 @@ class Table(Shown):
     def to_csv(self, path: str | PathLike[str], columns: Sequence[str] | None = None) -> None:
         """Write the table to a CSV file, with all digits of the numbers.
 
-        Units follow the names in the first line, as in "speed (length/time)".
+        Units follow the names in the first line, as in "speed (m/s)".
 
         Args:
             path: The file.
@@ -155,7 +155,7 @@ class Table(Shown):
         """
         self._write(path, columns, WRITERS[table_ending(path)])
 
-    def _chosen(self, names: Sequence[str] | None) -> Columns:
+    def _chosen(self, names: Sequence[str] | None) -> _Columns:
         table = self.columns()
         if names is None:
             return table
@@ -164,7 +164,7 @@ class Table(Shown):
             raise ValueError(strange)
         return {name: table[name] for name in names}
 
-    def _units_of(self, columns: Columns) -> dict[str, str]:
+    def _units_of(self, columns: _Columns) -> dict[str, str]:
         units = self.column_units()
         return {name: units[name] for name in columns if name in units}
 
@@ -176,10 +176,10 @@ class Table(Shown):
             write(aside, chosen, self._units_of(chosen))
 
 
-Writer = Callable[[Path, Columns, Mapping[str, str]], object]
+Writer = Callable[[Path, _Columns, Mapping[str, str]], object]
 
 
-def _csv(path: Path, columns: Columns, units: Mapping[str, str]) -> None:
+def _csv(path: Path, columns: _Columns, units: Mapping[str, str]) -> None:
     rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
@@ -187,12 +187,12 @@ def _csv(path: Path, columns: Columns, units: Mapping[str, str]) -> None:
         writer.writerows(rows)
 
 
-def _npz(path: Path, columns: Columns, units: Mapping[str, str]) -> None:
+def _npz(path: Path, columns: _Columns, units: Mapping[str, str]) -> None:
     with path.open("wb") as file:  # to a name, NumPy may add ".npz"
         np.savez_compressed(file, **columns)  # type: ignore[arg-type]
 
 
-def _parquet(path: Path, columns: Columns, units: Mapping[str, str]) -> None:
+def _parquet(path: Path, columns: _Columns, units: Mapping[str, str]) -> None:
     with extra("sweep"):
         import pyarrow
         from pyarrow import parquet
@@ -204,7 +204,7 @@ def _parquet(path: Path, columns: Columns, units: Mapping[str, str]) -> None:
     parquet.write_table(table.cast(pyarrow.schema(fields)), path)
 
 
-def _mat(path: Path, columns: Columns, units: Mapping[str, str]) -> None:
+def _mat(path: Path, columns: _Columns, units: Mapping[str, str]) -> None:
     from scipy.io import savemat
 
     texts = {name: x.astype(object) for name, x in columns.items() if x.dtype.kind == "U"}

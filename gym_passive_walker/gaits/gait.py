@@ -215,7 +215,7 @@ def gait_equations(
     return Violation(values, derivatives, map_derivatives, passage, change)
 
 
-def kind_of(walker: Walker, multipliers: NDArray, duration: float) -> GaitKind:
+def step_kind(walker: Walker, multipliers: NDArray, duration: float) -> GaitKind:
     """Return the kind of a gait from the part of the branch on which it lies.
 
     The sign of det(1 - D), a product over the multipliers, changes at a fold of the branch. It is
@@ -272,7 +272,7 @@ def gait_at(point: Points, slope: float, period: int) -> Gait:
     return Gait(
         stride_map=replace(exact, slope=slope),
         slope=slope,
-        kind=kind_of(exact.walker, multipliers, duration / exact.units.time),
+        kind=step_kind(exact.walker, multipliers, duration / exact.units.time),
         period=period,
         state=state,
         multipliers=multipliers,

@@ -141,13 +141,12 @@ UNIT_OF = KINDS | {name: kind for kind, names in _OTHERS.items() for name in nam
 UNIT_OF |= {each.name: each.unit for each in MEASURES}
 """Kind of the unit of each attribute of a result; empty for numbers and for what is none."""
 
-OWN_UNITS = {
-    "angle": "rad", "length": "length", "time": "time", "mass": "mass", "speed": "length/time",
-    "rate": "rad/time", "gravity": "length/time^2", "force": "force", "impulse": "force time",
-    "torque": "force length", "energy": "force length", "power": "force length/time",
-    "friction": "force length time", "twist": "force length time",
+SI = {
+    "angle": "rad", "length": "m", "time": "s", "mass": "kg", "speed": "m/s", "rate": "rad/s",
+    "gravity": "m/s²", "force": "N", "impulse": "N s", "torque": "N m", "energy": "J",
+    "power": "W", "friction": "N m s", "twist": "N m s", "state": "rad, rad/s",
 }  # fmt: skip
-"""Each kind of unit in terms of a walker's own units of length, time, mass and force."""
+"""Units of quantities of the named walkers; a walker of one's own is taken to use them."""
 
 SYMBOLS = {kind: each[1:-1] if each[0] == "(" else each for kind, (each, _) in UNITS.items()}
 """Symbol of each kind of unit."""
@@ -175,14 +174,15 @@ class InUnits:
         return Dimensionless(self)
 
     def column_units(self) -> dict[str, str]:
-        """Units of the columns that have one, by name, in terms of the walker's own units.
+        """Units of the columns that have one, by name.
 
-        The named walkers have metres, seconds, kilograms and newtons. Columns of a `System` are in
-        the units in which it is stated.
+        They are those of the named walkers. A walker that is stated in other units has its own in
+        their place, and a `System` has no names of units.
         """
         if "units" not in self.walker.supports:
             return {}
-        return {name: OWN_UNITS[kind] for name, kind in UNIT_OF.items() if kind in OWN_UNITS}
+        kinds = UNIT_OF | {"ankle_torque": "torque"}
+        return {name: SI[kind] for name, kind in kinds.items() if kind in SI}
 
 
 class Dimensionless:

@@ -334,26 +334,26 @@ def test_units_stand_in_the_header_and_beside_the_columns(tmp_path):
     family = gpw.gait_family("D", 0.008, 0.01)
     family.to_csv(tmp_path / "f.csv")
     head = (tmp_path / "f.csv").read_text("utf-8").splitlines()[0].split(",")
-    wanted = {"slope (rad)", "step_length (length)", "step_period (time)", "speed (length/time)",
-              "stance_rate (rad/time)", "cost_of_transport", "kind"}  # fmt: skip
+    wanted = {"slope (rad)", "step_length (m)", "step_period (s)", "speed (m/s)",
+              "stance_rate (rad/s)", "cost_of_transport", "kind"}  # fmt: skip
     assert wanted <= {*head}
     units = family.to_dataframe(["kind", "speed"]).attrs["units"]
-    assert units == {"speed": "length/time"}
+    assert units == {"speed": "m/s"}
     family.save(tmp_path / "f.mat")
     found = scipy.io.loadmat(tmp_path / "f.mat", simplify_cells=True)
-    assert found["units"]["step_length"] == "length" and {*found["kind"]} == {"long"}
+    assert found["units"]["step_length"] == "m" and {*found["kind"]} == {"long"}
     family.save(tmp_path / "f.parquet", ["speed"])
     from pyarrow import parquet
 
     schema = parquet.read_schema(tmp_path / "f.parquet")
-    assert schema.names == ["speed"] and schema.field("speed").metadata == {b"unit": b"length/time"}
+    assert schema.names == ["speed"] and schema.field("speed").metadata == {b"unit": b"m/s"}
     assert walks("torso").column_units() == {}
 
 
 def test_columns_are_chosen_by_name_and_others_are_refused(tmp_path):
     walk = walks("D")
     walk.to_csv(tmp_path / "w.csv", ["time", "normal_force"])
-    assert (tmp_path / "w.csv").read_text("utf-8").startswith("time (time),normal_force (force)\n")
+    assert (tmp_path / "w.csv").read_text("utf-8").startswith("time (s),normal_force (N)\n")
     for write in (walk.to_dataframe, lambda columns: walk.save(tmp_path / "x.csv", columns)):
         with pytest.raises(ValueError, match=r"this table has no normal_forces \(normal_force\?\)"):
             write(columns=["normal_forces"])

@@ -33,7 +33,7 @@ from gym_passive_walker.gaits.gait import (
     GaitKind,
     GaitNotFound,
     gait_at,
-    kind_of,
+    step_kind,
     multiplier_columns,
     multipliers_of,
     state_columns,
@@ -127,7 +127,7 @@ class GaitFamily(InUnits, Table):
         periods, kinds = self.step_period / times, []
         for value, multipliers, period in zip(self.value, self.multipliers, periods, strict=True):
             there, _ = self.axis.setting(self.stride_map, float(value))
-            kinds.append(kind_of(there.walker, multipliers, period))
+            kinds.append(step_kind(there.walker, multipliers, period))
         return np.array(kinds)
 
     @property
