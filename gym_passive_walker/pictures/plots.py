@@ -70,7 +70,7 @@ _NO_TORQUE = 1e-6  # range of torques / (m g l) below which they are drawn as no
 _OWN_UNITS = {"energy": "torque", "friction": "torque and time", "gravity": "acceleration"}
 """Units of parameters that are not named as the kinds of `models.units.KINDS`."""
 
-_PLANES = {"path": "centre of mass", "hodograph": "velocity of the centre of mass"}
+_PLANES = {"path": "centre of mass", "hodograph": "velocity"}
 _LABELS = {"forces": "force of the ground", "torques": "torque", "clearance": "height"}
 """Labels of quantities over time, by what a walk is drawn by."""
 

@@ -1,9 +1,11 @@
 """Forces, energies, powers and the centre of mass of a walk obey mechanics, over time."""
 
 import csv
+import re
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ import gym_passive_walker as gpw
 from examples.torso import TORSO
 from gym_passive_walker.gaits.look import series
 from gym_passive_walker.gaits.look.series import SERIES, look_at
+from gym_passive_walker.gaits.measures import SYMBOLS, UNIT_OF
 from tests.own.statements import DRIVEN
 
 SLOPES = {"A": 0.03, "B": 0.03, "C": 0.02, "D": 0.009, "E": 0.009, "F": 0.009, "lab": 0.036}
@@ -290,6 +293,17 @@ def test_the_hip_joint_carries_actuator_spring_and_friction():
     opened = walk.states[:, 1] - walk.states[:, 0], walk.states[:, 4] - walk.states[:, 3]
     expected = PUSHED["hip_torque"] - 0.5 * opened[0] - 0.01 * opened[1]
     np.testing.assert_allclose(walk.hip_joint_torque, expected, rtol=1e-12)
+
+
+def test_the_glossary_has_each_quantity_with_its_unit():
+    text = (Path(__file__).parents[2] / "docs" / "glossary.md").read_text(encoding="utf-8")
+    for of, names in ((series.OverTime, sum(SERIES.values(), ())), (series.Strikes, ("loss",))):
+        for name in names:
+            row = re.search(rf"^\| `{name}` \| (.*) \| (.*)\.", text, re.M)
+            assert row and row[1] == SYMBOLS[UNIT_OF[name]], name
+            if of is series.OverTime:
+                about = " ".join(getattr(of, name).__doc__.replace(", (n,)", "").split())
+                assert about.startswith(row[2].partition(";")[0]), name
 
 
 READERS = {

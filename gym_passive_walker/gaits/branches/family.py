@@ -33,10 +33,10 @@ from gym_passive_walker.gaits.gait import (
     GaitKind,
     GaitNotFound,
     gait_at,
-    step_kind,
     multiplier_columns,
     multipliers_of,
     state_columns,
+    step_kind,
 )
 from gym_passive_walker.gaits.measures import InUnits, StrideQuantities
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
