@@ -20,7 +20,7 @@ from examples.torso import TORSO
 from gym_passive_walker.gaits.look import series
 from gym_passive_walker.gaits.look.series import SERIES, look_at
 from gym_passive_walker.gaits.measures import SYMBOLS, UNIT_OF
-from tests.own.statements import DRIVEN
+from tests.own.statements import COMPASS, DRIVEN
 
 SLOPES = {"A": 0.03, "B": 0.03, "C": 0.02, "D": 0.009, "E": 0.009, "F": 0.009, "lab": 0.036}
 SPRUNG = replace(
@@ -200,12 +200,17 @@ def test_extremes_of_a_reality_check_are_those_of_the_series(name):
 
 
 @given(
-    st.sampled_from(sorted(SLOPES)), st.floats(0.98, 1.02), st.floats(0.98, 1.02),
+    st.sampled_from([*sorted(SLOPES), "compass"]), st.floats(0.98, 1.02), st.floats(0.98, 1.02),
     st.integers(1, 3),
 )  # fmt: skip
 def test_passive_walks_keep_their_energy_but_for_losses(name, angle, rates, strides):
-    state = start(name) * np.repeat([angle, rates], 3)
-    walk = gpw.simulate(name, SLOPES[name], state, strides, samples=20, tolerance=1e-13)
+    walker, slope, begin = name, SLOPES.get(name, 0.03), COMPASS.start
+    if name == "compass":
+        walker = COMPASS
+    else:
+        begin = start(name)
+    state = np.array(begin) * np.repeat([angle, rates], len(begin) // 2)
+    walk = gpw.simulate(walker, slope, state, strides, samples=20, tolerance=1e-13)
     strikes = walk.strikes
     lost = [strikes.loss[strikes.times <= time].sum() for time in walk.times]
     total = (walk.mechanical_energy + lost) / walk.units.energy
