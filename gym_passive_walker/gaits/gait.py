@@ -133,30 +133,27 @@ class Gait(Measured, Table):
             "slope": np.array([self.slope]),
             "kind": np.array([self.kind]),
             "period": np.array([self.period]),
-            **state_columns(self.stride_map, self.state[None]),
+            **state_columns(self.walker, self.state[None]),
             **{name: np.array([float(getattr(self, name))]) for name in names},
+            "largest_multiplier": np.abs(self.multipliers[:1]),
             **multiplier_columns(self.multipliers[None]),
+            "stable": np.array([self.stable]),
         }
 
 
-def state_columns(stride_map: StrideMap, states: NDArray) -> dict[str, NDArray]:
+def state_columns(walker: Walker, states: NDArray) -> dict[str, NDArray]:
     """Columns of states (n, 6) on the section: those numbers that do not follow from others."""
-    follows = stride_map.chart.trailing_leg_follows
-    places = [0, 3, 4, 5] if follows else range(stride_map.size)
-    return {stride_map.walker.state_names[i]: states[:, i] for i in places}
+    follows = walker.chart.trailing_leg_follows
+    places = [0, 3, 4, 5] if follows else range(states.shape[1])
+    return {walker.state_names[i]: states[:, i] for i in places}
 
 
 def multiplier_columns(multipliers: NDArray) -> dict[str, NDArray]:
-    """Columns of the multipliers (n, m) of gaits, and of their stability."""
-    largest = np.abs(multipliers[:, 0])
+    """Columns of real and imaginary parts of multipliers (n, m)."""
     return {
-        "largest_multiplier": largest,
-        **{
-            f"multiplier_{k}_{part}": getattr(each, part)
-            for k, each in enumerate(multipliers.T, 1)
-            for part in ("real", "imag")
-        },
-        "stable": largest < 1.0,
+        f"multiplier_{k}_{part}": getattr(each, part)
+        for k, each in enumerate(multipliers.T, 1)
+        for part in ("real", "imag")
     }
 
 

@@ -439,7 +439,7 @@ SHOWN = {  # for each class with a picture: an example, and what its picture can
     "Robustness": (lambda: gpw.robustness("D", slope=0.009, walkers=8, strides=20, starts=8), {}),
     "Stride": (lambda: gait().stride, {}),
     "Walker": (lambda: gpw.WALKERS["lab"], {}),
-    "Trajectory": (lambda: gpw.simulate("D", 0.009, gait().state, 2), {}),
+    "Trajectory": (lambda: gpw.simulate("D", 0.009, gait().state, 2), {"of": "forces"}),
 }
 
 

@@ -231,13 +231,15 @@ class GaitFamily(InUnits, Table):
         return varied | {
             "slope": self.slope,
             "kind": self.kind,
-            **state_columns(self.stride_map, self.state),
+            **state_columns(self.walker, self.state),
             "step_length": self.step_length,
             "step_period": self.step_period,
             "speed": self.speed,
             "froude_speed": self.froude_speed,
             "cost_of_transport": self.cost_of_transport,
+            "largest_multiplier": np.abs(self.multipliers[:, 0]),
             **multiplier_columns(self.multipliers),
+            "stable": self.stable,
         }
 
 
