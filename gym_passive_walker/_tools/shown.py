@@ -160,6 +160,8 @@ class Table(Shown):
         if names is None:
             return table
         names = [names] if isinstance(names, str) else [*names]
+        if not names:
+            raise ValueError("columns must name one column or more, or be None for all")
         if strange := unknown(names, [*table], "this table"):
             raise ValueError(strange)
         return {name: table[name] for name in names}

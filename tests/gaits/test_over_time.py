@@ -376,6 +376,8 @@ def test_columns_are_chosen_by_name_and_others_are_refused(tmp_path):
     for write in (walk.to_dataframe, lambda columns: walk.save(tmp_path / "x.csv", columns)):
         with pytest.raises(ValueError, match=r"this table has no normal_forces \(normal_force\?\)"):
             write(columns=["normal_forces"])
+    with pytest.raises(ValueError, match="one column or more"):
+        walk.to_csv(tmp_path / "x.csv", [])
     with pytest.raises(ValueError, match=r"ends in \.csv, \.mat, \.npz or \.parquet, not 'x\.xls'"):
         walk.save("x.xls")
     (tmp_path / "a-file").write_text("kept")
