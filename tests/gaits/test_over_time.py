@@ -255,7 +255,7 @@ def test_each_stride_has_its_balance_on_any_ground_and_under_a_policy(walker, te
 
 
 def test_upright_legs_have_the_centre_of_mass_of_their_masses():
-    for name in ("D", "E", "F"):
+    for name in ("B", "D", "E", "F"):
         walker, walk = gpw.WALKERS[name], walks(name)
         upright = replace(
             walk, states=np.zeros((1, 6)), times=np.zeros(1), contact_x=np.zeros(1),
@@ -279,6 +279,17 @@ def test_nothing_is_computed_that_is_not_asked_for(monkeypatch):
     for name in ("normal_force", "com_x", "foot_clearance", "strikes"):
         with pytest.raises(AssertionError, match="asked for"):
             getattr(walk, name)
+
+
+def test_a_walk_that_falls_has_its_forces_and_no_impact(tmp_path):
+    for name in ("D", "lab"):
+        walk = gpw.simulate(name, SLOPES[name], [0.3, -0.3, -0.3, -0.1, 0.0, 0.0], 3, samples=7)
+        assert walk.ending == "fell backward" and np.isfinite(walk.normal_force).all()
+        assert "heelstrike" not in walk.strikes.kinds and len(walk.taken.outcome) == 1
+        lost = np.nan_to_num(walk.taken.kneestrike_loss).sum()
+        energy = walk.mechanical_energy / walk.units.energy
+        assert energy[-1] - energy[0] == pytest.approx(-lost / walk.units.energy, abs=1e-8)
+        walk.strikes.to_csv(tmp_path / "strikes.csv")
 
 
 def test_columns_are_those_that_the_walker_has():
