@@ -54,6 +54,10 @@ def walks(name):
         return gpw.simulate(held, 0.03, np.array(DRIVEN.start), 2, tolerance=1e-13)
     if name == "sprung":
         return gpw.simulate(SPRUNG, 0.04, 1.01 * start("C"), 2, tolerance=1e-13)
+    if name == "held":
+        walker = replace(gpw.WALKERS["lab"], knees="held")
+        state = gpw.find_gait(walker, 0.036).state
+        return gpw.simulate(walker, 0.036, state, 2, tolerance=1e-13)
     if name == "pushed":
         state = 1.01 * start("E")
         return gpw.simulate(STIFF, 0.009, state, 2, tolerance=1e-13, **PUSHED)
@@ -61,7 +65,7 @@ def walks(name):
     return gpw.simulate(name, SLOPES[name], state, 2, tolerance=1e-13)
 
 
-WALKS = (*SLOPES, "torso", "driven", "sprung", "pushed")
+WALKS = (*SLOPES, "held", "torso", "driven", "sprung", "pushed")
 
 
 def parts(walk):
