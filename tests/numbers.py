@@ -16,7 +16,7 @@ from gym_passive_walker.gaits.flow import Flow
 
 NO_RESULTS = {
     "walker", "stride_map", "axis", "walk", "body", "controller", "scene", "motion",
-    "period_response",
+    "period_response", "_map",
 }  # fmt: skip
 """Fields of results that were given, or are made of others; the last one's digits are few."""
 _PINS = (Path(__file__).parents[1] / "constraints.txt").read_text("utf-8").splitlines()

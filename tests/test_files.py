@@ -128,7 +128,7 @@ def test_a_link_stays_a_link(walk, tmp_path):
     target, link = tmp_path / "there.txt", tmp_path / "walk.csv"
     link.symlink_to(target)
     walk.to_csv(link)
-    assert link.is_symlink() and target.read_text(encoding="utf-8").startswith("time,")
+    assert link.is_symlink() and target.read_text(encoding="utf-8").startswith("time (s),")
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="there is no device that is always full")

@@ -11,9 +11,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker._tools.shown import Shown
+from gym_passive_walker._tools.shown import Table
 from gym_passive_walker.gaits.map_result import Change, Passage
-from gym_passive_walker.gaits.measures import Measured, in_words
+from gym_passive_walker.gaits.measures import MEASURES, Measured, in_words
 from gym_passive_walker.gaits.section import Points
 from gym_passive_walker.gaits.stride import Stride, one_of, together
 from gym_passive_walker.gaits.stride_map import StrideMap
@@ -29,7 +29,7 @@ class GaitNotFound(Exception):
 
 
 @dataclass(frozen=True, repr=False)
-class Gait(Measured, Shown):
+class Gait(Measured, Table):
     """A periodic gait (limit cycle), passive or under a controller, in the walker's own units.
 
     Its step length, speed, energies and costs are those of `gaits.measures.MEASURES`: means over
@@ -126,6 +126,36 @@ class Gait(Measured, Shown):
             "": "stable" if self.stable else "unstable",
         }
 
+    def columns(self) -> dict[str, NDArray]:
+        """One row: the state, all measures and the multipliers."""
+        names = [each.name for each in MEASURES if each.name != "duration"]
+        return {
+            "slope": np.array([self.slope]),
+            "kind": np.array([self.kind]),
+            "period": np.array([self.period]),
+            **state_columns(self.walker, self.state[None]),
+            **{name: np.array([float(getattr(self, name))]) for name in names},
+            "largest_multiplier": np.abs(self.multipliers[:1]),
+            **multiplier_columns(self.multipliers[None]),
+            "stable": np.array([self.stable]),
+        }
+
+
+def state_columns(walker: Walker, states: NDArray) -> dict[str, NDArray]:
+    """Columns of states (n, 6) on the section: those numbers that do not follow from others."""
+    follows = walker.chart.trailing_leg_follows
+    places = [0, 3, 4, 5] if follows else range(states.shape[1])
+    return {walker.state_names[i]: states[:, i] for i in places}
+
+
+def multiplier_columns(multipliers: NDArray) -> dict[str, NDArray]:
+    """Columns of real and imaginary parts of multipliers (n, m)."""
+    return {
+        f"multiplier_{k}_{part}": getattr(each, part)
+        for k, each in enumerate(multipliers.T, 1)
+        for part in ("real", "imag")
+    }
+
 
 class Violation(NamedTuple):
     """Residuals of the gait equations at n points, with exact derivatives; NaN where strides fail.
@@ -182,17 +212,23 @@ def gait_equations(
     return Violation(values, derivatives, map_derivatives, passage, change)
 
 
-def _kind(walker: Walker, map_derivative: NDArray, duration: float) -> GaitKind:
+def step_kind(walker: Walker, multipliers: NDArray, duration: float) -> GaitKind:
     """Return the kind of a gait from the part of the branch on which it lies.
 
-    The sign of det(1 - D) changes at a fold of the branch; it is positive on the long-step part.
-    There are two parts where it is negative. On the short-step part a stride takes less than about
-    half a period of the hanging leg (0.7 to 1.05 times that on the published walkers). On the slow
-    end of an untuned walker's long-step branch it takes 1.2 to 1.9 times that.
+    The sign of det(1 - D), a product over the multipliers, changes at a fold of the branch. It is
+    positive on the long-step part. There are two parts where it is negative. On the short-step part
+    a stride takes less than about half a period of the hanging leg (0.7 to 1.05 times that on the
+    published walkers). On the slow end of an untuned walker's long-step branch it takes 1.2 to 1.9
+    times that.
+
+    Args:
+        walker: The walker.
+        multipliers: Floquet multipliers, (m,).
+        duration: Time of a stride in sqrt(l/g).
     """
     if "step kinds" not in walker.supports:
         return "long"
-    if np.linalg.det(np.eye(len(map_derivative)) - map_derivative) > 0.0:
+    if np.prod(1.0 - multipliers).real > 0.0:
         return "long"
     return "short" if duration < 1.1 * _half_swing(walker) else "long"
 
@@ -233,7 +269,7 @@ def gait_at(point: Points, slope: float, period: int) -> Gait:
     return Gait(
         stride_map=replace(exact, slope=slope),
         slope=slope,
-        kind=_kind(exact.walker, gait.map[0], duration / exact.units.time),
+        kind=step_kind(exact.walker, multipliers, duration / exact.units.time),
         period=period,
         state=state,
         multipliers=multipliers,

@@ -118,23 +118,35 @@ _OTHERS = {
     "outcome outcomes controller parameter folds period_doublings neimark_sackers "
     "halts ends stride_map knee_locked settled gaits walks strides friction stance_friction "
     "holds passed readings stride_index phases terrain terrain_seed struck ending needed_friction "
-    "charged_cost on_edge optimality stubs held point cycle stride mean",
-    "angle": "slope stance_angle tilts knee_flexion",
+    "charged_cost on_edge optimality stubs held point cycle stride mean taken strikes",
+    "angle": "slope stance_angle thigh_angle shank_angle tilt tilts knee_flexion",
     "time": "time times",
-    "length": "clearance release_depth contact_x contact_y distance",
-    "speed": "release_velocity tangential normal",
-    "rate": "stance_rate forward backward",
-    "torque": "stance_knee_torque swing_knee_torque",
-    "force": "weight least_normal_force greatest_normal_force",
+    "length": "clearance foot_clearance release_depth contact_x contact_y distance centre_of_mass "
+    "com_x com_y",
+    "speed": "release_velocity tangential normal centre_of_mass_velocity com_velocity_x "
+    "com_velocity_y",
+    "rate": "stance_rate thigh_rate shank_rate forward backward",
+    "torque": "stance_knee_torque swing_knee_torque hip_joint_torque",
+    "force": "weight normal_force tangential_force least_normal_force greatest_normal_force",
     "impulse": "kneestrike_impulse heelstrike_impulse push_off_impulse normal_impulse "
     "tangential_impulse",
-    "twist": "stance_knee_at_kneestrike stance_knee_at_heelstrike stance_knee_at_push_off",
+    "twist": "stance_knee_at_kneestrike stance_knee_at_heelstrike stance_knee_at_push_off "
+    "stance_knee_impulse",
+    "energy": "loss kinetic_energy potential_energy spring_energy mechanical_energy",
+    "power": "powers hip_power ankle_power friction_power",
     "state": "state states",
     "controls": "torques",
 }
 UNIT_OF = KINDS | {name: kind for kind, names in _OTHERS.items() for name in names.split()}
 UNIT_OF |= {each.name: each.unit for each in MEASURES}
 """Kind of the unit of each attribute of a result; empty for numbers and for what is none."""
+
+SI = {
+    "angle": "rad", "length": "m", "time": "s", "mass": "kg", "speed": "m/s", "rate": "rad/s",
+    "gravity": "m/s²", "force": "N", "impulse": "N s", "torque": "N m", "energy": "J",
+    "power": "W", "friction": "N m s", "twist": "N m s", "state": "rad, rad/s",
+}  # fmt: skip
+"""Units of quantities of the named walkers; a walker of one's own is taken to use them."""
 
 SYMBOLS = {kind: each[1:-1] if each[0] == "(" else each for kind, (each, _) in UNITS.items()}
 """Symbol of each kind of unit."""
@@ -160,6 +172,17 @@ class InUnits:
     def dimensionless(self) -> Any:
         """The same attributes over the walker's mass m, leg length l and time sqrt(l/g)."""
         return Dimensionless(self)
+
+    def column_units(self) -> dict[str, str]:
+        """Units of the columns that have one, by name.
+
+        They are those of the named walkers. A walker that is stated in other units has its own in
+        their place, and a `System` has no names of units.
+        """
+        if "units" not in self.walker.supports:
+            return {}
+        kinds = UNIT_OF | {"ankle_torque": "torque"}
+        return {name: SI[kind] for name, kind in kinds.items() if kind in SI}
 
 
 class Dimensionless:

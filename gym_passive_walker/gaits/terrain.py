@@ -158,6 +158,13 @@ def footholds(
     return Terrain(rises=(*np.diff(high), 0.0), slopes=steep, repeats=False)
 
 
+def ground_of(terrain: TerrainLike | None, terrain_seed: int, strides: int) -> NDArray[np.float64]:
+    """Return slope beyond the walk's, height change and slope change by stride, (strides, 3)."""
+    terrain_seed = whole(terrain_seed, "terrain_seed", 0, 2**64 - 1)
+    made = terrain_from(terrain)
+    return np.zeros((strides, 3)) if made is None else made.ground(terrain_seed, np.arange(strides))
+
+
 def contacts(walker: Walker, ground: NDArray, lengths: NDArray) -> NDArray[np.complex128]:
     """Return the contact points at which strides begin, the first at 0, in the walker's units.
 

@@ -20,6 +20,7 @@ FEATURES = {
     "constraints": "the argument `constraints`",
     "contact margins": "distances of gaits from a halt, a late knee and a grazing foot",
     "gauntlet": "the gauntlet",
+    "ground force": "the force on the stance foot",
     "knee lock observed": "an observation with the lock of a knee",
     "legs": "a picture of legs",
     "McGeer's parameters": "this function",
@@ -37,6 +38,7 @@ _FORCE = "`ground_force` and `momentum`"
 _STATED = {
     "collision matrix": f"`mass_matrix`, {_FORCE}",
     "constraints": _FORCE,
+    "ground force": _FORCE,
     "reality check": _FORCE,
 }
 """What equations of a system must have for a feature; it is derived where they are."""

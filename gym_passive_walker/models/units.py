@@ -103,6 +103,7 @@ UNITS: dict[str, tuple[str, Callable[[Any, Units], Any]]] = {
     "energy": ("(m g l)", lambda walker, units: units.energy),
     "rate": ("√(g/l)", lambda walker, units: units.rate),
     "force": ("(m g)", lambda walker, units: units.force),
+    "power": ("(m g √(g l))", lambda walker, units: units.energy / units.time),
     "twist": ("(m l √(g l))", lambda walker, units: units.time * units.torque),
     "friction": ("(m l √(g l))", lambda walker, units: units.torque * units.time),
     "impulse": ("(m √(g l))", lambda walker, units: units.impulse),

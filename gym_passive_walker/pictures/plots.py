@@ -16,11 +16,13 @@ from gym_passive_walker.gaits.branches.locus import BifurcationLocus
 from gym_passive_walker.gaits.control.optimum import OptimalGait
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.look.reality import RealityCheck
+from gym_passive_walker.gaits.look.series import SERIES
 from gym_passive_walker.gaits.look.trajectory import Trajectory, simulate
+from gym_passive_walker.gaits.measures import UNIT_OF
 from gym_passive_walker.gaits.robust.basin import UNSETTLED, Basin, basin_of_attraction
 from gym_passive_walker.gaits.stride import Stride
-from gym_passive_walker.models.units import KINDS
-from gym_passive_walker.models.walkers import name_of
+from gym_passive_walker.models.units import KINDS, UNITS
+from gym_passive_walker.models.walkers import describe, name_of
 from gym_passive_walker.pictures.axes import (
     ANGLE,
     BLACK,
@@ -35,12 +37,20 @@ from gym_passive_walker.pictures.axes import (
     SPEED,
     VERMILION,
     axes_for,
+    broken,
     given,
     legend,
     panels,
     series,
 )
-from gym_passive_walker.pictures.portrait import TIME, angles_over_time, both, parts_of, portrait_of
+from gym_passive_walker.pictures.portrait import (
+    TIME,
+    angles_over_time,
+    both,
+    impacts,
+    parts_of,
+    portrait_of,
+)
 from gym_passive_walker.pictures.strobe import strobe
 
 if TYPE_CHECKING:
@@ -59,6 +69,10 @@ _NO_TORQUE = 1e-6  # range of torques / (m g l) below which they are drawn as no
 
 _OWN_UNITS = {"energy": "torque", "friction": "torque and time", "gravity": "acceleration"}
 """Units of parameters that are not named as the kinds of `models.units.KINDS`."""
+
+_PLANES = {"path": "centre of mass", "hodograph": "velocity"}
+_LABELS = {"forces": "force of the ground", "torques": "torque", "clearance": "height"}
+"""Labels of quantities over time, by what a walk is drawn by."""
 
 _ENDS = {
     continuation.KNEE_MEETS_HEEL: "X",
@@ -352,12 +366,57 @@ def _stride(strides: Stride, ax: Axes | None = None) -> Axes:
 
 
 @picture.register(Trajectory)
-def _trajectory(walk: Trajectory, ax: Axes | None = None) -> Axes | NDArray:
-    """Draw both legs' angles over time, and without `ax` the phase portrait beside them."""
+def _trajectory(walk: Trajectory, ax: Axes | None = None, of: str = "angles") -> Axes | NDArray:
+    """Draw both legs' angles over time, and without `ax` the phase portrait beside them.
+
+    `of` draws other quantities: "forces", "torques", "path", "hodograph", "energy", "power" or
+    "clearance".
+    """
+    if of != "angles":
+        return _over_time(walk, ax, of)
     if not given(ax):
         return both(walk, ax)
     angles_over_time(ax, walk)
     legend(ax)
+    return ax
+
+
+def _over_time(walk: Trajectory, ax: Axes | None, of: str) -> Axes:
+    """Draw quantities of a walk over time, or one over another, dimensionless."""
+    found = walk.series()
+    powers = [name for name in found if name.endswith("_power")]
+    names = {group: [name for name in each if name in found] for group, each in SERIES.items()}
+    names["power"] = powers
+    known = ["angles", *(group for group in names if names[group])]
+    if of not in known:
+        raise ValueError(f"a walk of {describe(walk.walker)} is drawn by {', '.join(known)}, "
+                         f"not by {of!r}")  # fmt: skip
+    ax = axes_for(ax)
+    kinds = {name: UNIT_OF.get(name, "power") for name in names[of]}
+    units = {name: UNITS[kind][1](walk.walker, walk.units) for name, kind in kinds.items()}
+    values = {name: found[name] / units[name] for name in names[of]}
+    symbol = UNITS[kinds[names[of][0]]][0]
+    if of in _PLANES:
+        x, y = (broken(values[name], walk.struck) for name in names[of])
+        ax.plot(x, y, color=BLUE, linewidth=1.5)
+        for after in walk.struck:
+            jump = slice(after - 1, after + 1)
+            ends = (values[name][jump] for name in names[of])
+            ax.plot(*ends, ":", color=BLACK, linewidth=0.9, label="impact")
+        ax.plot(x[0], y[0], "o", color=BLUE, markersize=5.0, label="start of the walk")
+        ax.set(xlabel=f"{_PLANES[of]} along the slope / {symbol}",
+               ylabel=f"{_PLANES[of]} away from the slope / {symbol}")  # fmt: skip
+    else:
+        times = broken(walk.times / walk.units.time, walk.struck)
+        moving = [name for name in names[of] if np.any(found[name])] or names[of]
+        for (label, colour, dash), name in zip(parts_of(moving), moving, strict=True):
+            style = {"color": colour, "linestyle": dash, "linewidth": 1.5}
+            ax.plot(times, broken(values[name], walk.struck), label=label, **style)
+        impacts(ax, walk)
+        ax.axhline(0.0, color=GREY, linewidth=0.4)
+        ax.set(xlabel=TIME, ylabel=f"{_LABELS.get(of, of)} / {symbol}")
+    ax.set_title(f"walker {name_of(walk.walker)}, slope {walk.slope:.4g} rad", fontsize="medium")
+    legend(ax, columns=2)
     return ax
 
 

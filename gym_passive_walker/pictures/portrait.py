@@ -76,12 +76,19 @@ def angles_over_time(ax: Axes, walk: Trajectory) -> None:
                     times, angles[:, leg, segment], label=name + part, color=LEG_COLOURS[leg],
                     linewidth=(1.8, 1.1)[leg], linestyle=("-", (0, (4.0, 1.2)))[segment],
                 )  # fmt: skip
+    impacts(ax, walk)
+    ax.set(xlabel=TIME, ylabel=ANGLES)
+
+
+def impacts(ax: Axes, walk: Trajectory) -> None:
+    """Draw a vertical line at the time of each impact of a walk, if it has few."""
+    times = walk.times / walk.walker.units.time
+    heels = np.flatnonzero(np.diff(walk.stride_index)) + 1
     knees = np.setdiff1d(walk.struck, heels)
     few = len(walk.outcomes) <= 12  # more lines would hide the curves
     for label, dash, at in (("heelstrike", "-", heels), ("kneestrike", ":", knees)):
         for index, time in enumerate(times[at] if few else ()):
             ax.axvline(time, color=GREY, linewidth=0.8, linestyle=dash, label=label * (not index))
-    ax.set(xlabel=TIME, ylabel=ANGLES)
 
 
 def rates_over_angles(ax: Axes, states: NDArray, struck: NDArray, walker: Walker) -> None:

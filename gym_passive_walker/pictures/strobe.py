@@ -13,10 +13,10 @@ from gym_passive_walker._tools.arguments import check_state
 from gym_passive_walker._tools.extras import need
 from gym_passive_walker.gaits.given import GaitLike
 from gym_passive_walker.gaits.look.dense_stride import states_at
-from gym_passive_walker.gaits.look.trajectory import Trajectory, ground_of, simulate
+from gym_passive_walker.gaits.look.trajectory import Trajectory, simulate
 from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.gaits.stride_map import MapLike
-from gym_passive_walker.gaits.terrain import Terrain
+from gym_passive_walker.gaits.terrain import Terrain, ground_of
 from gym_passive_walker.models.walkers import WalkerLike, as_walker, name_of
 from gym_passive_walker.pictures import colours
 from gym_passive_walker.pictures.axes import (

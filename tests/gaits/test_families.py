@@ -315,3 +315,38 @@ def test_real_multipliers_whose_product_passes_1_are_no_neimark_sacker_bifurcati
     assert np.all(np.abs(family.multipliers[family.multipliers.imag != 0.0]) < 1.0)
     assert products.real.min() < 0.0 < products.real.max()
     assert family.neimark_sackers == ()
+
+
+def braked():
+    """A family of walker C with a push-off and a hip that brakes."""
+    held = Actuation.dimensionless(hip_torque=-0.001, push_off=0.01)
+    return gait_family(stride_map("C", 0.06, controller=held), 0.055, 0.065)
+
+
+@pytest.mark.parametrize(
+    "made",
+    [lambda: gait_family("lab", 0.005, 0.1), braked,
+     lambda: parameter_family("lab", "shank_length", 0.44, 0.48, slope=0.036)],
+    ids=["passive", "braked", "shank"],
+)  # fmt: skip
+def test_a_family_knows_the_cost_and_the_kind_of_its_gaits(made):
+    family = made()
+    for i in (0, len(family) // 3, -1):
+        gait = family[i]
+        assert family.cost_of_transport[i] == pytest.approx(gait.cost_of_transport, rel=1e-9)
+        assert family.kind[i] == gait.kind
+    columns = family.columns()
+    np.testing.assert_array_equal(columns["cost_of_transport"], family.cost_of_transport)
+    assert [*columns["kind"]] == [*family.kind]
+
+
+def test_an_index_of_no_gait_is_refused_in_a_sentence():
+    family = gait_family("D", 0.008, 0.01)
+    count = len(family)
+    for index in (count, -count - 1):
+        with pytest.raises(IndexError, match=rf"^this family has {count} gaits: .* not {index}$"):
+            family[index]
+    for index in ("0", 0.009, None):
+        with pytest.raises(TypeError, match=r"^family\[i\] takes a whole number or a slice; "):
+            family[index]
+    assert family[np.int64(-1)].slope == family[count - 1].slope

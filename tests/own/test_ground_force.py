@@ -33,6 +33,18 @@ def test_the_reality_check_of_a_compass_is_that_of_the_package_s_own():
     assert own.passed == {name: package.passed[name] for name in own.passed}
 
 
+def test_a_walk_of_a_compass_has_the_forces_and_energies_of_the_package_s_own():
+    own, package = (gpw.simulate(gpw.find_gait(x, 0.05), strides=2, tolerance=1e-12).dimensionless
+                    for x in (COMPASS, STRAIGHT))  # fmt: skip
+    for name in ("normal_force", "tangential_force", "centre_of_mass", "centre_of_mass_velocity",
+                 "kinetic_energy", "potential_energy", "foot_clearance"):  # fmt: skip
+        found, expected = getattr(own, name), getattr(package, name)
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9, err_msg=name)
+    for name in ("times", "normal_impulse", "tangential_impulse", "loss"):
+        found, expected = getattr(own.strikes, name), getattr(package.strikes, name)
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9, err_msg=name)
+
+
 @pytest.fixture(scope="module", params=SYSTEMS, ids=names)
 def step(request):
     """A gait of a system, its motion, and the impulse of its heelstrike along the ground and up."""
@@ -90,6 +102,11 @@ def test_given_equations_need_the_force_and_the_momentum():
         gpw.reality_check(without, 0.05, COMPASS.start)
     with pytest.raises(ValueError, match="must have `ground_force` and `momentum`"):
         gym.make("PassiveWalker-v0", system=without, constraints={"contact": "end"})
+    walk = gpw.simulate(without, 0.05, COMPASS.start, 2, samples=5)
+    for name in ("normal_force", "strikes"):
+        with pytest.raises(ValueError, match=r"the force on the stance foot needs .* system"):
+            getattr(walk, name)
+    assert "normal_force" not in walk.columns() and walk.kinetic_energy.min() > 0.0
     own, other = (gpw.reality_check(gpw.find_gait(x, 0.05)) for x in (COMPASS, of()))
     assert own.least_normal_force == pytest.approx(other.least_normal_force, rel=1e-9)
     with pytest.raises(gpw.StatementError, match=r"momentum of .* is missing"):

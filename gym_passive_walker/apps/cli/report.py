@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gym_passive_walker.gaits.measures import SYMBOLS, UNIT_OF
+from gym_passive_walker.gaits.measures import SI, SYMBOLS, UNIT_OF
 
 _WORDS = {
     "state": "section state",
@@ -29,12 +29,6 @@ _WORDS = {
 _KINDS = UNIT_OF | {
     "stance_angles": "angle", "leg_length": "length", "total_mass": "mass", "seconds": "time",
 }  # fmt: skip
-SI = {
-    "angle": "rad", "state": "rad, rad/s", "time": "s", "length": "m", "speed": "m/s",
-    "energy": "J", "mass": "kg",
-}  # fmt: skip
-"""Units of quantities of the presets; a walker's file is taken to use them."""
-
 PLAIN = SYMBOLS | {"state": "rad, √(g/l)"}
 """Units of dimensionless quantities."""
 

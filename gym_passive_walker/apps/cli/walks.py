@@ -9,7 +9,8 @@ import gymnasium as gym
 import numpy as np
 
 from gym_passive_walker._tools.arguments import whole
-from gym_passive_walker._tools.files import prepare, replacing
+from gym_passive_walker._tools.files import prepare
+from gym_passive_walker._tools.shown import WRITERS, table_ending
 from gym_passive_walker.apps.cli.arguments import (
     A_SCENE,
     CONTROLLERS,
@@ -29,9 +30,9 @@ from gym_passive_walker.envs.policies import TrainedPolicy, load_policy, shipped
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.gaits.control.baselines import Passive
 from gym_passive_walker.gaits.control.controllers import acting
-from gym_passive_walker.gaits.look.trajectory import Trajectory, ground_of
 from gym_passive_walker.gaits.look.trajectory import simulate as simulated
 from gym_passive_walker.gaits.stride import stride
+from gym_passive_walker.gaits.terrain import ground_of
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.walkers import describe
 
@@ -43,17 +44,16 @@ def simulate(
     walk: Walk,
     *,
     samples: Annotated[int, "samples of each stride"] = 100,
-    out: Annotated[Path | None, ".csv or .npz file for the samples"] = None,
+    out: Annotated[Path | None, f"{', '.join(WRITERS)} file for the samples"] = None,
 ) -> Report:
-    """Simulate a walk stride by stride; write its trajectory as CSV or NPZ.
+    """Simulate a walk stride by stride; write its trajectory to a file.
 
     passive-walker simulate lab 0.036 --strides 20
     passive-walker simulate lab 0.036 --terrain rough:height_std=0.002 --terrain-seed 3
     passive-walker simulate lab 0.036 --state 0.3 -0.3 -0.3 -1.5 -0.8 -2 --out walk.csv
     """
-    if out is not None and out.suffix.lower() not in _WRITERS:
-        raise ValueError(f"--out takes a name that ends in .csv or .npz, not {out}")
     if out is not None:
+        table_ending(out)
         prepare(out)
     walks, slope, state = walk.map, walk.slope, walk.start
     length = walks.walker.leg_length
@@ -63,7 +63,7 @@ def simulate(
             walks, slope, state, walk.strides, samples=samples, terrain=walk.terrain,
             terrain_seed=walk.terrain_seed,
         )  # fmt: skip
-        files[out] = lambda path: _WRITERS[path.suffix.lower()](sampled, path)
+        files[out] = sampled.save
     rows: list[dict[str, Any]] = []
     units = SI
     strides = whole(walk.strides, "--strides")
@@ -104,14 +104,6 @@ def export(
     )
     data = {"policy": policy, "algorithm": read.algorithm, **sizes}
     return Report(text, data, {out: read.to_onnx})
-
-
-def _write_npz(walk: Trajectory, path: Path) -> None:
-    with replacing(path) as aside, aside.open("wb") as file:  # to a name, NumPy may add ".npz"
-        np.savez_compressed(file, **walk.columns())  # type: ignore[arg-type]
-
-
-_WRITERS = {".csv": Trajectory.to_csv, ".npz": _write_npz}
 
 
 def scene(scene: AScene) -> Report:

@@ -217,7 +217,7 @@ class System(Model):
     def supports(self) -> frozenset[str]:
         """The features that it has; the force of the ground is derived, or must be given."""
         known = self.given is None or None not in (self.given.ground_force, self.given.momentum)
-        features = {"constraints", "reality check"} if known else set()
+        features = {"constraints", "ground force", "reality check"} if known else set()
         if known and self.hybrid.mass_matrix is not None:
             features.add("collision matrix")
         return frozenset(features)
@@ -336,10 +336,16 @@ class System(Model):
         links = (Link(*link) for link in self.links(body, state))
         return [[(0.0, 0.0), (link.x, link.y)] for link in links]
 
-    def centre_of_mass(self, state: Sequence[float]) -> NDArray[np.float64]:
-        """Position (x, y) of the centre of mass in a state (2 m,), from the stance foot, (2,)."""
-        mass, x, y = self._centre(self.body, self.State(*state))
-        return np.array([x / mass, y / mass], dtype=float)
+    def centre_of_mass(self, state: ArrayLike) -> NDArray[Any]:
+        """Position (x, y) of the centre of mass from the stance foot, (..., 2).
+
+        Args:
+            state: States (..., 2 m), real or complex.
+        """
+        given = np.asarray(state)
+        mass, x, y = self._centre(self.body, self.State(*np.moveaxis(given, -1, 0)))
+        places = (np.broadcast_to(part / mass, given.shape[:-1]) for part in (x, y))
+        return np.stack([*places], axis=-1)
 
     def with_both_feet_down(self, coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
         """Coordinates (n, m) nearby at which the swing foot touches the ground.

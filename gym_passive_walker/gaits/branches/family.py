@@ -28,7 +28,16 @@ from gym_passive_walker.gaits.branches.sensitivity import size_of
 from gym_passive_walker.gaits.branches.varied_map import MapOfValue, map_at
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.find.search import seek
-from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, gait_at, multipliers_of
+from gym_passive_walker.gaits.gait import (
+    Gait,
+    GaitKind,
+    GaitNotFound,
+    gait_at,
+    multiplier_columns,
+    multipliers_of,
+    state_columns,
+    step_kind,
+)
 from gym_passive_walker.gaits.measures import InUnits, StrideQuantities
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.walkers import Walker, describe, name_of
@@ -58,6 +67,7 @@ class GaitFamily(InUnits, Table):
         stance_angle: Stance angle in rad just after heelstrike, (n,).
         step_period: Mean over the period, in the walker's units of time.
         step_length: Mean over the period, along the slope.
+        cost_of_transport: Energy spent over weight and distance, as that of a `Gait`, (n,).
         multipliers: Floquet multipliers (n, m), largest modulus first.
         folds: Values of the varied quantity where the family turns back.
         period_doublings: Values where a multiplier passes -1.
@@ -77,6 +87,7 @@ class GaitFamily(InUnits, Table):
     stance_angle: NDArray[np.float64]
     step_period: NDArray[np.float64]
     step_length: NDArray[np.float64]
+    cost_of_transport: NDArray[np.float64]
     multipliers: NDArray[np.complex128]
     folds: tuple[float, ...]
     period_doublings: tuple[float, ...]
@@ -110,6 +121,16 @@ class GaitFamily(InUnits, Table):
         return self.walker.units_with(**{self.parameter: self.value} if varied else {})
 
     @property
+    def kind(self) -> NDArray[np.str_]:
+        """Kind of each gait, "long" or "short", as that of a `Gait`, (n,)."""
+        times = np.broadcast_to(self.units.time, len(self))
+        periods, kinds = self.step_period / times, []
+        for value, multipliers, period in zip(self.value, self.multipliers, periods, strict=True):
+            there, _ = self.axis.setting(self.stride_map, float(value))
+            kinds.append(step_kind(there.walker, multipliers, period))
+        return np.array(kinds)
+
+    @property
     def stable(self) -> NDArray[np.bool_]:
         """Whether each gait is stable."""
         return np.abs(self.multipliers[:, 0]) < 1.0
@@ -124,9 +145,21 @@ class GaitFamily(InUnits, Table):
     def __getitem__(self, index: slice) -> list[Gait]: ...
 
     def __getitem__(self, index: int | slice) -> Gait | list[Gait]:
+        count = len(self)
         if isinstance(index, slice):
-            return [self[i] for i in range(len(self))[index]]
-        i = range(len(self))[index]
+            return [self[i] for i in range(count)[index]]
+        try:
+            i = range(count)[index]
+        except IndexError:
+            raise IndexError(
+                f"this family has {count} gaits: family[i] takes i from {-count} to {count - 1}, "
+                f"not {index}"
+            ) from None
+        except TypeError:
+            raise TypeError(
+                "family[i] takes a whole number or a slice; family.at(value) finds the gaits at a "
+                f"value of {self.parameter}, not {shown(index)}"
+            ) from None
         return self._gait(self.value[i], self.state[i])
 
     def __iter__(self) -> Iterator[Gait]:
@@ -195,22 +228,17 @@ class GaitFamily(InUnits, Table):
     def columns(self) -> dict[str, NDArray]:
         """A row for each gait, in order along the curve."""
         varied = {} if self.parameter == "slope" else {self.parameter: self.value}
-        names, columns = self.walker.state_names, range(self.stride_map.size)
-        if self.stride_map.chart.trailing_leg_follows:
-            columns = [0, 3, 4, 5]
         return varied | {
             "slope": self.slope,
-            **{names[i]: self.state[:, i] for i in columns},
+            "kind": self.kind,
+            **state_columns(self.walker, self.state),
             "step_length": self.step_length,
             "step_period": self.step_period,
             "speed": self.speed,
             "froude_speed": self.froude_speed,
+            "cost_of_transport": self.cost_of_transport,
             "largest_multiplier": np.abs(self.multipliers[:, 0]),
-            **{
-                f"multiplier_{k}_{part}": getattr(multipliers, part)
-                for k, multipliers in enumerate(self.multipliers.T, 1)
-                for part in ("real", "imag")
-            },
+            **multiplier_columns(self.multipliers),
             "stable": self.stable,
         }
 
@@ -243,6 +271,8 @@ def _family(
     along = down.points[:0:-1] + up.points
     there, points, slopes, values = curve.gaits_at(along)
     passage, units = there.apply(points, slopes, strides=period), there.units
+    # The losses keep their digits at small slopes.
+    spent = passage.lost if there.passive else passage.supplied + passage.braked
     halts, ends = _halts(curve, along, (down.end, up.end))
     return GaitFamily(
         walker=walker,
@@ -253,6 +283,7 @@ def _family(
         stance_angle=points[:, 0],
         step_period=passage.durations / period * units.time,
         step_length=passage.lengths / period * units.length,
+        cost_of_transport=spent / passage.lengths,
         multipliers=np.array([multipliers_of(point.map) for point in along]),
         folds=tuple(sorted(down.folds + up.folds)),
         period_doublings=tuple(sorted(down.doublings + up.doublings)),

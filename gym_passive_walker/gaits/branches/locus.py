@@ -43,7 +43,13 @@ from gym_passive_walker.gaits.branches.family import (
     axis_of,
     states_between,
 )
-from gym_passive_walker.gaits.gait import GaitNotFound, gait_equations, multipliers_of
+from gym_passive_walker.gaits.gait import (
+    GaitNotFound,
+    gait_equations,
+    multiplier_columns,
+    multipliers_of,
+    state_columns,
+)
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.walkers import Walker, name_of
 
@@ -144,17 +150,11 @@ class BifurcationLocus(Table):
 
     def columns(self) -> dict[str, NDArray]:
         """A row for each point, in order along the curve."""
-        chart = self.walker.chart
-        kept = [0, 3, 4, 5] if chart.trailing_leg_follows else range(self.state.shape[1])
         return {
             **dict(zip(self.parameters, self.values.T, strict=True)),
             **({} if "slope" in self.parameters else {"slope": self.slope}),
-            **{self.walker.state_names[i]: self.state[:, i] for i in kept},
-            **{
-                f"multiplier_{k}_{part}": getattr(multipliers, part)
-                for k, multipliers in enumerate(self.multipliers.T, 1)
-                for part in ("real", "imag")
-            },
+            **state_columns(self.walker, self.state),
+            **multiplier_columns(self.multipliers),
             "bounds_stable_gaits": self.bounds_stable_gaits,
         }
 

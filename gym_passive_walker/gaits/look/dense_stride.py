@@ -24,7 +24,7 @@ from gym_passive_walker.gaits.look.forces import forces, landing, pushed_off, st
 from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.gaits.stride import Stride
 from gym_passive_walker.gaits.stride_map import MapLike, Samples, StrideMap
-from gym_passive_walker.models.equations.hybrid import Ground, State
+from gym_passive_walker.models.equations.hybrid import SMOOTH, Ground, State
 from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 from gym_passive_walker.models.walkers import Walker
 
@@ -282,52 +282,71 @@ def dense_phases(
 
 
 def kneestrike_impulses(
-    walker: Walker, last: DensePhase, after: NDArray
+    walker: Walker, before: NDArray, after: NDArray, time: float
 ) -> tuple[Impulse, TimedExtremum]:
-    """Impulses of the kneestrike that ends a phase.
+    """Impulses of a kneestrike.
 
     Args:
         walker: The walker.
-        last: The phase.
-        after: State (6,) that the kneestrike leads to.
+        before: State (6,) just before it.
+        after: State (6,) just after it.
+        time: Its time.
 
     Returns:
         That on the stance foot, and that on the stance knee's stop, positive when it is pressed.
     """
-    jumps = (after - last.state_at(last.end))[3:] * walker.units.time
-    return _given(walker, struck(walker.body, after[:3], jumps, (0.0, 0.0)), last.end)
+    if (momentum := _momentum_change(walker, before, after, time)) is not None:
+        return momentum
+    jumps = (after - before)[3:] * walker.units.time
+    return _given(walker, struck(walker.body, after[:3], jumps, (0.0, 0.0)), time)
 
 
 def heelstrike_impulses(
-    walker: Walker, last: DensePhase, after: NDArray, push_off: float
+    walker: Walker,
+    before: NDArray,
+    after: NDArray,
+    time: float,
+    push_off: float,
+    ground: Ground = SMOOTH,
 ) -> tuple[tuple[Impulse, TimedExtremum], tuple[Impulse, TimedExtremum]]:
-    """Impulses of the heelstrike that ends a phase, and of the push-off before it.
+    """Impulses of a heelstrike, and of the push-off before it.
 
     Args:
         walker: The walker.
-        last: The phase.
-        after: State (6,) that the heelstrike leads to, with the roles that legs then have.
+        before: State (6,) just before both.
+        after: State (6,) just after both, with the roles that legs then have.
+        time: Their time.
         push_off: Impulse along the old stance leg, dimensionless.
+        ground: Ground with the next foothold.
 
     Returns:
         That of the ground on the new stance foot, and that on the new stance knee's stop, positive
-        when it is pressed; the same of the push-off, on the old foot and knee; NaN without one.
+        when it is pressed, from the normal of the next foothold; the same of the push-off, on the
+        old foot and knee, from the normal of the old foothold; NaN without one.
     """
-    units, body, level = walker.units, walker.body, Ground(0.0, 1.0)
-    momentum, none = walker.equations().momentum, TimedExtremum(np.nan, np.nan)
-    if momentum is not None:
-        of = walker.equations().State
-        along, up = np.subtract(
-            momentum(body, of(*after)), momentum(body, of(*last.state_at(last.end)))
-        )
-        return (Impulse(up, along, last.end), none), (Impulse(np.nan, np.nan, last.end), none)
-    before = State(*units.to_dimensionless(last.state_at(last.end)))
-    left = pushed_off(body, before, push_off, level) if push_off else (np.nan,) * 4
-    old, (back, up) = landing(body, before, push_off, level)
+    units, body = walker.units, walker.body
+    none = Impulse(np.nan, np.nan, time), TimedExtremum(np.nan, np.nan)
+    if (momentum := _momentum_change(walker, before, after, time)) is not None:
+        return momentum, none
+    state = State(*units.to_dimensionless(before))
+    left = pushed_off(body, state, push_off, ground) if push_off else (np.nan,) * 4
+    old, (back, up) = landing(body, state, push_off, ground)
     rates = np.array([old.thigh_rate, old.stance_rate, old.stance_rate])
     jumps = units.to_dimensionless(after)[3:] - rates
-    given = _given(walker, struck(body, after[:3], jumps, (-back, -up)), last.end)
-    return given, _given(walker, left, last.end)
+    given = _given(walker, struck(body, after[:3], jumps, (-back, -up)), time)
+    return given, _given(walker, left, time)
+
+
+def _momentum_change(
+    walker: Walker, before: NDArray, after: NDArray, time: float
+) -> tuple[Impulse, TimedExtremum] | None:
+    """Impulse on a system by the change of its momentum, if that is known; else None."""
+    system = walker.equations()
+    if system.momentum is None:
+        return None
+    momenta = [system.momentum(walker.body, system.State(*state)) for state in (before, after)]
+    along, up = np.diff(momenta, axis=0)[0]
+    return Impulse(up, along, time), TimedExtremum(np.nan, np.nan)
 
 
 def _given(

@@ -190,6 +190,26 @@ def pushed_off(body, state, push_off, ground):
     return struck(body, (state.stance, state.thigh, state.thigh), jumps, foot)
 
 
+def centre_of_mass(walker: Any, states: NDArray) -> NDArray[Any]:
+    """Return positions (x, y) of the centre of mass from the contact point, (n, 2), in its units.
+
+    Args:
+        walker: The model.
+        states: States (n, 2 m), real or complex; only coordinates matter.
+    """
+    if "McGeer's parameters" not in walker.supports:
+        return walker.centre_of_mass(states)
+    body, (stance, thigh, shank) = linked(walker.body), states.T[:3]
+    back, up = turned(body.stance_along, body.stance_across, *sine_cosine(stance))
+    for along, across, angle in (
+        (body.thigh_along, body.thigh_across, thigh),
+        (body.shank_along, body.shank_across, shank),
+    ):
+        part = turned(along, across, *sine_cosine(angle))
+        back, up = back + part[0], up + part[1]
+    return np.stack([-back, body.foot_radius + up], axis=-1) * walker.leg_length
+
+
 class Reactions(NamedTuple):
     """Accelerations, forces and torques in the walker's own units, (n,) unless stated.
 
@@ -201,6 +221,8 @@ class Reactions(NamedTuple):
             would flex the knee. NaN for a walker without knees.
         swing_knee: Torque on the swing knee's stop, positive when it is pressed; zero while the
             knee is free.
+        hip: Torque between the legs at the hip, of actuator, spring and friction, positive when it
+            opens them; NaN for a system.
     """
 
     accelerations: NDArray[np.float64]
@@ -208,11 +230,12 @@ class Reactions(NamedTuple):
     tangential: NDArray[np.float64]
     stance_knee: NDArray[np.float64]
     swing_knee: NDArray[np.float64]
+    hip: NDArray[np.float64]
 
 
 def forces(
     walker: Any,
-    slope: float,
+    slope: ArrayLike,
     states: ArrayLike,
     phases: ArrayLike,
     controls: ArrayLike | None = None,
@@ -221,29 +244,35 @@ def forces(
 
     Args:
         walker: The model; the force of the ground on it must be known.
-        slope: Slope in rad.
+        slope: Slope in rad, one for all or (n,).
         states: States, (n, 6), or (n, 2 m) of a system.
         phases: `Stage` of each, shape (n,).
-        controls: Held controls in the walker's own units, such as torques of hip and ankle; zero
-            when None.
+        controls: Held controls in the walker's own units, such as torques of hip and ankle, one row
+            for all or (n, controls); zero when None.
     """
     units, system, body = walker.units, walker.equations(), walker.body
     given = units.to_dimensionless(np.array(states, dtype=float))
     state, stages = system.State(*given.T), np.asarray(phases)
     count = len(system.works)
-    control = np.zeros(count)
+    control = np.zeros((len(given), count))
     if controls is not None:
-        control = np.asarray(controls, dtype=float)[:count] / walker.control_units[:count]
-    ground = Ground(np.sin(slope), np.cos(slope))
+        control[:] = np.asarray(controls, dtype=float)[..., :count] / walker.control_units[:count]
+    ground = Ground(*(np.broadcast_to(f(slope), len(given)) for f in (np.sin, np.cos)))
     turns = np.zeros((len(given), system.coordinates))
     for phase in system.phases:
-        here, held = stages == phase.stage, control[None]
-        turns[here] = accelerations_at(system, phase, bodies(walker)[0], given[here], held, ground)
+        here = stages == phase.stage
+        there = Ground(ground.sine[here], ground.cosine[here])
+        turns[here] = accelerations_at(
+            system, phase, bodies(walker)[0], given[here], control[here], there
+        )
+    hip: Any = np.full(len(given), np.nan)
     if system.ground_force is not None:
         along, normal = system.ground_force(body, state, tuple(turns.T), ground)
         tangential, knees = -along, [0.0 * normal] * 2
     else:
-        tangential, normal, *knees = borne(body, state, turns.T, Control(*control), ground)
+        held = Control(*control.T)
+        tangential, normal, *knees = borne(body, state, turns.T, held, ground)
+        hip = torque_at_hip(body, state, held)
     torques = np.stack(np.broadcast_arrays(*knees)) * units.energy
     if not walker.knees:
         torques = np.full_like(torques, np.nan)
@@ -253,4 +282,5 @@ def forces(
         tangential=-tangential * units.force,
         stance_knee=torques[0],
         swing_knee=torques[1],
+        hip=hip * units.torque,
     )

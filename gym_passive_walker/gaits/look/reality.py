@@ -347,14 +347,16 @@ def reality_check(
             free = [phase for phase in parts if not phase.locked]
             bent = turns(phase.flexion for phase in free)
             flexions.append(TimedExtremum(0.0, time) if bends else least(bent))
-            knees.append(
-                kneestrike_impulses(walker, free[-1], parts[len(free)].state_at(free[-1].end))
-            )
+            knee = free[-1].end
+            before, after = free[-1].state_at(knee), parts[len(free)].state_at(knee)
+            knees.append(kneestrike_impulses(walker, before, after, knee))
         push_off = 0.0
         if "actuation" in walker.supports:
             last = np.array([[float(end.duration) / own.time]])
             push_off = float(walks.look(first, np.array([slope]), last).controls[0, 0, 2])
-        heel, push = heelstrike_impulses(walker, parts[-1], end.state, push_off)
+        strike = parts[-1].end
+        before = parts[-1].state_at(strike)
+        heel, push = heelstrike_impulses(walker, before, end.state, strike, push_off)
         heels.append(heel)
         pushes += [push] * (not np.isnan(push[0].normal_impulse))
         phases += parts

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,10 +20,16 @@ from gym_passive_walker._tools.shown import Table
 from gym_passive_walker.gaits.actuation import Actuation, one_actuation, to_dimensionless
 from gym_passive_walker.gaits.find.fixed_point import state_on
 from gym_passive_walker.gaits.given import GaitLike, walk_of
-from gym_passive_walker.gaits.measures import InUnits
-from gym_passive_walker.gaits.stride import stride, together
+from gym_passive_walker.gaits.look.series import OverTime, look_at
+from gym_passive_walker.gaits.stride import Stride, stride, together
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, contacts, terrain_from
+from gym_passive_walker.gaits.terrain import (
+    Terrain,
+    TerrainLike,
+    contacts,
+    ground_of,
+    terrain_from,
+)
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.walkers import Walker, name_of
 
@@ -31,11 +38,15 @@ COARSEST_SAMPLES = 1e-4
 
 
 @dataclass(frozen=True, repr=False)
-class Trajectory(InUnits, Table):
+class Trajectory(OverTime, Table):
     """A walk at n instants, in the walker's own units.
 
     Two samples lie at nearly the time of a heelstrike: the last sample of one stride, just before
     the impact, and the first sample of the next stride, where the legs have changed roles.
+
+    Forces, energies, powers and the centre of mass are attributes and columns too. They are
+    computed when they are asked for. `strikes` is a table of the impacts. The sum of kinetic,
+    potential and spring energy changes by the powers less the friction power, and by the losses.
 
     Attributes:
         walker: The walker.
@@ -48,9 +59,10 @@ class Trajectory(InUnits, Table):
             foothold's normal.
         stride_index: Number of the stride that each sample belongs to, from 0, shape (n,).
         phases: `Stage` of the swing leg, shape (n,).
-        outcomes: `Outcome` of each stride, shape (strides made,); all but the last are HEELSTRIKE.
         torques: Hip and ankle torque that act up to each sample, shape (n, 2); of a `System`, its
             controls, shape (n, controls).
+        taken: The strides: a `Stride` of arrays, (strides made,), with works, losses and states
+            after them.
         terrain: Terrain; None for smooth ground.
         terrain_seed: Seed of the terrain.
     """
@@ -64,13 +76,19 @@ class Trajectory(InUnits, Table):
     tilts: NDArray[np.float64]
     stride_index: NDArray[np.int64]
     phases: NDArray[np.int64]
-    outcomes: NDArray[np.int64]
     torques: NDArray[np.float64]
-    terrain: Terrain | None = None
-    terrain_seed: int = 0
+    taken: Stride
+    terrain: Terrain | None
+    terrain_seed: int
+    _map: StrideMap
 
     def __len__(self) -> int:
         return len(self.times)
+
+    @property
+    def outcomes(self) -> NDArray[np.int64]:
+        """`Outcome` of each stride, (strides made,); all but the last are HEELSTRIKE."""
+        return self.taken.outcome
 
     @property
     def struck(self) -> NDArray[np.int64]:
@@ -95,7 +113,7 @@ class Trajectory(InUnits, Table):
         return str(Outcome(int(self.outcomes[-1])))
 
     def columns(self) -> dict[str, NDArray]:
-        """One row for each instant."""
+        """One row for each instant, with the quantities over time."""
         names = self.walker.state_names
         return {
             "time": self.times,
@@ -106,7 +124,34 @@ class Trajectory(InUnits, Table):
             "contact_y": self.contact_y,
             "tilt": self.tilts,
             **dict(zip(self.walker.controls, self.torques.T, strict=True)),
+            **self.series(),
         }
+
+    def plot(self, what: Any = None, /, ax: Any = None, **options: Any) -> Any:
+        """Draw the walk with matplotlib.
+
+        Args:
+            what: "angles", "forces", "torques", "path", "hodograph", "energy", "power" or
+                "clearance", as the option `of`; or the axes.
+            ax: Axes of the plot. None makes a new figure of pyplot.
+            **options: `of`, "angles" by default.
+
+        Returns:
+            The axes; of angles without `ax`, two, with the phase portrait beside them.
+
+        Example:
+            >>> import gym_passive_walker as gpw
+            >>> ax = gpw.simulate("C", 0.02, strides=2).plot("forces")
+
+        Raises:
+            ImportError: if matplotlib is not installed.
+            ValueError: if there is no such plot of this walk.
+        """
+        if isinstance(what, str):
+            options["of"] = what
+        elif what is not None:
+            ax = what
+        return super().plot(ax, **options)
 
 
 def simulate(
@@ -183,7 +228,7 @@ def simulate(
     seen_ahead = strides_of.terrain_lookahead
     ground = ground_of(footholds, terrain_seed, strides + seen_ahead)
     ahead = np.array([ground[k : k + seen_ahead, 1:].ravel() for k in range(strides)])
-    ground, rises = ground[:strides], ground[:strides, 1] * walker.leg_length
+    rises = ground[:strides, 1] * walker.leg_length
     starts, walks = [state], []
     for k, held in enumerate(map(Actuation._make, np.stack(parts, axis=1).tolist())):
         here = slope + ground[k, 0], starts[-1]
@@ -204,10 +249,7 @@ def simulate(
     if controlled is None:
         held = to_dimensionless(units, Actuation(*(part[:made] for part in parts)))
         strides_of = replace(strides_of, actuation=held)
-    seen = strides_of.look(
-        strides_of.dimensionless(first), slope + tilts, instants / units.time,
-        rises[:made] / units.length if ground.any() else None, ahead=ahead[:made],
-    )  # fmt: skip
+    seen = look_at(strides_of, slope, first, ground[: made + seen_ahead], instants)
     states = units.to_own(seen.states)
     began = np.cumsum([0.0, *durations[:-1]])[:, None]
     rolled = walker.foot_radius * (first[:, :1] - states[:, :, 0])
@@ -223,17 +265,11 @@ def simulate(
         tilts=np.repeat(tilts, samples),
         stride_index=np.repeat(np.arange(made), samples),
         phases=seen.stages.ravel(),
-        outcomes=taken.outcome,
         torques=(seen.controls[..., : len(walker.controls)] * walker.control_units).reshape(
             len(first) * samples, -1
         ),
+        taken=taken,
         terrain=footholds,
         terrain_seed=terrain_seed,
+        _map=strides_of,
     )
-
-
-def ground_of(terrain: TerrainLike | None, terrain_seed: int, strides: int) -> NDArray[np.float64]:
-    """Return slope beyond the walk's, height change and slope change by stride, (strides, 3)."""
-    terrain_seed = whole(terrain_seed, "terrain_seed", 0, 2**64 - 1)
-    made = terrain_from(terrain)
-    return np.zeros((strides, 3)) if made is None else made.ground(terrain_seed, np.arange(strides))
