@@ -8,6 +8,7 @@ and marker, so that a figure printed in grey stays readable.
 
 from __future__ import annotations
 
+from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
@@ -195,8 +196,11 @@ def save(figure: Figure, path: str | PathLike[str] | None, caption: str = "") ->
         from matplotlib import rc_context
 
         # Type 42 embeds fonts as outlines that journals accept.
-        with replacing(path) as aside, rc_context({"pdf.fonttype": 42, "ps.fonttype": 42}):
-            figure.savefig(aside, format=kind[1:], dpi=_DPI, metadata=metadata)
+        drawn = BytesIO()  # matplotlib's writer of PDF loses the error of a full disk
+        with rc_context({"pdf.fonttype": 42, "ps.fonttype": 42}):
+            figure.savefig(drawn, format=kind[1:], dpi=_DPI, metadata=metadata)
+        with replacing(path) as aside:
+            aside.write_bytes(drawn.getvalue())
     return figure
 
 
