@@ -9,8 +9,8 @@ or an end of its branch is reached.
 
 from __future__ import annotations
 
+import argparse
 import sys
-from pathlib import Path
 
 import gym_passive_walker as gpw
 from gym_passive_walker import console
@@ -46,6 +46,9 @@ def loci(name: str, parameter: str) -> list[gpw.BifurcationLocus]:
 
 def main() -> None:
     """Print the loci, and draw those in each second parameter, to the file that is named."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("picture", help="file to draw to, such as stable-regions.png")
+    path = parser.parse_args().picture
     import matplotlib.pyplot as plt
 
     figure, panels = plt.subplots(1, 2, figsize=(8.0, 3.6), sharex=True, layout="constrained")
@@ -60,7 +63,7 @@ def main() -> None:
                 label = ""  # each walker once
         ax.set(xlabel="slope γ (rad)", ylabel=LABELS[parameter])
     panels[1].legend(title="folds: solid,\ndoublings: dashed")
-    figure.savefig(Path(sys.argv[1]), dpi=120)
+    figure.savefig(path, dpi=120)
 
 
 if __name__ == "__main__":
