@@ -20,10 +20,10 @@ train: $(VENV)/.installed-train
 
 install: $(VENV)/.installed-dev
 
-# More workers would only compile the same kernels once more each before the disk cache is warm.
 test: export SDL_VIDEODRIVER = dummy
 test: export MPLBACKEND = Agg
 test: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.ahead
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal $(ARGS)
 
 # A warning is an error.
