@@ -22,6 +22,8 @@ install: $(VENV)/.installed-dev
 
 test: export SDL_VIDEODRIVER = dummy
 test: export MPLBACKEND = Agg
+# Tests run in a process for each core: threads of BLAS in each would wait for each other, and take twice the time.
+test: export OMP_NUM_THREADS = 1
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.ahead
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal $(ARGS)
