@@ -207,18 +207,6 @@ def test_walkers_and_slopes_that_were_returned_do_not_change_afterwards():
     np.testing.assert_array_equal(reported[2], kept[2])
 
 
-def test_each_lane_of_a_learner_tells_its_own_walker():
-    pytest.importorskip("stable_baselines3")
-    from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
-
-    env = PassiveWalkerVecEnv(3, "rolling", seed=2)
-    env.reset()
-    states, slopes = env.get_attr("state"), env.get_attr("slope")
-    np.testing.assert_array_equal(states, env.batch.states)
-    np.testing.assert_array_equal(slopes, env.batch.ledger["slope"])
-    assert len({tuple(state) for state in states}) == len(set(slopes)) == 3
-
-
 def test_pictures_show_each_walker_on_its_own_slope():
     pytest.importorskip("pygame")
     many = PassiveWalkerVectorEnv(3, "lab", render_mode="rgb_array", reset_noise_scale=0.0)

@@ -75,18 +75,6 @@ def test_both_legs_meet_at_the_hip_where_a_foot_comes_down_on_a_slope_of_its_own
         np.testing.assert_allclose(here, there, atol=1e-9)
 
 
-@pytest.mark.parametrize("kwargs", [ROUGH, STRIDES], ids=["ticks", "strides"])
-def test_a_walker_meets_the_same_ground_alone_and_in_a_batch(kwargs):
-    alone = gym.make("PassiveWalker-v0", **kwargs, terrain_lookahead=2)
-    many = gym.make_vec("PassiveWalker-v0", num_envs=5, **kwargs, terrain_lookahead=2)
-    seen, _ = many.reset(seed=[7, 3, 8, 9, 1])
-    observations, rewards, _ = walk(alone, 60)
-    for k, reward in enumerate(rewards):
-        np.testing.assert_array_equal(seen[1], observations[k])
-        seen, rewarded, *_ = many.step(np.zeros((5, 1)))
-        assert rewarded[1] == reward
-
-
 def test_agents_see_the_footholds_ahead():
     env = gym.make("PassiveWalker-v0", **STRIDES, terrain_lookahead=3)
     observations, _, infos = walk(env, 8)
@@ -103,21 +91,6 @@ def test_walkers_of_one_scene_meet_ground_of_their_own():
     many = gym.make_vec("PassiveWalker-v0", num_envs=4, **STRIDES, terrain_lookahead=1)
     seen, _ = many.reset(seed=0)
     assert len({x for x in seen[:, 8].tolist()}) == 4
-
-
-def test_a_walk_over_rough_ground_is_saved_and_goes_on():
-    env = gym.make("PassiveWalker-v0", **ROUGH).unwrapped
-    env.reset(seed=3)
-    for _ in range(20):
-        env.step(np.zeros(1))
-    kept = env.get_state()
-    one = [env.step(np.zeros(1)) for _ in range(30)]
-    env.set_state(kept)
-    other = [env.step(np.zeros(1)) for _ in range(30)]
-    assert any(info.get("outcome") == "heelstrike" for *_, info in one)
-    for a, b in zip(one, other, strict=True):
-        np.testing.assert_array_equal(a[0], b[0])
-        assert a[1] == b[1]
 
 
 def test_smooth_terrain_changes_a_walk_by_no_more_than_rounding():
