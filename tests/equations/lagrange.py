@@ -27,8 +27,8 @@ PARAMETERS = (
 def equations(*, locked: bool):
     """Function of coordinates, rates, slope, torques and parameters.
 
-    Returns the lower triangle of the mass matrix, and the forces, in directions that ground and knee
-    allow.
+    Returns the lower triangle of the mass matrix, and the forces, in directions that ground and
+    knee allow.
     """
     p = dict(zip(PARAMETERS, sp.symbols(PARAMETERS), strict=True))
     q = sp.symbols("x y stance thigh shank")
