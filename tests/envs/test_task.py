@@ -342,11 +342,6 @@ def test_positive_work_is_that_of_a_motor_that_drives_and_then_brakes(make, play
     assert info["energy"] * unit == pytest.approx(walked.hip_work_positive, rel=1e-8)
 
 
-def test_actions_beyond_the_box_are_clipped(make, play, assert_same):
-    env = make()
-    assert_same(play(env, 1.0, steps=20, seed=0), play(env, 7.0, steps=20, seed=0))
-
-
 def test_numbers_are_clipped_to_their_bounds():
     cases = [(-2.0, -1.0), (-1.0, -1.0), (0.3, 0.3), (0.5, 0.5), (0.7, 0.5), (math.nan, -1.0),
              (math.inf, 0.5), (-math.inf, -1.0)]  # fmt: skip

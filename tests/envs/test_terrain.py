@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.gaits.scenes.scene import SceneError
 
 ROUGH = {"walker": "C", "slope": 0.05, "terrain": gpw.rough(0.002, 0.004)}
 STRIDES = {**ROUGH, "control": "stride", "max_hip_torque": 0.0, "end_on_toe_stub": False}
@@ -142,25 +141,6 @@ def test_a_flight_of_stairs_leads_down_as_far_as_a_slope():
     assert struck
     for info in struck:
         assert info["gravity_cost"] * info["step_length"] == pytest.approx(height, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ({"terrain": "hills"}, "terrain has no hills"),
-        ({"terrain": 0.01}, "a terrain is a Terrain"),
-        ({"terrain": {"hills": {}}}, "hills"),
-        ({"terrain": {"rough": {"height_std": -1.0}}}, "height_std"),
-        ({"terrain_lookahead": 2}, "terrain_lookahead shows footholds of a terrain"),
-        (
-            {"terrain": gpw.stairs(0.01), "terrain_lookahead": -1},
-            "terrain_lookahead must be a whole number",
-        ),
-    ],
-)
-def test_invalid_input_is_answered_with_what_is_allowed(arguments, said):
-    with pytest.raises(SceneError, match=said):
-        gym.make("PassiveWalker-v0", **arguments)
 
 
 def test_a_slope_that_is_set_stays_and_footholds_slope_about_it():
