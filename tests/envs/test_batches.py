@@ -156,17 +156,6 @@ def test_varied_walkers_go_on_where_they_were_saved(mode, assert_same):
     assert_same(saved, kept)  # ... and stays so when it was put back
 
 
-def test_a_saved_single_walker_is_the_callers_to_keep(make, assert_same):
-    env = make(scene="lab", domain_randomization=VARIED)
-    env.reset(seed=0)
-    env.step(np.zeros(1))
-    saved = env.get_state()
-    kept = copy.deepcopy(saved)
-    env.step(np.ones(1))
-    env.reset()
-    assert_same(saved, kept)
-
-
 def test_an_episode_that_had_ended_when_it_was_saved_has_ended_when_it_is_put_back(make):
     env = make(scene="lab")
     env.reset(seed=0, options={"state": [0.01, -0.01, -0.01, -0.1, 0.0, 0.0]})

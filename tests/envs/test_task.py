@@ -64,20 +64,6 @@ def test_ticks_with_one_torque_make_a_stride_with_that_torque(make, name, torque
         assert info["kneestrike_time"] == pytest.approx(since, abs=1e-10)
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_stride_control_is_the_stride_map(make, name):
-    env = make(**SCENES[name], **WHOLE_MOTION, control="stride")
-    env.reset(seed=0)
-    for torque in (0.0, 0.02, -0.01):
-        walker, state = env.walker, env.state
-        unit = walker.gravity * walker.leg_length
-        unit *= 1.0 if walker.massless_legs else walker.total_mass
-        whole = stride(walker, env.slope, state, hip_torque=torque * 0.03 * unit, tolerance=1e-12)
-        *_, info = env.step(np.array([torque]))
-        assert info["outcome"] == Outcome(whole.outcome).name.lower() == "heelstrike"
-        np.testing.assert_allclose(env.state, whole.state, atol=1e-12)
-
-
 def test_the_clock_starts_again_at_each_heelstrike(make):
     env = make(**SCENES["C"], **WHOLE_MOTION)
     env.reset(seed=0)
@@ -145,16 +131,6 @@ def test_energies_are_parts_of_one_ledger(make, play):
     for a, p, n in zip(infos("absolute"), infos("positive"), infos("net"), strict=True):
         assert p["energy"] == pytest.approx(0.5 * (a["energy"] + n["energy"]), abs=1e-15)
         assert 0.0 <= p["energy"] <= a["energy"] and abs(n["energy"]) <= a["energy"] + 1e-15
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_gravity_pays_the_cost_of_transport_of_a_passive_gait(make, play, name):
-    env = make(**SCENES[name], **WHOLE_MOTION, max_hip_torque=0.0)
-    done = strides(play(env, steps=150, seed=1))
-    assert len(done) > 2
-    for info in done:  # the kinetic energy comes back, so all that gravity gives is lost
-        for cost in ("cost_of_transport", "gravity_cost", "collision_cost"):
-            assert info[cost] == pytest.approx(math.sin(env.slope), rel=1e-6)
 
 
 def test_a_motor_pays_with_gravity_for_what_a_stride_loses_and_gains(make):

@@ -354,33 +354,6 @@ def test_events_need_a_scene_that_can_have_them(make_vec, name):
             env.batch.schedule_events(**{name: [0.0, 0.001]})
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_a_batch_is_restored_field_by_field(make_vec, mode, assert_same):
-    """Each entry of a state is put back; two states differ in each of them."""
-    arguments = {
-        "autoreset_mode": mode, "max_episode_steps": 12, "action_delay": 2, "command": (0.1, 0.2),
-        "pushes": {"rate": 0.5, "impulse": (-0.01, 0.01)}, "reward": {"action_change": -1.0},
-        "domain_randomization": {"foot_radius": 0.1}, "slope": (0.0, 0.02),
-    }  # fmt: skip
-    states, env = [], make_vec(3, **arguments)
-    for seed, steps in ((0, 12), (50, 7)):
-        env.reset(seed=seed)
-        for act, _ in zip(actions(3, seed), range(steps), strict=False):
-            env.step(act)
-        states.append(env.get_state())
-    equal = {"scene", "begun"} | ({"ended"} if mode == "SameStep" else set())
-    for name in states[0].keys() - equal:
-        one, other = (pickle.dumps(state[name]) for state in states)
-        assert one != other, name
-    for state in (*states, states[0]):
-        env.set_state(state)
-        assert_same(env.get_state(), state)
-        again = make_vec(3, **arguments)
-        again.set_state(state)
-        assert_same(again.get_state(), {**state, "random": again.get_state()["random"]})
-        assert [r.bit_generator.state for r in again.np_random] == state["random"]
-
-
 def test_steps_that_have_elapsed_are_set_and_counted_by_the_time_limit():
     envs = PassiveWalkerVectorEnv(3, max_episode_steps=10, autoreset_mode="SameStep")
     with pytest.raises(ResetNeeded):
