@@ -99,32 +99,6 @@ def test_smooth_terrain_changes_a_walk_by_no_more_than_rounding():
     np.testing.assert_allclose(level, other, atol=2e-6)
 
 
-def test_footholds_of_rough_ground_lie_about_the_slope_each_on_its_own():
-    """Heights do not add up over a walk, which begins on smooth ground."""
-    keys = np.arange(4000)[:, None]
-    slopes, rises, turns = np.moveaxis(gpw.rough(0.002, 0.03).ground(keys, np.arange(12)), -1, 0)
-    heights = np.cumsum(rises, axis=1)  # of footholds 1 to 12 above the first
-    np.testing.assert_allclose(heights.std(axis=0), 0.002, rtol=0.05)
-    np.testing.assert_allclose(slopes[:, 1:].std(axis=0), 0.03, rtol=0.05)
-    assert not slopes[:, 0].any()
-    np.testing.assert_allclose(slopes[:, :-1] + turns[:, :-1], slopes[:, 1:], atol=1e-15)
-    drawn = np.hstack([heights[:, :-1], slopes[:, 1:]])
-    assert np.abs(np.corrcoef(drawn.T) - np.eye(22)).max() < 0.1
-
-
-def test_a_list_of_footholds_goes_on_as_its_last():
-    ground = gpw.footholds([0.0, 0.01, 0.03], [0.0, 0.02, 0.01]).ground(0, np.arange(5))
-    np.testing.assert_allclose(ground[:, 0], [0.0, 0.02, 0.01, 0.01, 0.01])
-    np.testing.assert_allclose(ground[:, 1], [0.01, 0.02, 0.0, 0.0, 0.0])
-    np.testing.assert_allclose(ground[:, 2], [0.02, -0.01, 0.0, 0.0, 0.0])
-
-
-def test_waves_go_up_and_down_once_in_their_strides():
-    rises = gpw.waves(0.01, 8).ground(0, np.arange(16))[:, 1]
-    heights = 0.01 * np.sin(2.0 * np.pi * np.arange(1, 17) / 8)
-    np.testing.assert_allclose(np.cumsum(rises), heights, atol=1e-15)
-
-
 def test_a_flight_of_stairs_leads_down_as_far_as_a_slope():
     """Downstairs on level ground: what gravity gives is the height of the steps."""
     gait = gpw.find_gait("D", 0.01)

@@ -135,16 +135,6 @@ def test_a_gait_repeats_itself(gait):
     )
 
 
-@pytest.mark.parametrize("gait", GAITS, ids=str)
-def test_on_a_gait_collisions_cost_the_sine_of_the_slope(gait):
-    """Energy lost per weight and distance along the slope (equation 4.4)."""
-    found = stride(gait.walker, gait.slope, gait.state)
-    assert found.cost_of_transport == pytest.approx(np.sin(gait.slope), rel=1e-9)
-    assert found.gravity_work == pytest.approx(
-        found.weight * found.step_length * np.sin(gait.slope), rel=1e-9
-    )
-
-
 @pytest.mark.parametrize("name", WALKERS)
 def test_a_stride_starts_and_ends_with_both_feet_on_the_ground(name):
     gait = LONG_GAITS[name]
