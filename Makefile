@@ -20,10 +20,12 @@ train: $(VENV)/.installed-train
 
 install: $(VENV)/.installed-dev
 
-# More workers would only compile the same kernels once more each before the disk cache is warm.
 test: export SDL_VIDEODRIVER = dummy
 test: export MPLBACKEND = Agg
+# Tests run in a process for each core: threads of BLAS in each would wait for each other, and take twice the time.
+test: export OMP_NUM_THREADS = 1
 test: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.ahead
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal $(ARGS)
 
 # A warning is an error.

@@ -13,7 +13,6 @@ from agents.evaluation import in_words, write_rows
 from agents.learner import LearnedPolicy, build, moments
 from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks, evaluate, score_table
 from gym_passive_walker.gaits.control import optimal
-from gym_passive_walker.gaits.control.baselines import Passive
 
 
 def made_up(**changes):
@@ -99,14 +98,6 @@ def test_rows_hold_every_episode(tmp_path):
     assert [float(row["distance"]) for row in rows] == [10.0, 20.0, 0.2]
 
 
-def test_episodes_are_the_same_for_every_agent_and_every_batch():
-    config = configure(env={"slope": [0.02, 0.04]})
-    few, many = (evaluate(Passive(), envs.arena(config, n), seed=3) for n in (2, 5))
-    for name in ("slopes", "distance", "strides", "reward", "duration"):
-        assert np.array_equal(getattr(few, name), getattr(many, name)[:2])
-    assert few.endings == many.endings[:2]
-
-
 class Wavering:
     """Torques that depend on the observation alone."""
 
@@ -157,16 +148,6 @@ def test_evaluation_changes_nothing_in_an_agent(algo):
     assert np.array_equal(first.reward, again.reward) and first.endings == again.endings
     for name, value in moments(normalizer).items():
         assert np.array_equal(value, before[name]), name
-
-
-def test_a_passive_walk_costs_the_sine_of_its_slope():
-    config = configure(scene="lab", env={"reset_noise_scale": 0.02})
-    walks = evaluate(Passive(), envs.arena(config, 2), seed=0)
-    assert walks.endings == [TIME_LIMIT] * 2
-    assert walks.cost_of_transport == pytest.approx(np.sin(0.036), rel=1e-3)
-    assert walks.motor_work.tolist() == [0.0, 0.0]
-    # Distance counts the stride under way, the strides only what they completed.
-    assert np.all(np.abs(walks.distance - walks.length) < 1.0)
 
 
 def test_walks_are_shown_by_their_endings_and_medians():

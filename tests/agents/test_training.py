@@ -21,7 +21,7 @@ import gym_passive_walker as gpw
 import train
 from agents import checkpoint, envs, files, training
 from agents.callbacks import Milestones
-from agents.config import ALGORITHMS, Config, ConfigError, configure
+from agents.config import ALGORITHMS, Config, ConfigError
 from agents.evaluation import evaluate
 from agents.learner import LearnedPolicy, build, export, learned, load_policy, on_numpy
 from agents.training import Run
@@ -256,13 +256,6 @@ def test_a_wish_to_stop_saves_and_the_rest_can_follow(tmp_path, monkeypatch):
     rest = Run(seldom, tmp_path / "part")
     assert rest.train(progress=False)
     assert np.array_equal(weights(rest.model), weights(whole.model))
-
-
-def test_starts_may_be_harder_while_learning():
-    config = configure("ppo", "rolling")
-    learning, evaluated = envs.training_envs(config, 1).scene, envs.scene_of(config)
-    assert learning.reset_noise_scale > evaluated.reset_noise_scale == 0.10
-    assert learning == dataclasses.replace(evaluated, reset_noise_scale=learning.reset_noise_scale)
 
 
 def test_policies_are_loaded_without_unpickling(ran, monkeypatch):

@@ -58,11 +58,15 @@ SCENES = {
         "energy": "positive",
     },
     "passive": {"scene": "lab", "max_hip_torque": 0.0},
-    "net work": {"energy": "net", "slope": (0.0, 0.06)},
+    "simplest, disturbed": {
+        "walker": "D", "slope": 0.009, "pushes": {"rate": 0.7, "impulse": (-0.02, 0.03)},
+        "observation_noise": 0.01, "action_noise": 0.1, "action_delay": 2, "command": (0.1, 0.3),
+    },
+    "net work": {"energy": "net", "slope": (0.0, 0.06), "actions": ("hip", "push_off")},
     "short strides": {"max_stride_time": 1.0},
     "stairs": {
         "walker": "lab-straight", "slope": 0.03, "terrain": {"stairs": {"rise": 0.003}},
-        "terrain_lookahead": 1,
+        "terrain_lookahead": 1, "pushes": {"rate": 0.3, "impulse": (-0.01, 0.01)},
     },
     "varied": {"scene": "lab", "domain_randomization": {"foot_radius": 0.05, "thigh_mass": 0.1}},
     "observed bodies": {

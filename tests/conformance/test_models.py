@@ -282,7 +282,9 @@ def starts(m):
 
 def given_starts(m):
     env, start = m.made(), 1.01 * m.gait.state
-    seen, _ = env.reset(options={"state": start, "slope": 0.5 * m.slope})
+    given = {"state": start.copy(), "slope": 0.5 * m.slope}
+    seen, _ = env.reset(options=given)
+    np.testing.assert_array_equal(given["state"], start)
     np.testing.assert_allclose(env.state, start, rtol=1e-12)
     expected = [*m.model.units.to_dimensionless(start), 0.5 * m.slope]
     np.testing.assert_allclose(seen[[*range(m.model.size), -1]], expected, rtol=1e-6)

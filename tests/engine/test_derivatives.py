@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from gym_passive_walker import WALKERS, Outcome, stride_jacobian
+from gym_passive_walker import WALKERS, Outcome
 from gym_passive_walker.engine.run import LONGEST_STRIDE, advance
-from gym_passive_walker.gaits.actuation import Actuation
-from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.flow import Walkers, flow
-from gym_passive_walker.gaits.stride_map import StrideMap
 from tests.equations import statements
 from tests.equations.examples import KNEED, LONG_GAITS
 
@@ -94,7 +89,9 @@ def differences(function, value: float, step: float) -> np.ndarray:
 @pytest.mark.parametrize("name", WALKERS)
 def test_the_derivative_is_that_of_the_map(name):
     values = start(name)
-    found = derivatives(name, values)[1:]
+    stride, *found = derivatives(name, values)
+    if name == "lab":  # it first closes its legs a little: the hip turns by more than they open
+        assert stride[TURNED] > 1.02 * abs(stride[MOVED])
     for varied, (derivative, of) in enumerate(zip(found, INPUTS, strict=True)):
 
         def at(value, varied=varied):
@@ -126,14 +123,6 @@ def test_derivatives_are_in_proportion_to_the_change(name):
         np.testing.assert_array_equal(part, share * whole)
 
 
-@pytest.mark.parametrize("name", WALKERS)
-def test_derivatives_along_two_directions_add(name):
-    values, weights = start(name), np.array([0.3, -1.0, 0.5, 0.7])
-    each = end(name, values, np.eye(4))[1:]
-    _, both = end(name, values, weights[None])
-    np.testing.assert_allclose(both, weights @ each, rtol=0.0, atol=1e-12 * np.abs(each).max())
-
-
 @pytest.mark.parametrize("name", ["lab", "A", "D"])
 def test_a_derivative_does_not_depend_on_how_many_ride_along(name):
     rng, values = np.random.default_rng(1), start(name)
@@ -143,34 +132,6 @@ def test_a_derivative_does_not_depend_on_how_many_ride_along(name):
         some = end(name, values, directions[:count])
         np.testing.assert_array_equal(some, all_of_them[: count + 1])
     np.testing.assert_array_equal(end(name, values, directions[20:])[1:], all_of_them[21:])
-
-
-@pytest.mark.parametrize("parameter", ["shank_com", "thigh_offset", "foot_radius", "foot_angle"])
-@pytest.mark.parametrize("name", ["lab", "A", "E"])
-def test_the_derivative_by_a_parameter_is_that_of_the_map(name, parameter):
-    name = "B" if (name, parameter) == ("E", "foot_radius") else name  # E has none
-    values, value = start(name), getattr(WALKERS[name], parameter)
-    (found,) = end(name, values, by=(parameter,))[1:]
-    expected = differences(lambda x: end(name, values, **{parameter: x})[0], value, 1e-4)
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
-
-
-def test_absolute_hip_work_has_its_derivative_where_the_hip_turns_back():
-    """The lab walker first closes its legs a little: the total rotation exceeds the opening."""
-    values = start("lab")
-    found = derivatives("lab", values)
-    assert found[0, TURNED] > 1.02 * abs(found[0, MOVED])
-    for varied in range(6):
-
-        def turned(value, varied=varied):
-            inputs = np.where(np.arange(6) == varied, value, values)
-            return end("lab", inputs)[0, TURNED]
-
-        expected = differences(turned, values[varied], 1e-5)
-        assert found[1 + varied, TURNED] == pytest.approx(expected, rel=1e-8, abs=1e-8)
-        # It is not what the net work's derivative is, up to its sign.
-    net, absolute = found[1:, MOVED], found[1:, TURNED]
-    assert np.abs(np.abs(net) - np.abs(absolute)).max() > 1e-2
 
 
 def test_a_walk_that_is_stopped_follows_the_moment_when_it_is():
@@ -211,31 +172,3 @@ def test_a_walk_in_ticks_has_the_derivatives_of_a_walk_at_once():
         advance(ticks.system, ticks.bodies, ticks.records, tolerance=1e-14, from_section=False)
     assert count == np.ceil(whole["time"][0, 0] / 0.3)
     np.testing.assert_allclose(results(ticks.records), results(whole), rtol=0.0, atol=1e-8)
-
-
-@pytest.mark.parametrize("name", ["lab", "A", "D"])
-def test_values_are_the_same_with_derivatives_and_without(name):
-    """The stride map, its Jacobian, and a stride with a torque for each control step."""
-    walker, gait = WALKERS[name], LONG_GAITS[name]
-    strides = StrideMap.of(walker)
-    point = strides.points_at(gait.state)
-    m, coordinates = strides.dimension, strides.chart.coordinates
-    driven = replace(strides, actuation=Actuation(hip_torque=0.003))
-    _, change = driven.linearize(point, gait.slope, by=("state", "slope", "hip_torque"))
-    found = derivatives(name, start(name))[1:]
-    rows = [0, 1, 2, 3, 4, 5] if name in KNEED else [0, 1, 2, 4, 5]
-    expected = found[rows][:, coordinates].T
-    np.testing.assert_allclose(change.ends[0], expected, rtol=0.0, atol=1e-9)
-    np.testing.assert_allclose(change.durations[0], found[rows, 6], rtol=0.0, atol=1e-9)
-
-    torques = np.full(3, 0.003)
-    ticked = ticked_stride(walker, gait.slope, point[0], torques, tick=0.4, tolerance=1e-13)
-    np.testing.assert_allclose(ticked.by_point, expected[:, :m], rtol=0.0, atol=1e-9)
-    by_torque = ticked.by_torque.sum(axis=1)
-    np.testing.assert_allclose(by_torque, expected[:, -1], rtol=0.0, atol=1e-9)
-
-    _, passive = strides.linearize(point, gait.slope)
-    units = np.array([1.0, *[walker.time_unit] * (m - 1)])
-    jacobian = stride_jacobian(walker, gait.slope, gait.state)
-    scaled = np.asarray(jacobian) * units[:, None] / units
-    np.testing.assert_allclose(scaled, passive.ends[0], rtol=0.0, atol=1e-8)

@@ -8,7 +8,7 @@ import pytest
 
 from gym_passive_walker.envs.explain import as_rows
 from gym_passive_walker.gaits.control.maps import map_in
-from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.models.units import PROPORTIONS, proportions
 from gym_passive_walker.models.walkers import PARAMETERS, WALKERS
 
@@ -54,23 +54,6 @@ def test_proportions_do_not_depend_on_units(name):
     assert proportions(large, PROPORTIONS) == pytest.approx(proportions(stiff, PROPORTIONS))
 
 
-def test_alone_and_together_give_the_same_bits():
-    envs, count = vector(3), 60
-    draws = np.random.default_rng(0).uniform(-1, 1, (count, 3, 1)).astype(np.float32)
-    seen = [envs.reset(seed=5)[0]] + [envs.step(action)[0] for action in draws]
-    for lane in range(3):
-        env = gym.make("PassiveWalker-v0", scene="anywhere")
-        alone = [env.reset(seed=5 + lane)[0]]
-        for action in draws[:, lane]:
-            observation, _, ended, *_ = env.step(action)
-            alone.append(observation)
-            if ended:
-                break
-        assert env.observation_space.contains(alone[-1])
-        for step, observation in enumerate(alone):
-            assert seen[step][lane].tobytes() == observation.tobytes()
-
-
 @pytest.mark.parametrize("changes", [{"command": None}, {"reward": {"distance": 1.0}}])
 def test_other_ways_to_step_show_the_body_too(changes):
     envs = vector(3, **changes)
@@ -106,17 +89,6 @@ def test_a_pool_is_the_same_everywhere_and_has_its_size():
     assert {*larger.batch.walkers} > drawn[0]
 
 
-def test_a_saved_state_has_its_body():
-    envs = vector(2)
-    envs.reset(seed=0)
-    state, action = envs.get_state(), np.full((2, 1), 0.3)
-    first, *_ = envs.step(action)
-    envs.reset(seed=9)
-    envs.set_state(state)
-    again, *_ = envs.step(action)
-    assert first.tobytes() == again.tobytes()
-
-
 def test_a_stride_map_shows_a_policy_the_same_as_the_environment():
     scene = make_scene("anywhere", slope=0.01, command=0.15, domain_randomization={})
     heard = []
@@ -137,19 +109,3 @@ def test_explain_names_each_number():
     assert [row["observation"] for row in rows[-len(NAMES) :]] == [
         f"the walker's {name}" for name in NAMES
     ]
-
-
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"observe_body": ("gravity",)}, "observe_body must be some of"),
-        ({"observe_body": ("foot_radius",) * 2}, "each once"),
-        ({"observe_body": 3}, "observe_body must be some of"),
-        ({"randomization_pool": 4}, "give both"),
-        ({"randomization_pool": 0, "domain_randomization": {"hip_mass": 0.1}}, "from 1|least 1"),
-        ({"observe_body": "foot_radius", "observation": lambda step: step.slope}, "leave out"),
-    ],
-)
-def test_invalid_arguments_are_refused(changes, said):
-    with pytest.raises(SceneError, match=said):
-        make_scene("level", **changes)

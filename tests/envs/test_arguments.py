@@ -86,35 +86,86 @@ def test_an_unknown_walker_is_answered_with_the_known_ones(entry_point, walker):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        ({"states": [0.0] * 6}, r"reset has no states \(state\?\); it has state, slope"),
         ({1: 2, "a": 3}, "reset has no 1, a; it has state, slope"),
         ({"slop": 0.1}, r"reset has no slop \(slope\?\)"),
         (5, "options must map names to values, not 5"),
+        ("state", "options must map names to values"),
         ({"state": np.zeros((3, 6))}, r"options\['state'\] must have shape \(6,\)"),
+        ({"state": [0.0] * 5}, r"options\['state'\]:? .*must "),
+        ({"state": "upright"}, "state must be .* not 'upright'"),
+        ({"state": 0.2}, r"shape \(6,\)"),
+        ({"state": [2.0, 0.0, 0.0, 0.0, 0.0, 0.0]}, "has fallen"),
         ({"slope": [0.1, 0.1, 0.1]}, r"options\['slope'\] must have shape \(\)"),
+        ({"slope": 2.0}, "slope must be an angle"),
     ],
 )
-def test_a_reset_says_what_it_can_be_asked_for(entry_point, options, message):
+def test_impossible_resets_are_refused_and_change_nothing(entry_point, options, message):
+    env = ENTRY_POINTS[entry_point]().unwrapped
+    env.reset(seed=0)
+    states = env.batch.states
     with pytest.raises(ValueError, match=message):
-        ENTRY_POINTS[entry_point]().reset(options=options)
+        env.reset(options=options)
+    np.testing.assert_array_equal(env.batch.states, states)
+    env.step(np.zeros(env.action_space.shape))
 
 
-@pytest.mark.parametrize("seed", ["a", 1.5])
-def test_a_batch_is_seeded_by_whole_numbers(seed):
-    with pytest.raises(
-        ValueError, match="seed must be a whole number from 0 on, a row of them, or None"
-    ):
+@pytest.mark.parametrize(
+    ("seed", "message"),
+    [
+        ("a", "seed must be a whole number from 0 on, a row of them, or None"),
+        (1.5, "seed must be a whole number from 0 on, a row of them, or None"),
+        ([1, 2, 3], "3 seeds for 2"),
+        ([-1, 2], r"seed\[0\]"),
+        ([1, 2.5], r"seed\[1\]"),
+        ([None, "a"], r"seed\[1\]"),
+    ],
+)
+def test_a_batch_is_seeded_by_whole_numbers(seed, message):
+    with pytest.raises(ValueError, match=message):
         BATCHES["make_vec"]().reset(seed=seed)
 
 
-@pytest.mark.parametrize("entry_point", ["make", "make_vec"])
-def test_an_action_that_is_no_number_raises_an_error_about_clipping(entry_point):
-    env = ENTRY_POINTS[entry_point]()
+ONE = r"one finite number \(beyond -1 and 1 it is clipped\)"
+TWO = r"finite numbers of push_off, hip \(beyond -1 and 1 it is clipped\)"
+
+
+def but(count, place, value):
+    """Actions of a batch, of which one is a value."""
+    acts = np.zeros((count, 1), np.float32)
+    acts[place] = value
+    return acts
+
+
+@pytest.mark.parametrize(
+    ("count", "actions", "given", "said"),
+    [
+        (0, ("hip",), np.array([np.nan]), f"^the action must be {ONE}, not nan$"),
+        (0, ("hip",), np.array([-np.inf], np.float32), f"^the action must be {ONE}, not -inf$"),
+        (0, ("hip",), "right", f"^the action must be {ONE}, not right$"),
+        (0, ("hip",), 0.0, r"shape \(1,\)"),
+        (0, ("hip",), np.zeros(2), r"shape \(1,\)"),
+        (0, ("hip",), np.zeros((1, 1)), r"shape \(1,\)"),
+        (0, ("hip",), np.zeros(0), r"shape \(1,\)"),
+        (0, ("push_off", "hip"), np.array([0.5, np.nan]),
+         rf"^the action must be {TWO}, not \[0.5 nan\]$"),
+        (0, ("push_off", "hip"), np.array([0.1]), r"shape \(2,\)"),
+        (3, ("hip",), but(3, 1, np.inf), f"^the action of environment 1 must be {ONE}, not inf$"),
+        (3, ("hip",), but(3, 2, -np.inf), f"^the action of environment 2 must be {ONE}, not -inf$"),
+        (2000, ("hip",), but(2000, 2, np.nan), "of environment 2 must be"),
+        (2100, ("hip",), but(2100, 2, np.nan), "of environment 2 must be"),
+        (3, ("hip",), np.full((3, 1), "right"), ONE),
+        (3, ("hip",), np.zeros(3), "must have shape"),
+    ],
+)  # fmt: skip
+def test_a_wrong_action_is_named_and_changes_nothing(count, actions, given, said, assert_same):
+    make = (lambda **scene: gym.make_vec(ID, num_envs=count, **scene)) if count else SINGLE["make"]
+    env = make(actions=actions).unwrapped
     env.reset(seed=0)
-    for wrong in (np.nan, np.inf, "right"):
-        with pytest.raises(
-            ValueError, match=r"one finite number \(beyond -1 and 1 it is clipped\)"
-        ):
-            env.unwrapped.step(np.full(env.action_space.shape, wrong))
+    before = env.get_state()
+    with pytest.raises(ValueError, match=said):
+        env.step(given)
+    assert_same(env.get_state(), before)
 
 
 @pytest.mark.parametrize("entry_point", ["make", "make_vec"])
@@ -125,26 +176,6 @@ def test_actions_beyond_the_bounds_are_clipped(entry_point):
     full = np.ones(most.action_space.shape)
     for sign in (1.0, -1.0):
         np.testing.assert_array_equal(most.step(sign * full)[0], more.step(7.0 * sign * full)[0])
-
-
-def test_a_wrong_action_is_named_with_its_environment_and_its_numbers():
-    one = r"one finite number \(beyond -1 and 1 it is clipped\)"
-    two = r"finite numbers of push_off, hip \(beyond -1 and 1 it is clipped\)"
-    env, many = gym.make(ID).unwrapped, gym.make_vec(ID, num_envs=3)
-    acts = gym.make(ID, actions=("push_off", "hip")).unwrapped
-    for each in (env, many, acts):
-        each.reset(seed=0)
-    for call, said in (
-        (lambda: env.step(np.array([np.nan])), f"the action must be {one}, not nan"),
-        (lambda: env.step("right"), f"the action must be {one}, not right"),
-        (lambda: many.step(np.array([[0.0], [np.inf], [0.1]])),
-         f"the action of environment 1 must be {one}, not inf"),
-        (lambda: many.step(np.array([[0.0], [0.0], [-np.inf]])),
-         f"the action of environment 2 must be {one}, not -inf"),
-        (lambda: acts.step(np.array([0.5, np.nan])), rf"the action must be {two}, not \[0.5 nan\]"),
-    ):  # fmt: skip
-        with pytest.raises(ValueError, match=f"^{said}$"):
-            call()
 
 
 @pytest.mark.parametrize("limit", [1, 2, np.int64(3)])

@@ -156,17 +156,6 @@ def test_varied_walkers_go_on_where_they_were_saved(mode, assert_same):
     assert_same(saved, kept)  # ... and stays so when it was put back
 
 
-def test_a_saved_single_walker_is_the_callers_to_keep(make, assert_same):
-    env = make(scene="lab", domain_randomization=VARIED)
-    env.reset(seed=0)
-    env.step(np.zeros(1))
-    saved = env.get_state()
-    kept = copy.deepcopy(saved)
-    env.step(np.ones(1))
-    env.reset()
-    assert_same(saved, kept)
-
-
 def test_an_episode_that_had_ended_when_it_was_saved_has_ended_when_it_is_put_back(make):
     env = make(scene="lab")
     env.reset(seed=0, options={"state": [0.01, -0.01, -0.01, -0.1, 0.0, 0.0]})
@@ -205,18 +194,6 @@ def test_walkers_and_slopes_that_were_returned_do_not_change_afterwards():
     np.testing.assert_array_equal(reported[0], kept[0])
     assert reported[1] == kept[1] != many.walkers
     np.testing.assert_array_equal(reported[2], kept[2])
-
-
-def test_each_lane_of_a_learner_tells_its_own_walker():
-    pytest.importorskip("stable_baselines3")
-    from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
-
-    env = PassiveWalkerVecEnv(3, "rolling", seed=2)
-    env.reset()
-    states, slopes = env.get_attr("state"), env.get_attr("slope")
-    np.testing.assert_array_equal(states, env.batch.states)
-    np.testing.assert_array_equal(slopes, env.batch.ledger["slope"])
-    assert len({tuple(state) for state in states}) == len(set(slopes)) == 3
 
 
 def test_pictures_show_each_walker_on_its_own_slope():

@@ -52,12 +52,6 @@ def test_an_observation_of_one_s_own_sees_the_slope_that_is_set():
     assert envs.step(ZEROS)[0][:, 0] == pytest.approx(expected)
 
 
-def test_only_walkers_of_the_mask_come_to_another_slope():
-    envs, _ = strides_on()
-    seen = envs.set_slopes(0.05, np.array([False, True, False]))
-    assert seen[:, 7] == pytest.approx([0.036, 0.05, 0.036])
-
-
 def test_a_slope_stays_until_the_next_reset():
     envs, _ = strides_on()
     envs.set_slopes(BUMPY)
@@ -125,21 +119,6 @@ def test_one_walker_alone_meets_the_ground_that_it_meets_in_a_batch(make, assert
         assert alone[1] == many[1][1]
 
 
-def test_learners_can_meet_rough_ground_too():
-    env = learners(3, "lab", seed=4)
-    env.reset()
-    seen = env.set_slopes(BUMPY)
-    assert seen[:, 7] == pytest.approx(BUMPY)
-    assert env.get_attr("slope") == BUMPY.tolist()
-
-
-def test_an_observation_of_ones_own_has_the_slope_that_is_set():
-    envs, _ = strides_on(observation=lambda step: (step.slope,))
-    mask = np.array([True, False, True])
-    before = envs.slopes.copy()
-    assert envs.set_slopes(BUMPY, mask)[:, 0] == pytest.approx(np.where(mask, BUMPY, before))
-
-
 def costs(envs, torques):
     """What the first stride's motor was charged for, in each of three environments."""
     _, _, _, _, infos = envs.step(torques)
@@ -175,12 +154,6 @@ def test_an_unknown_price_is_refused(make):
     with pytest.raises(ValueError, match="money"):
         env.set_energy_cost("money")
     assert env.energy_cost == "absolute"
-
-
-def test_every_environment_of_a_learner_has_the_energy_cost():
-    env = learners(3)
-    env.env_method("set_energy_cost", "positive")
-    assert env.get_attr("energy_cost") == ["positive"] * 3  # one motor's price is that of all
 
 
 def test_footholds_tilt_by_as_much_on_a_slope_that_is_set():

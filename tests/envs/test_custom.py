@@ -11,7 +11,6 @@ import pytest
 import gym_passive_walker as gpw
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.rule import Rule
-from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.envs.transitions import BOOLEANS, NOTE, SEVERAL, Transition
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.envs.views import Shape, of_notes
@@ -172,7 +171,7 @@ def late(step):
     return step.time > 1.05
 
 
-def test_an_ending_of_ones_own_ends_episodes_wherever_they_are_walked():
+def test_an_ending_of_ones_own_ends_an_episode():
     env = gymnasium.make(ID, terminated=late, max_episode_steps=50)
     env.reset(seed=0)
     for k in range(11):
@@ -181,16 +180,6 @@ def test_an_ending_of_ones_own_ends_episodes_wherever_they_are_walked():
     assert info["outcome"] == "stopped"
     with pytest.raises(Exception, match="call reset"):
         env.step(np.zeros(1, np.float32))
-    reported, _ = walked(make_scene(terminated=late), steps=25)
-    ended = np.array([step[2] for step in reported[1:]])
-    assert ended[10].all() and ended[22].all() and ended.sum() == 2 * COUNT
-    assert list(reported[11][4]["outcome"]) == ["stopped"] * COUNT
-    sb3 = PassiveWalkerVecEnv(2, make_scene(terminated=late))
-    sb3.reset()
-    for _ in range(11):
-        _, _, dones, infos = sb3.step(np.zeros((2, 1), np.float32))
-    assert dones.all() and all(info["outcome"] == "stopped" for info in infos)
-    assert not any(info["TimeLimit.truncated"] for info in infos)
 
 
 def test_a_state_after_an_ending_of_ones_own_can_be_put_back():
@@ -224,36 +213,6 @@ def test_an_ending_at_a_heelstrike_hides_nothing_of_the_stride():
         np.testing.assert_array_equal(infos[name][landed], expected[4][name][landed])
 
 
-def paid_to_step(step):
-    """A reward that has nothing of the environment's own."""
-    return 1.0 + step.distance**2
-
-
-@pytest.mark.parametrize("changes", [{}, {"pushes": {"rate": 0.3, "impulse": 0.01}}])
-@pytest.mark.parametrize("rule", [paid_to_step, {"alive": 0.5, "energy": -3.0}])
-def test_an_episode_s_return_is_the_sum_of_ones_own_rewards(rule, changes):
-    env = PassiveWalkerVecEnv(2, make_scene(reward=rule, terminated=late, **changes), seed=0)
-    env.reset()
-    paid = np.zeros(2)
-    for _ in range(11):
-        _, rewards, dones, infos = env.step(np.full((2, 1), 0.3))
-        paid += rewards
-    assert dones.all()
-    assert [info["episode"]["r"] for info in infos] == pytest.approx(paid, abs=1e-5)
-
-
-def test_commands_are_those_of_each_walker_whoever_begins_again():
-    seen_by = {"observation": lambda step: (step.command, step.slope)}
-    scenes = (make_scene("commanded", slope=(0.0, 0.02), **rules) for rules in ({}, seen_by))
-    plain, env = (PassiveWalkerVectorEnv(4, s, autoreset_mode="Disabled") for s in scenes)
-    for mask in ([True] * 4, [False, True, False, True], [False, False, True, False]):
-        options = {"reset_mask": np.array(mask)}
-        expected, found = (each.reset(seed=3, options=options)[0] for each in (plain, env))
-        np.testing.assert_array_equal(found, expected[:, [8, 7]])
-        expected, found = (each.step(np.zeros((4, 1)))[0] for each in (plain, env))
-        np.testing.assert_array_equal(found, expected[:, [8, 7]])
-
-
 def shown(step):
     """What an agent sees: rates, and what it did last."""
     return *step.state[3:], *step.last_action, *step.action
@@ -268,8 +227,6 @@ def test_an_observation_of_ones_own_has_its_space_and_begins_without_actions():
         seen, *_ = env.step(np.array([share], np.float32))
     assert seen[3:].tolist() == [-0.25, 1.0]
     assert (env.reset()[0][3:] == 0.0).all()
-    sb3 = PassiveWalkerVecEnv(3, "level", observation=shown)
-    assert sb3.reset().shape == (3, 5)
     env = PassiveWalkerVectorEnv(3, make_scene(observation=shown), autoreset_mode="Disabled")
     env.reset(seed=0)
     env.step(np.full((3, 1), 0.5))

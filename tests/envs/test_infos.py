@@ -74,22 +74,6 @@ def test_what_is_written_first_is_not_lost():
     assert infos == CONTENT | {"strides": 4, "episode": "mine"}
 
 
-def test_infos_looked_at_late_are_those_of_their_step():
-    """Whatever came since: the ledger that they are made of is another one by then."""
-    prompt, late = (PassiveWalkerVectorEnv(8, reset_noise_scale=0.3) for _ in range(2))
-    found: list[list] = []
-    for envs, look in ((prompt, dict), (late, lambda infos: infos)):
-        envs.reset(seed=0)
-        envs.action_space.seed(0)
-        found.append([look(envs.step(envs.action_space.sample())[-1]) for _ in range(120)])
-    for one, other in zip(*found, strict=True):
-        assert list(one) == list(other)
-        for name in one:
-            np.testing.assert_array_equal(one[name], other[name])
-    assert any("heelstrike" in infos["outcome"] for infos in found[1])
-    assert any(infos["step_length"].any() for infos in found[1])
-
-
 @pytest.mark.parametrize("kind", ["PCG64", "MT19937", "Philox", "SFC64"])
 def test_compiled_code_draws_what_numpy_would(kind):
     def randoms():

@@ -19,7 +19,7 @@ from gym_passive_walker.engine import run
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
-COUNT, STEPS, LIMIT = 5, 12, 4
+COUNT, STEPS, LIMIT = 5, 8, 4  # two episodes
 TO_FALL = {"max_stride_time": 0.25, "max_episode_steps": LIMIT}  # some fall, some are truncated
 
 SCENES: dict[str, dict[str, Any]] = {

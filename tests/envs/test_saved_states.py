@@ -219,23 +219,33 @@ def test_a_single_walker_is_not_ready_where_its_episode_has_ended(assert_same):
     refused(env, state, "'ready' must be True or False", assert_same)
 
 
-@pytest.mark.parametrize("scene", SCENES)
+RESTLESS = {
+    **DISTURBED, "reward": {"action_change": -1.0}, "slope": (0.0, 0.02),
+    "domain_randomization": {"foot_radius": 0.1},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("scene", [*SCENES, RESTLESS], ids=[*SCENES, "restless"])
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
 def test_every_state_that_walkers_come_to_can_be_put_back(scene, mode, assert_same):
     """After falls, resets, time limits, and pushes in the midst of a step."""
     env = PassiveWalkerVectorEnv(8, scene, max_episode_steps=40, autoreset_mode=mode)
     twin = PassiveWalkerVectorEnv(8, scene, max_episode_steps=40, autoreset_mode=mode)
     twin.set_state(env.get_state())  # of walkers that have not begun
-    random = np.random.default_rng(0)
+    random, changed = np.random.default_rng(0), {"begun"}
     env.reset(seed=0)
+    first = {name: pickle.dumps(entry) for name, entry in env.get_state().items()}
     for _ in range(100):
         _, _, terminated, truncated, _ = env.step(random.uniform(-2.0, 2.0, env.action_space.shape))
         state = env.get_state()
         json.loads(state["scene"])
         twin.set_state(state)
         assert_same(twin.get_state(), state)
+        changed |= {name for name in first if pickle.dumps(state[name]) != first[name]}
         if mode == "Disabled" and (terminated | truncated).any():
             env.reset(options={"reset_mask": terminated | truncated})
+    if scene is RESTLESS:  # each entry has been another one
+        assert changed >= first.keys() - {"scene", *(["ended"] if mode == "SameStep" else [])}
 
 
 def test_a_walker_that_diverged_can_be_put_back():

@@ -67,8 +67,15 @@ def same_step(found, expected):
 def steps():
     native, singles = both()
     np.testing.assert_array_equal(native.reset(), singles.reset())
+    last = []
     for action in actions(40):
-        same_step(native.step(action), singles.step(action))
+        found = native.step(action)
+        same_step(found, singles.step(action))
+        ends = [info["terminal_observation"] for info in found[3] if "episode" in info]
+        last += [(seen, seen.copy()) for seen in ends]
+    assert len(last) >= 3 * COUNT
+    for seen, then in last:  # they are copies, which later steps do not change
+        np.testing.assert_array_equal(seen, then)
 
 
 def a_step_in_two_calls():
@@ -95,7 +102,7 @@ def a_step_before_a_reset():
 def resets():
     native, singles = begun()
     for envs in (native, singles):
-        envs.set_options({"slope": 0.03})
+        envs.set_options({"slope": 0.03, "state": [0.2, -0.2, -0.25, -1.0, -0.5, -1.0]})
     for _ in range(2):  # options and seeds are of one reset
         np.testing.assert_array_equal(native.reset(), singles.reset())
         assert native.get_attr("slope") == singles.get_attr("slope")
@@ -105,6 +112,9 @@ def resets():
         envs.set_options(options)
     np.testing.assert_array_equal(native.reset(), singles.reset())
     assert native.get_attr("slope") == singles.get_attr("slope") == [0.01, 0.02, 0.03]
+    native.set_options([{"slope": 0.03}, {}, {}])
+    with pytest.raises(ValueError, match="for all environments or for none"):
+        native.reset()
 
 
 def seeds():
@@ -150,6 +160,8 @@ def attributes():
             for ours, theirs in zip(found, expected, strict=True):
                 same_attribute(name, ours, theirs)
     assert not native.has_attr("wings") and not singles.has_attr("wings")
+    with pytest.raises(AttributeError, match="no 'num_envs' of its own: use that of all"):
+        native.get_attr("num_envs", indices=0)
 
 
 def same_attribute(name, ours, theirs):
@@ -236,6 +248,7 @@ def pictures():
     assert native.metadata == singles.metadata and native.render_mode == singles.render_mode
     assert len(native.get_images()) == len(singles.get_images()) == COUNT
     assert native.render().ndim == singles.render().ndim == 3
+    assert native.render().shape[0] == 2 * native.get_images()[0].shape[0]  # two rows of pictures
     native, singles = begun()
     assert native.metadata == singles.metadata and native.render_mode is singles.render_mode
     for envs in (native, singles):
@@ -243,6 +256,8 @@ def pictures():
             assert envs.get_images() == [None] * COUNT
         with pytest.warns(UserWarning, match="render_mode"):
             assert envs.render() is None
+    with pytest.warns(UserWarning, match="render_mode"):
+        assert native.env_method("render", indices=[2, 0]) == [None, None]
 
 
 def closing():

@@ -63,45 +63,36 @@ def test_arguments_change_a_named_scene():
     ("arguments", "message"),
     [
         ({"slope": float("nan")}, "slope must be an angle"),
-        ({"slope": (0.05, 0.01)}, "as \\(low, high\\)"),
-        ({"slope": (0.0, 0.1, 0.2)}, "slope must be"),
         ({"slope": "steep"}, "slope must be"),
-        ({"control": "foot"}, "control must be 'tick' or 'stride'"),
-        ({"energy": "none"}, "energy must be"),
-        ({"tick": 0.0}, "tick must be a number from"),
-        ({"max_hip_torque": -1.0}, "max_hip_torque must be"),
         ({"max_hip_torque": "big"}, "max_hip_torque must be a number"),
-        ({"reset_noise_scale": 1.0}, "reset_noise_scale must be"),
-        ({"max_stride_time": float("inf")}, "max_stride_time must be"),
         ({"tolerance": 1.0}, "tolerance must be "),
         ({"walker": "A", "end_on_toe_stub": True}, "straight legs always scuff"),
         ({"end_on_toe_stub": 1}, "end_on_toe_stub must be"),
         ({"domain_randomization": {"knee_mass": 0.1}}, "no knee_mass"),
-        (
-            {"domain_randomization": {"foot_radius": 0.9}},
-            "domain_randomization\\['foot_radius'\\] must be",
-        ),
         ({"domain_randomization": 0.1}, "domain_randomization must map"),
-        ({"start": [0.2, -0.2]}, "start must be 6"),
+        ({"observe_body": ("gravity",)}, "observe_body must be some of"),
         ({"gravity": 1.6}, "a scene has no gravity.*; it has walker"),
-        ({"pushes": 3}, "pushes must have a rate"),
-        ({"pushes": {"rate": 1.0}}, "pushes must have a rate"),
-        ({"pushes": {"rate": -1.0, "impulse": 0.1}}, "pushes\\[.rate.\\] must be"),
-        ({"pushes": {"rate": 1.0, "impulse": (1, 0)}}, "as \\(low, high\\)"),
-        ({"observation_noise": "much"}, "observation_noise must be a number from"),
-        ({"observation_noise": (0.1, 0.1)}, "or 8 of them"),
-        ({"observation_noise": (0.1,) * 7 + (-1.0,)}, "observation_noise\\[7\\] must be"),
-        ({"action_noise": 2.0}, "action_noise must be a number from 0 to 1"),
         ({"action_delay": 0.5}, "action_delay must be a whole number .* \\(of steps\\)"),
-        ({"command": 1.5}, "command must be a number from 0 to 1, or a range"),
         ({"command": (0.1, 0.2, 0.3)}, "command must be"),
         ({"command": "fast"}, "command must be"),
-        ({"command_weight": -1.0}, "command_weight must be"),
         ({"constraints": "end"}, "constraints must map checks"),
         ({"constraints": {"slipping": "end"}}, "constraints has no slipping"),
         ({"constraints": {"friction": True}}, "must be one of .ignore., .report., .end."),
-        ({"friction": -1.0}, "friction must be"),
         ({"scene": "moon"}, "no scene .moon."),
+        ({"terrain": "hills"}, "terrain has no hills"),
+        ({"terrain": 0.01}, "a terrain is a Terrain"),
+        ({"terrain": {"hills": {}}}, "hills"),
+        ({"terrain": {"rough": {"height_std": -1.0}}}, "height_std"),
+        ({"terrain": "rough"}, "rough ground needs height_std in leg lengths, slope_std in rad"),
+        ({"terrain": {"rough": {}}}, "rough ground needs height_std"),
+        ({"terrain": {"rough": {"height_std": None}}}, "rough ground needs height_std"),
+        ({"terrain": {"footholds": {}}}, "footholds need heights in leg lengths, slopes in rad"),
+        ({"terrain": {"footholds": {"heights": []}}}, "at least one"),
+        ({"terrain": {"stairs": {}}}, "rise"),
+        ({"terrain": {"waves": {"height": 0.1}}}, "strides"),
+        ({"terrain": {}}, "a mapping of one of rough, stairs, waves and"),
+        ({"terrain": "rough:slope_std=0.1,slope_std=0.2"}, "'slope_std' is given twice"),
+        ({"reward": {}}, "reward must have weights"),
     ],
 )
 def test_what_is_no_scene_is_refused_in_words(arguments, message):
@@ -239,31 +230,9 @@ def test_pushes_have_a_rate_and_a_range_within_limits():
     for impulse in (10.1, (-10.1, 0.0), (0.1, -0.1), (0.0, 0.1, 0.2), "hard", None):
         with pytest.raises(SceneError, match=r"^pushes\['impulse'\] must be .* from -10 to 10, or"):
             Scene(pushes={"rate": 0.1, "impulse": impulse})
-    for more in ({"rate": 1.0, "impulse": 0.1, "when": 2}, {"impulse": 0.1}, [1.0, 0.1]):
+    for more in ({"rate": 1, "impulse": 0, "when": 2}, {"impulse": 0.1}, {"rate": 1}, [], 3):
         with pytest.raises(SceneError, match=r"^pushes must have a rate"):
             Scene(pushes=more)
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"terrain": "rough"}, "rough ground needs height_std in leg lengths, slope_std in rad"),
-        ({"terrain": {"rough": {}}}, "rough ground needs height_std"),
-        ({"terrain": {"rough": {"height_std": None}}}, "rough ground needs height_std"),
-        ({"terrain": {"footholds": {}}}, "footholds need heights in leg lengths, slopes in rad"),
-        ({"terrain": {"footholds": {"heights": []}}}, "at least one"),
-        ({"terrain": {"stairs": {}}}, "rise"),
-        ({"terrain": {"waves": {"height": 0.1}}}, "strides"),
-        ({"terrain": {}}, "a mapping of one of rough, stairs, waves and"),
-        ({"terrain": "rough:slope_std=0.1,slope_std=0.2"}, "'slope_std' is given twice"),
-        ({"pushes": {"rate": 0.1}}, "pushes must have a rate"),
-        ({"pushes": []}, "pushes must have a rate"),
-        ({"reward": {}}, "reward must have weights"),
-    ],
-)
-def test_what_leaves_out_its_numbers_is_refused_and_not_taken_for_zero(given, said):
-    with pytest.raises(SceneError, match=said):
-        make_scene(**given)
 
 
 def test_terrain_of_given_zeros_is_smooth():

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.gaits.scenes.scene import SceneError
 
 ROUGH = {"walker": "C", "slope": 0.05, "terrain": gpw.rough(0.002, 0.004)}
 STRIDES = {**ROUGH, "control": "stride", "max_hip_torque": 0.0, "end_on_toe_stub": False}
@@ -75,18 +74,6 @@ def test_both_legs_meet_at_the_hip_where_a_foot_comes_down_on_a_slope_of_its_own
         np.testing.assert_allclose(here, there, atol=1e-9)
 
 
-@pytest.mark.parametrize("kwargs", [ROUGH, STRIDES], ids=["ticks", "strides"])
-def test_a_walker_meets_the_same_ground_alone_and_in_a_batch(kwargs):
-    alone = gym.make("PassiveWalker-v0", **kwargs, terrain_lookahead=2)
-    many = gym.make_vec("PassiveWalker-v0", num_envs=5, **kwargs, terrain_lookahead=2)
-    seen, _ = many.reset(seed=[7, 3, 8, 9, 1])
-    observations, rewards, _ = walk(alone, 60)
-    for k, reward in enumerate(rewards):
-        np.testing.assert_array_equal(seen[1], observations[k])
-        seen, rewarded, *_ = many.step(np.zeros((5, 1)))
-        assert rewarded[1] == reward
-
-
 def test_agents_see_the_footholds_ahead():
     env = gym.make("PassiveWalker-v0", **STRIDES, terrain_lookahead=3)
     observations, _, infos = walk(env, 8)
@@ -105,52 +92,11 @@ def test_walkers_of_one_scene_meet_ground_of_their_own():
     assert len({x for x in seen[:, 8].tolist()}) == 4
 
 
-def test_a_walk_over_rough_ground_is_saved_and_goes_on():
-    env = gym.make("PassiveWalker-v0", **ROUGH).unwrapped
-    env.reset(seed=3)
-    for _ in range(20):
-        env.step(np.zeros(1))
-    kept = env.get_state()
-    one = [env.step(np.zeros(1)) for _ in range(30)]
-    env.set_state(kept)
-    other = [env.step(np.zeros(1)) for _ in range(30)]
-    assert any(info.get("outcome") == "heelstrike" for *_, info in one)
-    for a, b in zip(one, other, strict=True):
-        np.testing.assert_array_equal(a[0], b[0])
-        assert a[1] == b[1]
-
-
 def test_smooth_terrain_changes_a_walk_by_no_more_than_rounding():
     smooth = {"walker": "C", "slope": 0.05}
     level = walk(gym.make("PassiveWalker-v0", **smooth), 40)[0]
     other = walk(gym.make("PassiveWalker-v0", **smooth, terrain=gpw.rough(0.0)), 40)[0]
     np.testing.assert_allclose(level, other, atol=2e-6)
-
-
-def test_footholds_of_rough_ground_lie_about_the_slope_each_on_its_own():
-    """Heights do not add up over a walk, which begins on smooth ground."""
-    keys = np.arange(4000)[:, None]
-    slopes, rises, turns = np.moveaxis(gpw.rough(0.002, 0.03).ground(keys, np.arange(12)), -1, 0)
-    heights = np.cumsum(rises, axis=1)  # of footholds 1 to 12 above the first
-    np.testing.assert_allclose(heights.std(axis=0), 0.002, rtol=0.05)
-    np.testing.assert_allclose(slopes[:, 1:].std(axis=0), 0.03, rtol=0.05)
-    assert not slopes[:, 0].any()
-    np.testing.assert_allclose(slopes[:, :-1] + turns[:, :-1], slopes[:, 1:], atol=1e-15)
-    drawn = np.hstack([heights[:, :-1], slopes[:, 1:]])
-    assert np.abs(np.corrcoef(drawn.T) - np.eye(22)).max() < 0.1
-
-
-def test_a_list_of_footholds_goes_on_as_its_last():
-    ground = gpw.footholds([0.0, 0.01, 0.03], [0.0, 0.02, 0.01]).ground(0, np.arange(5))
-    np.testing.assert_allclose(ground[:, 0], [0.0, 0.02, 0.01, 0.01, 0.01])
-    np.testing.assert_allclose(ground[:, 1], [0.01, 0.02, 0.0, 0.0, 0.0])
-    np.testing.assert_allclose(ground[:, 2], [0.02, -0.01, 0.0, 0.0, 0.0])
-
-
-def test_waves_go_up_and_down_once_in_their_strides():
-    rises = gpw.waves(0.01, 8).ground(0, np.arange(16))[:, 1]
-    heights = 0.01 * np.sin(2.0 * np.pi * np.arange(1, 17) / 8)
-    np.testing.assert_allclose(np.cumsum(rises), heights, atol=1e-15)
 
 
 def test_a_flight_of_stairs_leads_down_as_far_as_a_slope():
@@ -169,25 +115,6 @@ def test_a_flight_of_stairs_leads_down_as_far_as_a_slope():
     assert struck
     for info in struck:
         assert info["gravity_cost"] * info["step_length"] == pytest.approx(height, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ({"terrain": "hills"}, "terrain has no hills"),
-        ({"terrain": 0.01}, "a terrain is a Terrain"),
-        ({"terrain": {"hills": {}}}, "hills"),
-        ({"terrain": {"rough": {"height_std": -1.0}}}, "height_std"),
-        ({"terrain_lookahead": 2}, "terrain_lookahead shows footholds of a terrain"),
-        (
-            {"terrain": gpw.stairs(0.01), "terrain_lookahead": -1},
-            "terrain_lookahead must be a whole number",
-        ),
-    ],
-)
-def test_invalid_input_is_answered_with_what_is_allowed(arguments, said):
-    with pytest.raises(SceneError, match=said):
-        gym.make("PassiveWalker-v0", **arguments)
 
 
 def test_a_slope_that_is_set_stays_and_footholds_slope_about_it():

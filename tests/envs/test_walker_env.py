@@ -12,7 +12,6 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
-from gym_passive_walker import WALKERS
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.registration import (
     EASY_ID,
@@ -144,31 +143,12 @@ def test_an_episode_goes_on_where_it_was_saved(make, play, assert_same, argument
     assert_same(rest(env), expected)
 
 
-def test_a_state_of_another_environment_is_refused(make):
-    env, other = make(walker="C"), make(walker="lab", slope=0.036)
-    env.reset(seed=0), other.reset(seed=0)
-    with pytest.raises(ValueError, match="of another walker"):
-        env.set_state(other.get_state())
-
-
 def test_wrapped_environments_can_be_pickled():
     env = gymnasium.make(ID)
     env.reset(seed=0)
     env.step(env.action_space.sample())
     again = pickle.loads(pickle.dumps(env))
     np.testing.assert_array_equal(env.step(np.zeros(1))[0], again.step(np.zeros(1))[0])
-
-
-def test_reset_starts_where_it_is_asked_to(make):
-    env = make(scene="rolling")
-    state = np.array([0.2, -0.2, -0.25, -1.0, -0.5, -1.0])
-    options = {"state": state, "slope": 0.03}
-    before = copy.deepcopy(options)
-    observation, _ = env.reset(seed=0, options=options)
-    np.testing.assert_allclose(env.state, state, rtol=1e-15)
-    assert env.slope == 0.03 and observation[7] == np.float32(0.03)
-    np.testing.assert_array_equal(options.pop("state"), before.pop("state"))
-    assert options == before
 
 
 def test_a_slope_alone_brings_its_own_gait(make):
@@ -183,50 +163,6 @@ def test_options_take_as_many_random_numbers_as_none(make, assert_same):
     a, b = make(), make()
     a.reset(seed=0), b.reset(seed=0, options={"state": [0.2, -0.2, -0.2, -1.0, -0.5, -1.0]})
     assert_same(a.reset(), b.reset())
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"states": [0.0] * 6}, r"reset has no states \(state\?\); it has state, slope"),
-        ({"state": [0.0] * 5}, r"options\['state'\]: state must be"),
-        ({"state": "upright"}, "state must be .* not 'upright'"),
-        ({"state": 0.2}, r"shape \(6,\)"),
-        ({"state": [2.0, 0.0, 0.0, 0.0, 0.0, 0.0]}, "has fallen"),
-        ({"slope": 2.0}, "slope must be an angle"),
-        ({1: 2, "a": 3}, "reset has no 1, a; it has state, slope"),
-        ("state", "options must map names to values"),
-        ({"slope": [0.1, 0.2]}, r"options\['slope'\] must have shape \(\)"),
-    ],
-)
-def test_impossible_resets_are_refused_and_change_nothing(make, options, message):
-    env = make()
-    env.reset(seed=0)
-    state = env.state
-    with pytest.raises(ValueError, match=message):
-        env.reset(options=options)
-    np.testing.assert_array_equal(env.state, state)
-    env.step(np.zeros(1))
-
-
-@pytest.mark.parametrize(
-    "action", [np.array([np.nan]), np.array([np.inf]), np.array([-np.inf], np.float32)]
-)
-def test_an_action_that_is_no_number_is_refused_and_changes_nothing(make, assert_same, action):
-    env = make()
-    env.reset(seed=0)
-    before = env.get_state()
-    with pytest.raises(ValueError, match="finite number"):
-        env.step(action)
-    assert_same(env.get_state(), before)
-
-
-@pytest.mark.parametrize("action", [0.0, np.zeros(2), np.zeros((1, 1)), np.zeros(0)])
-def test_an_action_of_another_shape_is_refused(make, action):
-    env = make()
-    env.reset(seed=0)
-    with pytest.raises(ValueError, match=r"shape \(1,\)"):
-        env.step(action)
 
 
 def test_there_is_no_step_before_a_reset_or_after_a_fall(make, play):
@@ -247,16 +183,6 @@ def test_the_time_limit_truncates_and_a_fall_terminates():
     assert ends == [(False, False)] * 9 + [(False, True)]
 
 
-def test_an_episode_draws_its_own_walker(make):
-    env = make(domain_randomization={"foot_radius": 0.2}, slope=0.02)
-    radii = set()
-    for seed in range(3):
-        env.reset(seed=seed)
-        radii.add(env.walker.foot_radius)
-    assert len(radii) == 3
-    assert env.scene.walker == WALKERS["C"]
-
-
 def test_an_unknown_render_mode_is_refused(make):
     with pytest.raises(ValueError, match="render_mode must be"):
         PassiveWalkerEnv(render_mode="ascii")
@@ -268,20 +194,6 @@ def test_pictures_that_cannot_be_drawn_are_refused_before_the_first_step(make, m
     monkeypatch.setattr("gym_passive_walker.envs.batch.compiled", lambda *_: pytest.fail("late"))
     with pytest.raises(ImportError, match=r'pip install "gym-passive-walker\[render\]"'):
         make(ID, render_mode="rgb_array")
-
-
-def test_pictures_follow_the_walker(play):
-    pytest.importorskip("pygame")
-    env = gymnasium.make(ID, scene="lab", render_mode="rgb_array").unwrapped
-    env.reset(seed=0)
-    first = env.render()
-    for _ in range(5):
-        env.step(np.zeros(1))
-    second = env.render()
-    assert first.dtype == np.uint8 and first.shape == second.shape and first.shape[-1] == 3
-    assert first.std() > 0 and not np.array_equal(first, second)
-    env.close()
-    assert env.metadata["render_fps"] == round(10 / WALKERS["lab"].time_unit)
 
 
 def test_the_contact_goes_along_with_the_steps(make):

@@ -24,8 +24,12 @@ PARAMETERS = (
 
 
 @cache
-def equations():
-    """Function of coordinates, rates, slope and parameters: mass matrix entries and bias forces."""
+def equations(*, locked: bool):
+    """Function of coordinates, rates, slope, torques and parameters.
+
+    Returns the lower triangle of the mass matrix, and the forces, in directions that ground and
+    knee allow.
+    """
     p = dict(zip(PARAMETERS, sp.symbols(PARAMETERS), strict=True))
     q = sp.symbols("x y stance thigh shank")
     v = sp.symbols("vx vy w_stance w_thigh w_shank")
@@ -70,20 +74,36 @@ def equations():
         potential += mass * p["gravity"] * centre.dot(upward)
 
     momenta = [kinetic.diff(rate) for rate in v]
-    mass = [[momentum.diff(rate) for rate in v] for momentum in momenta]
-    bias = [
-        sum(momentum.diff(coordinate) * rate for coordinate, rate in zip(q, v, strict=True))
-        - kinetic.diff(own)
-        + potential.diff(own)
-        for momentum, own in zip(momenta, q, strict=True)
-    ]
-    entries = [mass[i][j] for i in range(5) for j in range(i, 5)]
-    return sp.lambdify(
-        [*q, *v, slope, kink, *p.values()], [*entries, *bias], modules="math", cse=True
+    mass = sp.Matrix([[momentum.diff(rate) for rate in v] for momentum in momenta])
+    bias = sp.Matrix(
+        [
+            sum(momentum.diff(coordinate) * rate for coordinate, rate in zip(q, v, strict=True))
+            - kinetic.diff(own)
+            + potential.diff(own)
+            for momentum, own in zip(momenta, q, strict=True)
+        ]
     )
+    hip_torque, ankle_torque = sp.symbols("hip_torque ankle_torque")
+    push = sp.Matrix([0, 0, -hip_torque - ankle_torque, hip_torque, 0])
+    free = sp.zeros(5, 2 if locked else 3)  # velocities that ground and knee allow
+    free[0, 0], free[2, 0], free[3, 1], free[4, -1] = -p["foot_radius"], 1, 1, 1
+    reduced, force = free.T * mass * free, free.T * (push - bias)
+    given = [*q, *v, slope, kink, hip_torque, ankle_torque, *p.values()]
+    return sp.lambdify(given, [*reduced.vech(), *force], modules="math", cse=True)
 
 
-_UPPER = np.triu_indices(5)
+@cache
+def solution(size: int):
+    """Function of the lower triangle of a mass matrix and of the forces: the accelerations."""
+    mass, force = sp.symbols(f"m:{size * (size + 1) // 2}"), sp.symbols(f"f:{size}")
+    columns = iter(mass)
+    lower = sp.zeros(size)
+    for j in range(size):
+        for i in range(j, size):
+            lower[i, j] = lower[j, i] = next(columns)
+    return sp.lambdify(
+        [*mass, *force], list(lower.LUsolve(sp.Matrix(force))), modules="math", cse=True
+    )
 
 
 def motion(walker: Walker, slope: float, torque: float, ankle: float = 0.0, *, locked: bool):
@@ -91,26 +111,21 @@ def motion(walker: Walker, slope: float, torque: float, ankle: float = 0.0, *, l
 
     Everything is in the walker's own units; a positive ankle torque tips the stance leg forward.
     """
-    function = equations()
-    parameters = [getattr(walker, name) for name in PARAMETERS]
+    function, solve = equations(locked=locked), solution(2 if locked else 3)
     radius = walker.foot_radius
     kink = np.arcsin(
         walker.thigh_length * np.sin(walker.foot_angle) / (walker.shank_length - radius)
     )
-    free = np.zeros((5, 2 if locked else 3))  # velocities that ground and knee allow
-    free[0, 0], free[2, 0], free[3, 1], free[4, -1] = -radius, 1.0, 1.0, 1.0
-    push = np.array([0.0, 0.0, -torque - ankle, torque, 0.0])
+    given = [slope, float(kink), torque, ankle, *(getattr(walker, name) for name in PARAMETERS)]
 
-    def accelerations(state) -> np.ndarray:
+    def accelerations(state) -> list[float]:
         stance, thigh, shank, w_stance, w_thigh, w_shank = map(float, state)
-        values = function(
-            0.0, radius, stance, thigh, shank, -radius * w_stance, 0.0, w_stance, w_thigh, w_shank,
-            slope, kink, *parameters,
+        found = solve(
+            *function(
+                0.0, radius, stance, thigh, shank,
+                -radius * w_stance, 0.0, w_stance, w_thigh, w_shank, *given,
+            )
         )  # fmt: skip
-        mass = np.empty((5, 5))
-        mass[_UPPER] = values[:15]
-        mass.T[_UPPER] = values[:15]
-        force = push - np.array(values[15:])
-        return (free @ np.linalg.solve(free.T @ mass @ free, free.T @ force))[2:]
+        return [*found, found[1]] if locked else found
 
     return accelerations

@@ -122,11 +122,11 @@ def follow(accelerations, state, start, longest, step, events) -> Phase:
         times.append(solver.t)
         pieces.append(piece)
         found = []
-        instants = np.linspace(*times[-2:], 9)  # a foot may rise from the ground and strike within
+        instants = np.linspace(*times[-2:], 17)  # a foot may rise from the ground and strike within
         states = [before, *piece(instants[1:-1]).T, solver.y]
         for outcome, event in events:
             values = [event(state) for state in states]
-            for i in range(8):
+            for i in range(16):
                 if values[i] > 0.0 >= values[i + 1]:
                     at = brentq(
                         lambda t, e=event: e(piece(t)),  # noqa: B023
@@ -147,7 +147,7 @@ def walk(
     *,
     torque: float = 0.0,
     longest: float = 10.0,
-    step: float = 0.05,
+    step: float = 0.1,
 ) -> Walk:
     """One stride, from just after heelstrike to just after the next, or however it ends.
 

@@ -10,8 +10,6 @@ import pytest
 
 from gym_passive_walker import (
     WALKERS,
-    Outcome,
-    Walker,
     WalkerError,
     find_gait,
     parameter_family,
@@ -21,48 +19,9 @@ from gym_passive_walker import (
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.gaits.look.dense_stride import states_at
 from gym_passive_walker.gaits.look.forces import forces
-from gym_passive_walker.models.equations.hybrid import State
 from gym_passive_walker.models.equations.systems import FITTINGS, SYSTEMS
 from gym_passive_walker.models.model import bodies
-from tests.equations.examples import GAITS, KNEED, LONG_GAITS, MASSIVE, fitted, random_walker
-
-
-def missing(walker: Walker, start, walk) -> float:
-    """Error of a stride's energy balance, over m g l."""
-    units, system, body = walker.units, walker.equations(), walker.body
-
-    def kinetic(state):
-        return system.kinetic_energy(body, State(*units.to_dimensionless(state)))
-
-    given = walk.gravity_work + walk.spring_work + walk.hip_work
-    taken = walk.collision_loss + walk.friction_loss
-    return (given - taken) / units.energy - kinetic(walk.state) + kinetic(start)
-
-
-@pytest.mark.parametrize("name", WALKERS)
-def test_the_energy_balance_closes_with_springs_and_friction(name):
-    gait = LONG_GAITS[name]
-    walker = fitted(WALKERS[name])
-    for torque in (0.0, 0.002 * walker.units.torque):
-        walk = stride(walker, gait.slope, gait.state, hip_torque=torque, tolerance=1e-13)
-        assert walk.outcome == Outcome.HEELSTRIKE
-        assert abs(missing(walker, gait.state, walk)) < 1e-14
-
-
-def test_the_energy_balance_closes_however_a_walk_ends():
-    """After a fall springs are stretched; their energy is in the balance."""
-    rng, fell = np.random.default_rng(0), 0
-    for i in range(60):
-        walker = fitted(random_walker(rng, knees=i % 2 == 0), *rng.uniform(0.0, [0.2, 0.02, 0.02]))
-        angle = rng.uniform(0.05, 0.5)
-        state = np.array([angle, -angle, -angle, *-rng.uniform(0.1, 2.0, 3)])
-        state[5] = state[4] - rng.uniform(0.0, 1.0) * walker.knees
-        state[3:] /= walker.time_unit
-        walk = stride(walker, rng.uniform(-0.1, 0.2), state, tolerance=1e-13)
-        assert abs(missing(walker, state, walk)) < 1e-11
-        fell += walk.outcome != Outcome.HEELSTRIKE
-        assert walk.friction_loss > 0.0
-    assert 5 < fell < 60
+from tests.equations.examples import GAITS, KNEED, LONG_GAITS, MASSIVE, fitted
 
 
 @pytest.mark.parametrize("name", MASSIVE)

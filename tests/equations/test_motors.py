@@ -10,54 +10,15 @@ import pytest
 from gym_passive_walker import (
     WALKERS,
     Actuation,
-    Outcome,
-    Walker,
     find_gaits,
     stride,
-    stride_jacobian,
     stride_map,
 )
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.models.equations import legs
-from gym_passive_walker.models.equations.hybrid import State
 from gym_passive_walker.models.equations.systems import EXTRAS
 from gym_passive_walker.models.model import bodies
-from tests.equations.examples import GAITS, LONG_GAITS, MASSIVE, fitted, random_walker
-
-
-def missing(walker: Walker, start, walk) -> float:
-    """Error of a stride's energy balance, over m g l."""
-    units, system, body = walker.units, walker.equations(), walker.body
-
-    def kinetic(state):
-        return system.kinetic_energy(body, State(*units.to_dimensionless(state)))
-
-    given = walk.gravity_work + walk.spring_work + walk.hip_work + walk.ankle_work
-    taken = walk.collision_loss + walk.friction_loss - walk.push_off_work
-    return (given - taken) / units.energy - kinetic(walk.state) + kinetic(start)
-
-
-def everything(walker: Walker) -> dict[str, float]:
-    """All actuators at once, as far as the walker has them."""
-    units = walker.units
-    return {
-        "hip_torque": 0.003 * units.torque,
-        "ankle_torque": 0.002 * units.energy if walker.foot_radius == 0.0 else 0.0,
-        "push_off": 0.02 * units.impulse,
-    }
-
-
-@pytest.mark.parametrize("joints", ["bare", "fitted"])
-@pytest.mark.parametrize("name", WALKERS)
-def test_the_energy_balance_closes_with_all_motors_on(name, joints):
-    gait, walker = LONG_GAITS[name], WALKERS[name]
-    walker = walker if joints == "bare" else fitted(walker, 0.005, 0.001, 0.003)
-    walk = stride(walker, gait.slope, gait.state, tolerance=1e-13, **everything(walker))
-    assert walk.outcome == Outcome.HEELSTRIKE
-    assert walk.push_off_work > 0.0
-    assert (walk.ankle_work > 0.0) == (walker.foot_radius == 0.0)
-    assert (walk.hip_work > 0.0) == (not walker.massless_legs)
-    assert abs(missing(walker, gait.state, walk)) < 1e-14
+from tests.equations.examples import GAITS, LONG_GAITS, MASSIVE
 
 
 @pytest.mark.parametrize("name", MASSIVE)
@@ -117,41 +78,6 @@ def test_motors_at_rest_change_no_bit_of_a_walk(gait):
     np.testing.assert_array_equal(*ends)
 
 
-@pytest.mark.parametrize("wrt", Actuation._fields)
-@pytest.mark.parametrize("name", ["lab", "A", "D", "E"])
-def test_the_derivative_by_a_motor_is_that_of_the_map(name, wrt):
-    gait, walker = LONG_GAITS[name], fitted(WALKERS[name], 0.005, 0.001, 0.003)
-    if wrt == "ankle_torque" and walker.foot_radius:
-        return
-    motors = everything(walker)
-    by = stride_jacobian(walker, gait.slope, gait.state, wrt=wrt, **motors)[:, 0]
-    step = 1e-3 * motors[wrt]
-    ends = [
-        stride(walker, gait.slope, gait.state, tolerance=1e-14, **motors | {wrt: motors[wrt] + s})
-        for s in (step, -step)
-    ]
-    kept = [0, 3, 4, 5] if walker.knees else [0, 3, 4]
-    difference = (ends[0].state - ends[1].state)[kept] / (2.0 * step)
-    np.testing.assert_allclose(by, difference, rtol=0.0, atol=1e-6 * np.abs(by).max())
-
-
-@pytest.mark.parametrize("parameter", ["thigh_length", "gravity", "hip_mass"])
-def test_a_motor_keeps_its_strength_as_the_walker_changes(parameter):
-    """Derivatives by a parameter hold torques and impulses constant in the walker's own units."""
-    gait, walker = LONG_GAITS["E"], replace(WALKERS["E"], hip_mass=0.1)
-    motors = everything(walker)
-    by = stride_jacobian(walker, gait.slope, gait.state, wrt=parameter, **motors)[:, 0]
-    value = getattr(walker, parameter)
-    step = 1e-4 * value
-    ends = [
-        stride(replace(walker, **{parameter: value + s}), gait.slope, gait.state, tolerance=1e-14,
-               **motors)
-        for s in (step, -step)
-    ]  # fmt: skip
-    difference = (ends[0].state - ends[1].state)[[0, 3, 4]] / (2.0 * step)
-    np.testing.assert_allclose(by, difference, rtol=0.0, atol=1e-6 * np.abs(by).max())
-
-
 def test_kuo_s_walker_walks_on_level_ground_at_his_speed():
     """Kuo 2002, normal gait: to the digits of his program, and what theory says of its push-off."""
     walker = replace(WALKERS["D"], hip_stiffness=2.5127 * 9.81)
@@ -202,21 +128,3 @@ def test_a_motor_that_cannot_be_is_refused(arguments, sentence):
         stride("C", gait.slope, gait.state, **arguments)
     with pytest.raises(ValueError, match=sentence):
         find_gaits(stride_map("C", gait.slope, controller=Actuation(**arguments)))
-
-
-def test_the_energy_balance_closes_for_any_walker_with_all_motors_on():
-    rng = np.random.default_rng(1)
-    for i in range(40):
-        walker = fitted(random_walker(rng, knees=i % 2 == 0), *rng.uniform(0.0, [0.05, 0.01, 0.02]))
-        walker = replace(walker, foot_radius=0.0, foot_angle=0.0)
-        angle, units = rng.uniform(0.1, 0.4), walker.units
-        state = np.array([angle, -angle, -angle, *-rng.uniform(0.5, 2.0, 3)])
-        state[5] = state[4] - rng.uniform(0.0, 1.0) * walker.knees
-        state[3:] /= units.time
-        walk = stride(
-            walker, rng.uniform(-0.1, 0.2), state, tolerance=1e-13,
-            hip_torque=rng.normal() * 0.05 * units.torque,
-            ankle_torque=rng.normal() * 0.05 * units.energy,
-            push_off=rng.uniform(0.0, 0.3) * units.impulse,
-        )  # fmt: skip
-        assert abs(missing(walker, state, walk)) < 1e-11

@@ -88,26 +88,6 @@ def square(upper, links: int) -> np.ndarray:
     return matrix
 
 
-@pytest.mark.parametrize("count", [None, 7], ids=["one", "many"])
-@pytest.mark.parametrize(("system", "index"), PHASES[:3])
-def test_the_mass_matrix_times_the_accelerations_is_the_forces(system, index, count):
-    rng = np.random.default_rng(1)
-    stated, links = parts_of(system, index), system.phases[index].links
-    for _ in range(50):
-        body = some_walker(rng, system).body
-        state, control = some_state(rng, links, count), Control(rng.normal())
-        slope = ground(rng.uniform(-0.5, 0.5))
-        found = np.array(system.phases[index].accelerations(body, state, control, slope))
-        matrix = square(np.broadcast_arrays(*stated.mass_matrix(body, state)), links)
-        forces = np.array(stated.forces(body, state, control, slope))
-        np.testing.assert_allclose(
-            np.einsum("ij...,j...->i...", matrix, found),
-            forces,
-            rtol=0.0,
-            atol=1e-13 * np.abs(matrix).max() * np.abs(found).max(),
-        )
-
-
 @pytest.mark.parametrize(("system", "index"), PHASES)
 def test_a_statement_says_the_same_of_one_walker_and_of_many(system, index):
     rng = np.random.default_rng(2)

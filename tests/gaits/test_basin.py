@@ -47,24 +47,6 @@ def test_too_slow_a_walker_falls_back_and_one_without_a_step_forward(basin):
     assert Outcome.FELL_FORWARD in basin.outcome
 
 
-def test_a_cell_says_what_walking_from_it_does():
-    basin = basin_of_attraction("D", 0.009, resolution=40)
-    random = np.random.default_rng(3)
-    rows, columns = random.integers(0, 40, (2, 30))
-    settled = np.argwhere(basin.walks)[:10].T
-    rows, columns = np.append(rows, settled[0]), np.append(columns, settled[1])
-    for row, column in zip(rows, columns, strict=True):
-        state = state_at("D", 0.009, basin.stance_angle[column], basin.stance_rate[row])
-        for _ in range(60):
-            end = stride("D", 0.009, state)
-            if end.outcome != Outcome.HEELSTRIKE:
-                break
-            state = end.state
-        assert (end.outcome == Outcome.HEELSTRIKE) == basin.walks[row, column]
-        if basin.walks[row, column]:
-            assert state[0] == pytest.approx(basin.gaits[0].stance_angle, rel=1e-4)
-
-
 def walked(name, slope, gaits, angle, rate, near=1e-4):
     """Strides until a walk has come to one of some gaits or fallen, and which, or how it fell."""
     walker_map = StrideMap.of(name)
@@ -145,17 +127,6 @@ def test_a_gait_that_nobody_knows_is_found_by_walks_that_settle_on_it(slope, per
     found = other_attractors(stride_map, slope, 1.0001 * gait.point.values, [])
     assert [x.period for x in found] == [period]
     np.testing.assert_allclose(found[0].stride.step_length.sum(), gait.stride.step_length.sum())
-
-
-def test_a_slice_may_be_laid_by_given_ratios():
-    gait = find_gait("lab", 0.036)
-    ratios = (gait.state[4] / gait.state[3], gait.state[5] / gait.state[3])
-    basin = basin_of_attraction(
-        "lab", 0.036, ratios=ratios, stance_angles=[gait.stance_angle],
-        stance_rates=[gait.state[3], 0.2 * gait.state[3]],
-    )  # fmt: skip
-    assert basin.settled[:, 0].tolist() == [0, FELL]
-    assert basin.strides[0, 0] == 1
 
 
 def test_where_there_is_no_gait_a_slice_must_be_given():

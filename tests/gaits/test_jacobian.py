@@ -19,7 +19,7 @@ from gym_passive_walker import (
 )
 from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.models.equations.systems import FITTINGS
-from tests.equations.examples import LONG_GAITS
+from tests.equations.examples import LONG_GAITS, fitted
 
 STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
 """Central differences of order eight."""
@@ -112,23 +112,27 @@ def test_the_derivative_by_a_parameter_is_that_of_the_map(name, parameter):
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * max(1.0, np.abs(found).max()))
 
 
+SPRUNG = fitted(WALKERS["lab"], 0.005, 0.001, 0.003)
 MOTORS = {"hip_torque": 0.004, "ankle_torque": 0.003, "push_off": 0.03}
 
 
 DRIVEN = [
     (name, parameter)
-    for name, mass in (("E", "thigh_mass"), ("D", "hip_mass"))
+    for name, mass in (("E", "thigh_mass"), ("D", "hip_mass"), ("lab sprung", "shank_mass"))
     for parameter in (*MOTORS, "thigh_length", "shank_length", mass, "gravity")
+    if (name, parameter) != ("lab sprung", "ankle_torque")
 ]
 
 
 @pytest.mark.parametrize(("name", "parameter"), DRIVEN)
 def test_under_motors_a_parameter_changes_their_units_as_well(name, parameter):
     """What motors do is held in the walker's own units as its size, its mass or gravity changes."""
-    walker, (slope, state) = WALKERS[name], start(name)
+    walker, (slope, state) = SPRUNG if name == "lab sprung" else WALKERS[name], start(name)
     units = walker.units
     scale = {"hip_torque": units.torque, "ankle_torque": units.energy, "push_off": units.impulse}
     held = {motor: share * scale[motor] for motor, share in MOTORS.items()}
+    if walker.foot_radius:
+        held["ankle_torque"] = 0.0
     point = coordinates(state, walker)
     found = stride_jacobian(walker, slope, state, wrt=parameter, **held)[:, 0]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
@@ -388,31 +387,3 @@ def test_a_mesh_s_result_in_words_and_survivors():
     none = MeshPassage(math.inf, math.inf, 99, 1)
     assert str(none) == "none of 99 states of the mesh is near a fall"
     np.testing.assert_array_equal(none.survivors(2), [1.0, 1.0])
-
-
-@pytest.mark.parametrize("name", SLOPES)
-def test_the_derivative_by_the_state_is_that_of_differences_for_each_of_several(name):
-    slope = SLOPES[name][0]
-    gait = find_gait(name, slope)
-    states = np.array([gait.state, 1.002 * gait.state])
-    found = stride_jacobian(name, slope, states, wrt=["slope", "state"])
-    columns = [0, *range(3, 6 if as_walker(name).knees else 5)]
-    moves = [np.array([1.0, -1.0, -1.0, 0.0, 0.0, 0.0])]
-    moves += [np.eye(6)[i] + (np.eye(6)[5] if len(columns) == 3 and i == 4 else 0.0)
-              for i in columns[1:]]  # fmt: skip
-    for matrix, state in zip(found, states, strict=True):
-        h = 1e-5
-        ends = [
-            [stride(name, slope, state + s * h * move, tolerance=1e-13).state for move in moves]
-            for s in (1.0, -1.0)
-        ]
-        by = (np.array(ends[0]) - np.array(ends[1])).T[columns] / (2.0 * h)
-        np.testing.assert_allclose(matrix[:, 1:], by, rtol=1e-5, atol=1e-6)
-        up, down = (
-            stride(name, slope + s * h, state, tolerance=1e-13).state[columns] for s in (1.0, -1.0)
-        )
-        np.testing.assert_allclose(matrix[:, 0], (up - down) / (2.0 * h), rtol=1e-5, atol=1e-6)
-    for first, second in itertools.permutations(("slope", "state", "gravity"), 2):
-        both = stride_jacobian(gait, wrt=[first, second])
-        apart = [stride_jacobian(gait, wrt=x) for x in (first, second)]
-        np.testing.assert_allclose(both, np.hstack(apart), rtol=1e-9, atol=1e-12)

@@ -12,8 +12,7 @@ from gym_passive_walker.gaits.find.newton import newton
 from gym_passive_walker.gaits.look.dense_stride import states_at
 from gym_passive_walker.gaits.map_result import Change
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.models.units import growth, unit_of
-from gym_passive_walker.models.walkers import PARAMETERS
+from gym_passive_walker.models.units import unit_of
 from tests.before_impact import just_before
 from tests.equations.examples import LONG_GAITS
 
@@ -87,31 +86,6 @@ def test_a_derivative_has_the_same_bits_beside_those_by_constants(name):
     _, beside_others = walker_map.linearize(points, slope, by=("state", "slope", "hip_mass"))
     for told in TOLD:
         np.testing.assert_array_equal(getattr(alone, told), getattr(beside_others, told)[..., :-1])
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_batch_is_its_walkers_one_by_one(name):
-    walker_map, slope, points = beside_each(name, 9)
-    passage, change = walker_map.linearize(points, slope, by=("state", "slope"))
-    for i in range(len(points)):
-        alone, by = walker_map.linearize(points[i : i + 1], slope, by=("state", "slope"))
-        for what in TOLD:
-            np.testing.assert_array_equal(getattr(passage, what)[i], getattr(alone, what)[0])
-            np.testing.assert_array_equal(getattr(change, what)[i], getattr(by, what)[0])
-
-
-def test_walkers_that_differ_in_a_parameter_walk_as_each_would():
-    walker_map, slope, points = beside("lab", 6)
-    values = np.linspace(0.44, 0.48, 6)
-    by = ("state", "shank_length")
-    passage, change = walker_map.with_parameter("shank_length", values).linearize(
-        points, slope, by=by
-    )
-    for i, value in enumerate(values):
-        own = StrideMap.of(replace(WALKERS["lab"], shank_length=value), tolerance=1e-14)
-        alone, by_own = own.linearize(points[i : i + 1], slope, by=by)
-        np.testing.assert_array_equal(passage.ends[i], alone.ends[0])
-        np.testing.assert_array_equal(change.lengths[i], by_own.lengths[0])
 
 
 def test_maps_are_equal_only_to_themselves_and_may_be_keys():
@@ -242,18 +216,6 @@ def test_logarithmic_coordinates_come_back_and_have_exact_derivatives():
     np.testing.assert_allclose(both, np.broadcast_to(np.eye(4), (5, 4, 4)), atol=1e-14)
 
 
-def test_a_gait_is_a_fixed_point_of_the_stride_map():
-    walker_map, slope, points = beside_each("lab", 2)
-
-    def equations(points):
-        passage, change = walker_map.linearize(points, slope)
-        return passage.ends - points, change.ends - np.eye(points.shape[1])
-
-    found = newton(equations, points, accuracy=1e-12)
-    gait = walker_map.points_at(find_gait("lab", slope).state)
-    np.testing.assert_allclose(found.points, np.repeat(gait, 2, axis=0), rtol=1e-10)
-
-
 def test_newtons_method_gives_up_alone_where_there_is_no_solution():
     def equations(x):
         return x**2 - np.array([[4.0], [-1.0]])[: len(x)], 2.0 * x[:, :, None]
@@ -264,26 +226,6 @@ def test_newtons_method_gives_up_alone_where_there_is_no_solution():
     assert lost.sizes[0] > 0.5
     leap = newton(equations, np.array([[0.1]]), accuracy=1e-12, longest=1.0, damped=False)
     assert np.isinf(leap.sizes[0])
-
-
-@pytest.mark.parametrize("name", ["lab", "D"])
-def test_units_grow_with_parameters_as_they_say(name):
-    walker = WALKERS[name]
-    for parameter in PARAMETERS:
-        value = getattr(walker, parameter)
-        if value == 0.0:
-            continue
-        units = [(replace(walker, **{parameter: value * (1.0 + h)})).units for h in (-1e-6, 1e-6)]
-        own = np.array(walker.units)
-        expected = (np.array(units[1]) - np.array(units[0])) / (2e-6 * value * own)
-        np.testing.assert_allclose(growth(walker, parameter), expected, atol=1e-8)
-
-
-def test_units_turn_states_there_and_back():
-    states = np.random.default_rng(4).standard_normal((3, 6))
-    units = WALKERS["lab"].units
-    np.testing.assert_allclose(units.to_own(units.to_dimensionless(states)), states, rtol=1e-15)
-    np.testing.assert_array_equal(units.to_dimensionless(states)[:, :3], states[:, :3])
 
 
 @pytest.mark.parametrize("shape", [(3,), (2, 4), (5, 1, 3)])

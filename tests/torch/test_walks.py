@@ -216,6 +216,7 @@ def test_gradients_of_ticks_are_those_of_differences(name):
     slope, states = gait(name)
     phase, outcomes, knees = torch.tensor([0, 0]), [], 0
     parameters = {"foot_angle": number(gpw.WALKERS[name].foot_angle)}
+    fifth = 0.22 * float(gpw.find_gait(name, slope).stride.duration)
 
     def walk(states, slope, torque, duration):
         reported = tick(
@@ -225,7 +226,7 @@ def test_gradients_of_ticks_are_those_of_differences(name):
         return reported.state, *reported[2:8]
 
     while not outcomes or outcomes[-1] == Outcome.RUNNING:
-        inputs = (states, number(slope), number([0.01, 0.02]), number(0.12))
+        inputs = (states, number(slope), number([0.01, 0.02]), number(fifth))
         assert torch.autograd.gradcheck(walk, inputs, **THOROUGHLY)
         reported = tick(name, *inputs[1::-1], inputs[2], duration=inputs[3], phase=phase)
         assert reported.walks.all()

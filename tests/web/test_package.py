@@ -209,8 +209,8 @@ def test_a_policys_actions_are_pythons_up_to_single_precision(run, name):
 def again(monkeypatch):
     """A function that makes the files of the package without reading them from the cache."""
     build = import_module("gym_passive_walker.devices.web.build")
-    empty = SimpleNamespace(found=lambda name: None, keep=lambda name, content: None)
-    monkeypatch.setattr(build, "cache", empty)
+    kept: dict[str, bytes] = {}
+    monkeypatch.setattr(build, "cache", SimpleNamespace(found=kept.get, keep=kept.__setitem__))
     return build.files
 
 
