@@ -4,8 +4,9 @@
     python -m benchmarks.mutation --fresh 120                         Draw 120 changes and try them.
     python -m benchmarks.mutation --fresh 20 --packages gaits --tests tests/gaits
 
-Which tests execute a line is measured once by coverage.py, with the unchanged code. Measurements
-and results are in `build/mutation`, so that an interrupted run is resumed by its seed.
+Which fast tests execute a line is measured once by coverage.py, with the unchanged code. A mutant
+that passes them meets the slow tests of their files and of its package. Measurements and results
+are in `build/mutation`, so that an interrupted run is resumed by its seed.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ from benchmarks.tables import commit
 MOST = 150  # tests for a mutant
 ALWAYS = "tests/test_refusals.py"  # and these
 PATIENCE = 300.0  # seconds beyond five times the usual time, after which a mutant is noticed
+SLOW = 900.0  # seconds for the slow tests of a mutant that the fast ones do not notice
 LIBRARIES = ("numba", "scipy.optimize", "scipy.linalg", "gymnasium", "torch", "stable_baselines3")
 """Libraries that tests import and mutants do not change."""
 
@@ -92,11 +94,12 @@ class Copy:
         patience: float,
         mutant: Mutant | None = None,
         measured: Path | None = None,
+        slow: bool = False,
     ) -> tuple[str, dict[str, tuple[str, float]]]:
         """Run tests, or all tests of files, in a fork of this process, which has the libraries.
 
         The lines that they execute are written to a file. Without one, the first failure ends the
-        run. Returns the first failure ("time" if they ran too long, "crash" if there are no
+        run. The tests are the fast ones, or the slow ones. Returns the first failure ("time" if they ran too long, "crash" if there are no
         results, "" if they pass), and the outcome and the seconds of each test.
         """
         shutil.rmtree(self.cache, ignore_errors=True)
@@ -110,7 +113,7 @@ class Copy:
         sys.stdout.flush()
         if (child := os.fork()) == 0:
             try:
-                self._test(tests, said, measured)
+                self._test(tests, said, measured, slow)
             finally:
                 os._exit(1)
         until, ended = time.monotonic() + patience, 0
@@ -128,7 +131,7 @@ class Copy:
             return tuple(json.loads(said.read_text("utf-8")))
         return ("crash" if ended else "time"), {}
 
-    def _test(self, tests: Sequence[str], said: Path, measured: Path | None) -> None:
+    def _test(self, tests: Sequence[str], said: Path, measured: Path | None, slow: bool) -> None:
         """Run tests in this (child) process, and write their results to a file."""
         os.setsid()
         with (self.tree / "output").open("wb") as output:
@@ -155,6 +158,7 @@ class Copy:
             coverage.start()
         watch = _Watch([test for test in tests if "::" in test], coverage)
         options = ["-q", "--tb=short", "-p", "no:cacheprovider", *["-x"] * (not measured)]
+        options += ["-m", "slow"] * slow
         paths = dict.fromkeys(test.split("::")[0] for test in tests)
         code = pytest.main([*options, *paths], plugins=[watch])
         if coverage:
@@ -227,6 +231,13 @@ class Measured:
         always = (test for test in self.seconds if test.startswith(f"{ALWAYS}::"))
         return [*dict.fromkeys([*chosen, *always])], len(self.seconds.keys() & on_line)
 
+    def files_for(self, mutant: Mutant, tests: Iterable[str]) -> list[str]:
+        """Files of which the slow tests are tried: those of chosen tests, and of its package."""
+        named = {f"tests/{part}" for part in Path(mutant.file).with_suffix("").parts}
+        own = [name for name in listed() if str(Path(name).parent) in named]
+        chosen = {test.split("::")[0] for test in tests}
+        return sorted({*chosen, *(name for name in own if Path(name).match("test_*.py"))})
+
     def attempt(self, mutant: Mutant) -> dict[str, Any]:
         """Try a mutant. A failure counts if the same tests pass without the change."""
         began, failed = time.monotonic(), ""
@@ -244,6 +255,10 @@ class Measured:
                 break
             tests.remove(without)
             del self.seconds[without]
+        if not failed and (files := self.files_for(mutant, tests)):
+            failed, _ = self.copy.run(files, SLOW, mutant, slow=True)
+            if failed and self.copy.run([failed] if "::" in failed else files, SLOW, slow=True)[0]:
+                failed = ""
         return {"name": mutant.name, "noticed_by": failed, "tests": len(tests), "on_line": on_line,
                 "seconds": round(time.monotonic() - began)}  # fmt: skip
 
