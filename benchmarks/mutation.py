@@ -99,8 +99,9 @@ class Copy:
         """Run tests, or all tests of files, in a fork of this process, which has the libraries.
 
         The lines that they execute are written to a file. Without one, the first failure ends the
-        run. The tests are the fast ones, or the slow ones. Returns the first failure ("time" if they ran too long, "crash" if there are no
-        results, "" if they pass), and the outcome and the seconds of each test.
+        run. The tests are the fast ones, or the slow ones. Returns the first failure ("time" if
+        they ran too long, "crash" if there are no results, "" if they pass), and the outcome and
+        the seconds of each test.
         """
         shutil.rmtree(self.cache, ignore_errors=True)
         shutil.copytree(self.filled, self.cache)
