@@ -362,13 +362,14 @@ class Flow:
     ) -> Flow:
         """The next stride of some walkers, (n,), after a heelstrike.
 
-        Tangents go on from this one: they are of all strides since the first.
+        Tangents go on from this one: they are of all strides since the first. Legs exchange the
+        parameters in which they differ.
 
         Args:
             on: Whether to continue each walker, (n,).
             ground: Slopes of their footholds, and rise and turn of the next; as before when None.
         """
-        records, bodies = self.records, self.bodies
+        records, bodies = self.records, self.walkers.walker.swap(self.bodies)
         if not on.all():
             records, bodies = records[on], bodies[on] if len(bodies) > 1 else bodies
         for name in _OF_ONE_STRIDE:

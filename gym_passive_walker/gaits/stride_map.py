@@ -96,7 +96,8 @@ class StrideMap(Section):
         slope: Slope in rad that is used if none is given to `apply`, `linearize` or an analysis.
         terrain: Footholds of uneven ground; None for smooth ground. The map leads from the first
             foothold through all of them until they repeat. On ground that repeats after L strides,
-            one application is L strides, and a gait of period 1 repeats after L strides.
+            one application is L strides, and a gait of period 1 repeats after L strides. Legs that
+            differ count as ground does, with L = 2.
     """
 
     tolerance: float = 1e-13
@@ -138,6 +139,14 @@ class StrideMap(Section):
     def with_walker(self, walker: Walker) -> Self:
         """Return the map of another walker with the same dimensionless actuation."""
         return self if walker is self.walker else replace(self, walker=walker)
+
+    @property
+    def swapped(self) -> Self:
+        """This map from the next stride on: the legs exchange the parameters in which they differ.
+
+        The map itself if the legs are alike. Its ground begins on the first foothold.
+        """
+        return self.with_walker(self.walker.swapped)
 
     def coarser(self) -> Self:
         """Return this map with differences over twice the distance, to estimate their error."""
@@ -191,11 +200,12 @@ class StrideMap(Section):
     def ground(self) -> NDArray[np.float64]:
         """Slope of each foothold, then height change and slope change to the next, (L, 3).
 
-        Slopes are in rad beyond the slope of the walk, heights in leg lengths.
+        Slopes are in rad beyond the slope of the walk, heights in leg lengths. An odd number of
+        footholds is there twice for legs that differ.
         """
-        if self.terrain is None:
-            return np.zeros((1, 3))
-        return self.terrain.ground(0, np.arange(len(self.terrain.rises)))
+        count = 1 if self.terrain is None else len(self.terrain.rises)
+        places = np.arange(count if self.walker.legs_alike else math.lcm(count, 2))
+        return np.zeros((len(places), 3)) if self.terrain is None else self.terrain.ground(0, places)
 
     def ahead(self, place: int) -> NDArray[np.float64]:
         """Height and slope changes ahead of foothold `place`, (2 `terrain_lookahead`,)."""
@@ -458,10 +468,12 @@ class StrideMap(Section):
     def walk(self, state: NDArray, slope: float, count: int) -> list[Stride]:
         """Return the strides of `count` applications from a state (6,) on the Poincaré section."""
         strides: list[Stride] = []
+        now = self
         for tilt, height_change, slope_change in np.tile(self.ground, (count, 1)).tolist():
             here = state if not strides else strides[-1].state
             rise, seen = height_change * self.walker.leg_length, self.ahead(len(strides))
-            strides.append(self._taken(here, slope + tilt, rise, slope_change, seen))
+            strides.append(now._taken(here, slope + tilt, rise, slope_change, seen))
+            now = now.swapped
         return strides
 
     def stride(

@@ -106,6 +106,9 @@ class Model:
     """A walker of the package, or a system that a user has stated.
 
     Attributes:
+        legs_alike: Whether each stride has the same parameters; else the legs exchange some of them
+            at each heelstrike.
+        swapped: The model of the next stride, with the legs exchanged; itself if they are alike.
         title: Name in pictures and messages.
         coordinates: Number m of coordinates.
         parts: Names of the coordinates in pictures.
@@ -137,7 +140,19 @@ class Model:
         units_with: Return the units of models that differ in some parameters.
         equations: Return the equations of motion, with further features in use.
         constants: Return constants of models that differ in some parameters, (1 or n, constants).
+        swap: Return constants (..., constants) of the next stride, from those of a stride.
     """
+
+    legs_alike = True
+
+    @property
+    def swapped(self) -> Any:
+        """The model of the next stride."""
+        return self
+
+    def swap(self, constants: NDArray) -> NDArray:
+        """Return the constants of the next stride."""
+        return constants
 
 
 @lru_cache(maxsize=4096)

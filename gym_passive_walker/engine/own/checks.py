@@ -170,7 +170,7 @@ def check(system: Any) -> None:
         StatementError: with the function's name.
     """
     checks = Checks(system)
-    for name in ("falls", "limits"):
+    for name in ("falls", "limits", "exchange"):
         if not isinstance(getattr(system, name), Mapping):
             raise checks.error(name, f"must be a mapping, not {shown(getattr(system, name))}")
     for name, function in (
@@ -192,6 +192,7 @@ def check(system: Any) -> None:
             raise checks.error("limits", f"has no control {name!r}: choose from {known}")
         if checks.numbers("limits", [limit])[0] <= 0.0:
             raise checks.error("limits", f"must be positive, not {limit!r} of {name!r}")
+    _check_exchange(checks)
     if system.given is not None:
         if system.centre is None:
             raise checks.error("centre", "is missing: give x and y of the centre of mass")
@@ -229,6 +230,19 @@ def check(system: Any) -> None:
         raise checks.error("landing", "never falls: its y is zero near none of the states tried")
     for state in checks.states:
         _check_heelstrike(checks, state)
+
+
+def _check_exchange(checks: Checks) -> None:
+    """Refuse an exchange that is not of pairs of the body's fields."""
+    fields = checks.body._fields
+    names = [name for pair in checks.system.exchange.items() for name in pair]
+    for name in names:
+        if name not in fields:
+            raise checks.error(
+                "exchange", f"has no field {shown(name)} of body: choose from {', '.join(fields)}"
+            )
+        if names.count(name) > 1:
+            raise checks.error("exchange", f"has the field {name} twice: give each pair once")
 
 
 def _check_links(checks: Checks, state: Any) -> None:
@@ -360,7 +374,8 @@ def _check_heelstrike(checks: Checks, state: Any) -> None:
 
     def struck(body: Any, state: Any) -> tuple:
         after, lost, _ = system._strike(body, state, 0.0, Ground(0.0, 1.0))
-        return system._kinetic_energy(body, state), system._kinetic_energy(body, after), lost
+        energy = system._kinetic_energy(system.next_body(body), after)
+        return system._kinetic_energy(body, state), energy, lost
 
     before, after, lost = checks.tried("relabel", Derived(struck), body, state)
     if abs(before - after - lost) > _CLOSE * before:
@@ -369,17 +384,18 @@ def _check_heelstrike(checks: Checks, state: Any) -> None:
             f"is {after:.6g} in the new coordinates and {before - lost:.6g} in the old ones"
         )  # fmt: skip
     new = system.State(*system.relabel(body, state), *state[checks.count :])
+    then = system.next_body(body)
     height = (
         system._centre(body, state)[2]
         - system._centre(body, state)[0] * (system.landing(body, state)[1])
     )
-    if abs(system._centre(body, new)[2] - height) > _CLOSE * (1.0 + abs(height)):
+    if abs(system._centre(then, new)[2] - height) > _CLOSE * (1.0 + abs(height)):
         raise checks.error(
             "relabel", "does not name the same posture: the centre of mass is at another height "
             "over the new foot"
         )  # fmt: skip
     if system.potential is not None:
-        energies = [system.potential(body, each) for each in (state, new)]
+        energies = [system.potential(body, state), system.potential(then, new)]
         if abs(energies[1] - energies[0]) > _CLOSE * (1.0 + abs(energies[0])):
             raise checks.error(
                 "potential", f"is {energies[0]:.6g} before a heelstrike and {energies[1]:.6g} "
@@ -524,7 +540,11 @@ def _check_resets(checks: Checks, equations: hybrid.System, phase: Phase, state:
         strike = Derived(lambda body, state, s=reset.strike: s(body, state, 0.0, SMOOTH)[:2])
         after, lost = checks.tried(name, strike, body, struck)
         after = equations.State(*checks.numbers(name, after, 2 * checks.count))
-        energies = [float(Derived(equations.kinetic_energy)(body, s)) for s in (struck, after)]
+        then = system.next_body(body) if reset.into is None else body
+        energies = [
+            float(Derived(equations.kinetic_energy)(of, state))
+            for of, state in ((body, struck), (then, after))
+        ]
         if energies[1] > energies[0] * (1.0 + _CLOSE):
             raise checks.error(
                 name, f"gains energy: {energies[0]:.6g} before, {energies[1]:.6g} after"
@@ -535,7 +555,7 @@ def _check_resets(checks: Checks, equations: hybrid.System, phase: Phase, state:
                 f"{energies[0] - energies[1]:.6g}"
             )  # fmt: skip
         if reset.into is None:
-            moved = system.centre(body, after)[1] - system.centre(body, struck)[1]
+            moved = system.centre(then, after)[1] - system.centre(body, struck)[1]
         else:
             moved = np.abs(np.subtract(after, struck)[: checks.count]).max()
         if abs(moved) > 1e-6:

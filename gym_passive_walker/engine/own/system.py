@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,6 +83,10 @@ class System(Model):
             centre less the distance that it has rolled.
         relabel: Function of body and state: the coordinates after a heelstrike, when the legs have
             exchanged their roles, by those before it.
+        exchange: Fields of `body` in which the legs differ, by pairs: that of the stance leg and
+            that of the swing leg, as in ``{"stance_mass": "swing_mass"}``. The two values change
+            places at each heelstrike. One application of the stride map is then two strides, and a
+            walk begins on the leg whose values the body has in the fields of the stance leg.
         falls: By the name of an outcome ("fell_forward", "fell_backward", "swing_overrotation"), a
             function of body and state that is positive until the walker has fallen.
         counts: Functions of body and state that are positive where a heelstrike counts, for feet
@@ -128,6 +132,7 @@ class System(Model):
     given: hybrid.System | None = None
     mass: float = 1.0
     centre: Any = None
+    exchange: Mapping[str, str] = field(default_factory=dict)
     _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
     knees = massless_legs = False
     leg_length = gravity = time_unit = 1.0
@@ -175,7 +180,7 @@ class System(Model):
             body: Its parameters, of the type `equations.Body`.
             centre: Function of body and state: x and y of the centre of mass from the stance foot.
             mass: Its total mass.
-            **rest: `name`, `start`, `limits`, `pose`, as in the class.
+            **rest: `name`, `start`, `limits`, `pose`, `exchange`, as in the class.
 
         Raises:
             StatementError: if the functions contradict each other: a mass matrix that is not
@@ -186,7 +191,7 @@ class System(Model):
             raise StatementError(f"equations must be a HybridSystem, not {equations!r}")
         if not equations.phases:
             raise StatementError(f"phases of {equations.name!r} must have one phase or more")
-        if unknown := rest.keys() - {"name", "start", "limits", "pose"}:
+        if unknown := rest.keys() - {"name", "start", "limits", "pose", "exchange"}:
             raise TypeError(f"System.of has no argument {', '.join(sorted(unknown))}")
         absent: Any = None  # functions from which equations would be derived
         given: dict[str, Any] = {
@@ -211,7 +216,37 @@ class System(Model):
         return made
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_made": {}}  # what is compiled stays in its process
+        return self._own | {"_made": {}}  # what is compiled stays in its process
+
+    @property
+    def _own(self) -> dict[str, Any]:
+        """Its attributes, without the system with the legs exchanged."""
+        return {name: value for name, value in self.__dict__.items() if name != "swapped"}
+
+    @property
+    def legs_alike(self) -> bool:
+        """Whether each stride has the same parameters."""
+        return not self.exchange
+
+    @cached_property
+    def swapped(self) -> System:
+        """The system of the next stride, with the legs exchanged; itself if they are alike."""
+        if self.legs_alike:
+            return self
+        other = self.with_body(self.next_body(self.body)._asdict())
+        other.__dict__["swapped"] = self
+        return other
+
+    def next_body(self, body: Any) -> Any:
+        """Return the body of the next stride, from that of a stride."""
+        pairs = [pair for a, b in self.exchange.items() for pair in ((a, b), (b, a))]
+        return body._replace(**{name: getattr(body, other) for name, other in pairs})
+
+    def swap(self, constants: NDArray) -> NDArray:
+        """Return constants (..., constants) of the next stride, from those of a stride."""
+        if self.legs_alike:
+            return constants
+        return constants[..., self.next_body(self.body._make(range(len(self.body))))]
 
     @property
     def supports(self) -> frozenset[str]:
@@ -444,7 +479,7 @@ class System(Model):
     def with_body(self, values: Mapping[str, float]) -> System:
         """This system with other values of some fields of its body, without checks."""
         made = object.__new__(System)  # with the same equations, which are compiled once
-        made.__dict__.update(self.__dict__ | {"body": self.body._replace(**values)})
+        made.__dict__.update(self._own | {"body": self.body._replace(**values)})
         return made
 
     def _clearance(self, body: Any, state: Any) -> Any:

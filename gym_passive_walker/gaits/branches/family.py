@@ -271,6 +271,7 @@ def _family(
     along = down.points[:0:-1] + up.points
     there, points, slopes, values = curve.gaits_at(along)
     passage, units = there.apply(points, slopes, strides=period), there.units
+    strides = period * len(stride_map.ground)
     # The losses keep their digits at small slopes.
     spent = passage.lost if there.passive else passage.supplied + passage.braked
     halts, ends = _halts(curve, along, (down.end, up.end))
@@ -281,8 +282,8 @@ def _family(
         slope=slopes,
         state=there.states_at(points),
         stance_angle=points[:, 0],
-        step_period=passage.durations / period * units.time,
-        step_length=passage.lengths / period * units.length,
+        step_period=passage.durations / strides * units.time,
+        step_length=passage.lengths / strides * units.length,
         cost_of_transport=spent / passage.lengths,
         multipliers=np.array([multipliers_of(point.map) for point in along]),
         folds=tuple(sorted(down.folds + up.folds)),
