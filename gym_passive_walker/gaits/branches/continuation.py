@@ -6,7 +6,7 @@ parameter turns back lies a fold; where a multiplier passes -1 the period double
 pair crosses the unit circle a torus is born (Neimark and Sacker). All are located to rounding by
 root finding along the curve.
 
-The curve can only end where the stride map itself has an edge: where kneestrike comes as late as
+A curve may be closed. Else it can only end where the stride map itself has an edge: where kneestrike comes as late as
 heelstrike, or where the foot no longer comes down at heelstrike but glides along the ground. What
 is lost goes to zero smoothly along the curve, so the end is found by going there in steps and
 extrapolating the rest.
@@ -36,6 +36,7 @@ STANCE_STOPS = "the stance leg barely passes the vertical"
 TANGENTIAL = "heelstrike becomes tangential"
 BOUND = "end of the range asked for"
 VANISHED = "the step length goes to zero"
+CLOSED = "the curve is closed"
 STEP_ENDS = "a strike comes as a control step ends"
 LOST = "the family could not be followed further"
 
@@ -51,6 +52,7 @@ _CLOSED = 1e-10  # violation of a gait that is to be known to rounding
 _FIRST_STEP, _SHORTEST_STEP = 0.02, 1e-7
 _VANISHING = 10.0  # rate over angle of a walker that rocks rather than steps
 _ASTRAY = 0.3  # of a step: from where a gait is expected to where it may be
+_SAME = 1e-8  # gaits closer than this are one
 _MOST_POINTS = 4000
 _LAST = 40  # points that indicate an end
 _CROWDED = 1e-3
@@ -390,16 +392,36 @@ def follow_branch(curve: Curve, start: Point, resolution: float) -> Branch:
                 if at_bound is not None:
                     multipliers_cross(at_bound)
                 break
+            closes = len(points) > 1 and _between(curve, here, start, there)
+            there = start if closes else there
             folds += crossings(there, lambda point: float(point.tangent[-1]))
             multipliers_cross(there)
             points.append(there)
+            if closes:
+                end = End(curve.value_at(start), CLOSED)
+                break
     if curve.stride_map.exact and len(points) > 1:
         points = [start, *curve.polished(points[1:])]
+        if end is not None and end.reason == CLOSED:
+            points[-1] = start
     if at_bound is not None:
         points.append(at_bound)
     if end is None:
         end = reason_of(curve, points[-_LAST:])
     return Branch(_thinned(points), folds, doublings, torus, end)
+
+
+def _between(curve: Curve, a: Point, point: Point, b: Point) -> bool:
+    """Return whether a point lies on the piece of a curve from one point to the next."""
+    chord, way = b.y - a.y, point.y - a.y
+    length = float(np.linalg.norm(chord))
+    chord = chord / length
+    share = float(way @ chord) / length
+    apart = float(np.linalg.norm(way - share * length * chord))
+    if not 0.0 < share <= 1.0 or apart > _ASTRAY * length or point.tangent @ chord <= 0.0:
+        return False
+    found = curve.correct(a.y + share * length * chord, chord)
+    return found is not None and bool(np.abs(found.y - point.y).max() < _SAME)
 
 
 def _thinned(points: list[Point]) -> list[Point]:

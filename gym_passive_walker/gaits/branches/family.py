@@ -15,8 +15,10 @@ from gym_passive_walker._tools.shown import Table
 from gym_passive_walker.gaits.actuation import Actuation, one_actuation
 from gym_passive_walker.gaits.branches.continuation import (
     BOUND,
+    CLOSED,
     STANCE_STOPS,
     Axis,
+    Branch,
     Curve,
     End,
     Point,
@@ -74,7 +76,8 @@ class GaitFamily(InUnits, Table):
         neimark_sackers: Values where a complex pair of multipliers crosses the unit circle.
         halts: Values where the stance leg stops in mid-stride, to about 1e-5 of them. On one side
             of each it barely passes the vertical; on the other it turns back for a while first.
-        ends: The first and the last gait's end of the curve, with the reason of each.
+        ends: The first and the last gait's end of the curve, with the reason of each. On a closed
+            curve the last gait is the first.
         stride_map: The stride map, apart from the varied quantity.
         axis: The varied quantity and its range.
     """
@@ -181,7 +184,9 @@ class GaitFamily(InUnits, Table):
         if np.any(at_end := np.isclose(ends, value, rtol=1e-12, atol=0.0)):
             value = float(ends[at_end][0])
         passed, states = states_between(self, value)
-        once = (self.value[passed + 1] != value) | (passed == len(self) - 2)
+        once = self.value[passed + 1] != value
+        if self.ends[1].reason != CLOSED:  # there the last gait is the first
+            once |= passed == len(self) - 2
         if len(passed) == 0:
             raise GaitNotFound(
                 f"no gait of this family at {self.parameter} {value:g}: it reaches from "
@@ -267,7 +272,10 @@ def _family(
     if start is None:
         raise GaitNotFound(f"the gait of {describe(walker)} at {value} could not be followed")
     up = follow_branch(curve, start, resolution)
-    down = follow_branch(curve, start._replace(tangent=-start.tangent), resolution)
+    if up.end.reason == CLOSED:
+        down = Branch([start], [], [], [], up.end)
+    else:
+        down = follow_branch(curve, start._replace(tangent=-start.tangent), resolution)
     along = down.points[:0:-1] + up.points
     there, points, slopes, values = curve.gaits_at(along)
     passage, units = there.apply(points, slopes, strides=period), there.units
