@@ -9,7 +9,7 @@ carried beside the values through the motion, the impacts and the moments at whi
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -196,6 +196,18 @@ class Walkers:
             return bodies(self.walker)
         return self.walker.constants(**self.parameters)[:, None]
 
+    @property
+    def swapped(self) -> Walkers:
+        """The walkers of the next stride, whose legs have exchanged parameters; without tangents.
+
+        They are the same walkers if the legs are alike.
+        """
+        if self.walker.legs_alike:
+            return self
+        others = replace(self, walker=self.walker.swapped)
+        others.__dict__["constants"] = self.walker.swap(self.constants)
+        return others
+
     @cached_property
     def _changes(self) -> dict[str, NDArray[np.float64]]:
         """Derivatives of the constants by the parameters used so far."""
@@ -336,26 +348,52 @@ class Flow:
                 margins[lanes] = np.minimum(margins[lanes], -rates)
         return margins
 
+    @property
+    def steepness(self) -> NDArray[np.float64]:
+        """How steeply the foot comes down at the heelstrike, (n,): 1 at most, 0 where it grazes.
+
+        The cosine between the motion and the steepest descent of the guard, in the space of the
+        coordinates; NaN where a stride has no heelstrike.
+        """
+        found, lanes = np.full(len(self.records), np.nan), np.flatnonzero(self.struck)
+        if len(lanes) == 0:
+            return found
+        verge, falls = self._verge(lanes, self.records["time"][lanes, 0], Outcome.HEELSTRIKE)
+        states, half = verge.states, self.system.coordinates
+        by = [step_derivative(falls(complex_step(states, way))) for way in np.eye(2 * half)[:half]]
+        steepest = np.stack(np.broadcast_arrays(*by), axis=-1) / np.linalg.norm(by, axis=0)[:, None]
+        rates = states[:, half:]
+        found[lanes] = -(steepest * rates).sum(axis=1) / np.linalg.norm(rates, axis=1)
+        return found
+
     def _rate_of_fall(
         self, lanes: NDArray, times: NDArray, outcome: Outcome
     ) -> NDArray[np.float64]:
         """Return the rate of a strike's guard just before it, for some walkers, (lanes,)."""
+        verge, falls = self._verge(lanes, times, outcome)
+        record, states = verge.records[:, 0], verge.states
+        phase, ground = self.system.phases[record["phase"][0]], Ground(*record["ground"].T)
+        turns = accelerations_at(
+            self.system, phase, verge.bodies[:, 0], states, record["control"], ground
+        )
+        moving = np.concatenate([np.split(states, 2, axis=1)[1], turns], axis=1)
+        return step_derivative(falls(complex_step(states, moving)))
+
+    def _verge(
+        self, lanes: NDArray, times: NDArray, outcome: Outcome
+    ) -> tuple[Flow, Callable[[NDArray], NDArray]]:
+        """Return some walkers just before a strike, and its guard as a function of states."""
         way = times - self.before["time"][lanes, 0]
         share = np.full(len(lanes), RATE_BEFORE)
         verge = self.again(lanes, times - share * way)
         while (struck := verge.outcomes != Outcome.RUNNING).any():
             share[struck] *= 10.0  # a way so short that the strike's error is as long
             verge = self.again(lanes, times - share * way)
-        record = verge.records[:, 0]
-        states = states_in(record, self.system.coordinates)
-        phase, ground = self.system.phases[record["phase"][0]], Ground(*record["ground"].T)
-        bodies, held = verge.bodies[:, 0], record["control"]
-        turns = accelerations_at(self.system, phase, bodies, states, held, ground)
-        moving = np.concatenate([np.split(states, 2, axis=1)[1], turns], axis=1)
-        ahead = self.system.State(*complex_step(states, moving).T)
-        body = self.system.Body(*bodies.T)
-        guard = next(guard for guard in phase.guards if guard.outcome == outcome)
-        return step_derivative(guard.falls(body, ahead, ground))
+        record, system = verge.records[:, 0], self.system
+        body, ground = system.Body(*verge.bodies[:, 0].T), Ground(*record["ground"].T)
+        guards = system.phases[record["phase"][0]].guards
+        guard = next(guard for guard in guards if guard.outcome == outcome)
+        return verge, lambda states: guard.falls(body, system.State(*states.T), ground)
 
     def next_stride(
         self, on: NDArray[np.bool_], ground: tuple[NDArray, float, float] | None = None

@@ -476,6 +476,22 @@ class StrideMap(Section):
             now = now.swapped
         return strides
 
+    def steepness(self, points: NDArray, slopes: NDArray) -> NDArray[np.float64]:
+        """How steeply the foot comes down, as `Flow.steepness`; the least of an application, (n,).
+
+        Args:
+            points: Points of the section where the strides start, (n, m).
+            slopes: Slope in rad, (n,).
+        """
+        states, walkers, least = self.state(points), self.walkers, np.full(len(points), np.inf)
+        uneven = self.terrain is not None
+        for tilt, rise, turn in self.ground.tolist():
+            foothold = {"rises": rise, "turns": turn} if uneven else {}
+            walked = flow(walkers, states, slopes + tilt, until=self.max_stride_time, **foothold)
+            least, states = np.minimum(least, walked.steepness), walked.states
+            walkers = walkers.swapped
+        return least
+
     def stride(
         self,
         state: ArrayLike,

@@ -450,7 +450,8 @@ class Margins(NamedTuple):
 
     Attributes:
         knee: Time from kneestrike to heelstrike over the stride's; infinite without knees.
-        landing: Rate at which the legs close just before heelstrike, over the larger of theirs.
+        landing: Rate at which the legs close just before heelstrike, over the larger of theirs; of
+            a user's system, how steeply the foot comes down.
         pace: Least rate of the stance leg in mid-stride over its first; negative where it turns
             back for a while.
         time: Duration of the longest stride.
@@ -468,7 +469,12 @@ def margins(curve: Curve, points: list[Point]) -> Margins:
     knee, landing, pace = (np.full(len(points), np.inf) for _ in range(3))
     time = np.zeros(len(points))
     if "contact margins" not in stride_map.walker.supports:
-        return Margins(knee, landing, pace, stride_map.apply(here, slopes).durations)
+        for _ in range(curve.period):
+            passage = stride_map.apply(here, slopes)
+            if not stride_map.controlled:
+                landing = np.fmin(landing, stride_map.steepness(here, slopes))
+            here, time = passage.ends, np.maximum(time, passage.durations)
+        return Margins(knee, landing, pace, time)
     roughly = stride_map.with_tolerance(_ROUGHLY)
     for _ in range(curve.period):
         passage = stride_map.apply(here, slopes)

@@ -179,7 +179,8 @@ class GaitFamily(InUnits, Table):
         Raises:
             GaitNotFound: if the family has none there.
         """
-        value, ends = number(value, self.parameter), np.array([self.value.min(), self.value.max()])
+        value = number(value, self.parameter)
+        ends = np.array([self.value.min(), self.value.max()])
         # The ends are those of the range that was asked for, but for rounding.
         if np.any(at_end := np.isclose(ends, value, rtol=1e-12, atol=0.0)):
             value = float(ends[at_end][0])
@@ -188,9 +189,11 @@ class GaitFamily(InUnits, Table):
         if self.ends[1].reason != CLOSED:  # there the last gait is the first
             once |= passed == len(self) - 2
         if len(passed) == 0:
+            reach = min(*ends, *self.folds), max(*ends, *self.folds)
+            low, high = (f"{end:.12g}{' (a fold)' * (end in self.folds)}" for end in reach)
             raise GaitNotFound(
-                f"no gait of this family at {self.parameter} {value:g}: it reaches from "
-                f"{ends[0]:g} to {ends[1]:g}"
+                f"no gait of this family at {self.parameter} {value:g}: it reaches from {low} to "
+                f"{high}"
             )
         return [self._gait(value, state) for state in states[once]]
 
@@ -227,7 +230,8 @@ class GaitFamily(InUnits, Table):
             self.parameter: f"{self.value.min():.6g} to {self.value.max():.6g}"
             + " rad" * (self.parameter == "slope"),
             **{name: ", ".join(f"{x:.6g}" for x in at) for name, at in marks.items() if at},
-            "ends": " and ".join(f"at {value:.6g} ({reason})" for value, reason in self.ends),
+            "ends": CLOSED if self.ends[0].reason == CLOSED
+            else " and ".join(f"at {value:.6g} ({reason})" for value, reason in self.ends),
         }
 
     def columns(self) -> dict[str, NDArray]:

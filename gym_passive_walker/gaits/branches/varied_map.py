@@ -100,6 +100,11 @@ class VariedMap(StrideMap):
         each = zip(self.maps, points, strict=True)
         return np.array([own.state(point, place) for own, point in each])
 
+    def steepness(self, points: NDArray, slopes: NDArray) -> NDArray[np.float64]:
+        """How steeply the foot comes down at heelstrikes, as `StrideMap.steepness` does, (n,)."""
+        each = zip(self.maps, points[:, None], slopes[:, None], strict=True)
+        return np.concatenate([own.steepness(*x) for own, *x in each])
+
     def sample(self, points: NDArray, slopes: ArrayLike, times: NDArray) -> Samples:
         """Sample strides at given times, as `StrideMap.sample` does."""
         each = zip(self.maps, points[:, None], np.ravel(slopes), times[:, None], strict=True)

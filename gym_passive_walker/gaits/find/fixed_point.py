@@ -5,10 +5,13 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from gym_passive_walker._tools.arguments import gait_kind, whole
+from gym_passive_walker.gaits.find.nearest import at_nearest_slope
 from gym_passive_walker.gaits.find.search import ACCURACY, seek
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.models.walkers import describe
+
+_FOLDS = 0.1  # distance of a multiplier from 1 beside a fold
 
 
 def find_gaits(
@@ -84,6 +87,8 @@ def find_gait(
     name = stride_map.controller_name
     if "step kinds" not in stride_map.walker.supports:
         advice = "give a guess near the gait, a state just after heelstrike"
+        if not (stride_map.walker.legs_alike or stride_map.controlled or stride_map.terrain):
+            advice += _elsewhere(at_nearest_slope(stride_map.walker, slope, kind))
     elif not stride_map.passive:
         advice = "give a guess near the gait, or follow it from where there is one by gait_family"
     elif guess is not None:
@@ -100,6 +105,14 @@ def find_gait(
         f"{describe(stride_map.walker)} at slope {slope} rad{f' under {name}' if name else ''}"
         f"{others} (first strides of the {sum(ends.values())} starts ended so: {tried}); {advice}"
     )
+
+
+def _elsewhere(gait: Gait | None) -> str:
+    """Return where the nearest gait is: legs that differ may have none on gentle slopes."""
+    if gait is None:
+        return "; at no other slope was one found either"
+    near = f"; the nearest slope with one is {gait.slope:.5g} rad"
+    return near + ", at a fold" * bool(abs(gait.multipliers - 1.0).min() < _FOLDS)
 
 
 def state_on(stride_map: StrideMap, slope: float, state: ArrayLike | None) -> ArrayLike:

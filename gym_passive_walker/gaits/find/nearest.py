@@ -52,11 +52,12 @@ def nearest_gait(
         False
 
     Args:
-        walker: The walker, in a form that `as_walker` takes.
+        walker: The walker, in a form that `as_walker` takes; or a `System`.
         slope: Slope in rad.
         kind: "long" or "short", as in `Gait.kind`.
         keep: "walker" to try other slopes only, "slope" to try other walkers only. When None, other
-            walkers are tried if this one has no gait at any slope tried.
+            walkers are tried if this one has no gait at any slope tried. Of a `System`, other
+            slopes only are tried.
 
     Returns:
         The gait. Its `walker` and `slope` show what had to change: nothing if the walker has a gait
@@ -67,17 +68,17 @@ def nearest_gait(
     Raises:
         GaitNotFound: if there is none either.
     """
-    walker, slope, kind = (
-        check_supports(as_walker(walker), "McGeer's parameters"),
-        one_slope(slope),
-        gait_kind(kind),
-    )
+    walker, slope, kind = as_walker(walker), one_slope(slope), gait_kind(kind)
     if keep is not None and (not isinstance(keep, str) or keep not in ("walker", "slope")):
         raise ValueError(f'keep must be "walker", "slope" or None, not {shown(keep)}')
+    if keep == "slope":
+        check_supports(walker, "McGeer's parameters")
+    elif "McGeer's parameters" not in walker.supports:
+        keep = "walker"  # no other systems are known
     with said(f"looking for the {kind}-step gait nearest to slope {slope:g} rad"):
         gait = seek(walker, slope, kind).gait
         if gait is None and keep != "slope":
-            gait = _at_nearest_slope(walker, slope, kind)
+            gait = at_nearest_slope(walker, slope, kind)
         if gait is None and keep != "walker":
             gait = _of_nearest_walker(walker, slope, kind)
     if gait is None:
@@ -89,7 +90,7 @@ def nearest_gait(
     return gait
 
 
-def _at_nearest_slope(walker: Walker, slope: float, kind: GaitKind) -> Gait | None:
+def at_nearest_slope(walker: Walker, slope: float, kind: GaitKind) -> Gait | None:
     """Return the gait at the nearest slope, by its logarithm; at the gentlest if slope <= 0."""
     count = int(np.log(_MOST_RATIO) / np.log(_RATIO))
     ways = _RATIO ** np.arange(1, count + 1)
