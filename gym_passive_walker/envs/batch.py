@@ -56,6 +56,8 @@ def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
     rules["weight"] = scene.walker.weight / scene.walker.units.force
     rules["works"][0, : len(system.works)] = np.divide(system.works, rules["weight"])
     rules["works"][0, -1] = 1.0
+    places = scene.walker.exchanged_places
+    rules["exchange"][0, : len(places)], rules["exchanged"] = places, len(places)
     rules["coordinates"] = 0 if KNEE_LOCK in scene.walker.supports else system.coordinates
     return rules
 
@@ -153,6 +155,7 @@ class Batch:
         self._apart = bool(own or scene.observe_body)  # a step is more than one compiled call
         self._alike_starts = len(shared) == 1
         self._alike = walkers is None and not scene.domain_randomization
+        self._alike &= scene.walker.legs_alike  # else each exchanges its own
         self.disturbances: Disturbances | None = None
         if disturbed(scene):
             self.disturbances = Disturbances(scene, self.system.name, count)
@@ -287,6 +290,8 @@ class Batch:
         for i, walker in zip(lanes.tolist(), walkers, strict=True):
             self.walkers[i] = walker
         constants = bodies(*walkers)  # readings of checks are behind them
+        odd = self.ledger["strides"][lanes] % 2 == 1  # on the other leg
+        constants[odd] = self.walkers[0].swap(constants[odd])
         self.bodies[lanes, :, : constants.shape[-1]] = constants
         self._radii[lanes] = radii_of(walkers)
         self._proportions[lanes] = observed_bodies(self.scene, walkers)

@@ -17,7 +17,7 @@ import numpy as np
 
 from gym_passive_walker.engine.jit import address, call, copy, entry, jitted, merged
 from gym_passive_walker.engine.lanes import RESTING
-from gym_passive_walker.engine.layout import NARROW, Layout
+from gym_passive_walker.engine.layout import MOST_CONSTANTS, NARROW, Layout
 from gym_passive_walker.engine.run import integrate
 from gym_passive_walker.gaits.scenes.rules import (
     clip,
@@ -105,6 +105,9 @@ def rules_for(layout: Layout) -> np.dtype:
         ("reset_noise_scale", "f8"),
         # Of a system, which is observed whole and begins with its gait's; else 0.
         ("coordinates", "i8"),
+        # Places of constants that legs exchange at a heelstrike, pair after pair, and their number.
+        ("exchange", "i8", (MOST_CONSTANTS,)),
+        ("exchanged", "i8"),
     ])  # fmt: skip
 
 
@@ -142,6 +145,17 @@ def place_hip(here, i):
 
 
 @jitted
+def exchange_legs(here, i):
+    """Exchange the constants in which a walker's legs differ, after a heelstrike."""
+    rules, constants = here.rules[0], here.bodies
+    for k in range(0, rules.exchanged, 2):
+        a, b = rules.exchange[k], rules.exchange[k + 1]
+        kept = constants[i, 0, a]
+        constants[i, 0, a] = constants[i, 0, b]
+        constants[i, 0, b] = kept
+
+
+@jitted
 def begin(here, lanes, slopes, gaits, draws):
     """Begin the episodes of some walkers, each near a state on the Poincaré section.
 
@@ -157,6 +171,8 @@ def begin(here, lanes, slopes, gaits, draws):
     scale_of_angles = scale if rules.coordinates == 0 else 0.0
     for j in range(len(lanes)):
         i = lanes[j]
+        if here.ledger[i].strides % 2 == 1:  # each episode begins on the same leg
+            exchange_legs(here, i)
         copy(entry(here.records, i), address(here.blank), here.blank.itemsize)
         copy(entry(here.ledger, i), address(here.blank_row), here.blank_row.itemsize)
         record, row = here.records[i, 0], here.ledger[i]
@@ -291,6 +307,8 @@ def finish_step(here, first, last):
             rewards[i], terminated[i], truncated[i] = 0.0, False, False
             write_observation(here, i)
             continue
+        if record.outcome == _HEELSTRIKE:
+            exchange_legs(here, i)
         place_hip(here, i)
         if row.outcome != 0:
             forget_stride(row)

@@ -18,12 +18,15 @@ FEATURES = {
     "actuation": "an Actuation",
     "collision matrix": "collision_matrix",
     "constraints": "the argument `constraints`",
+    "controllers": "a stride map under a controller",
+    "devices": "a walker on a GPU or in a web page",
     "contact margins": "distances of gaits from a halt, a late knee and a grazing foot",
     "gauntlet": "the gauntlet",
     "ground force": "the force on the stance foot",
     "knee lock observed": "an observation with the lock of a knee",
     "legs": "a picture of legs",
     "McGeer's parameters": "this function",
+    "rollouts": "a rollout with derivatives",
     "ratios": "the argument `ratios` of a basin",
     "reality check": "reality_check",
     "step kinds": "long and short steps",
@@ -42,7 +45,8 @@ _STATED = {
     "reality check": _FORCE,
 }
 """What equations of a system must have for a feature; it is derived where they are."""
-
+ALIKE = frozenset({"constraints", "controllers", "devices", "rollouts"})
+"""Features of models whose legs are alike."""
 
 Checked = TypeVar("Checked", bound=Any)
 
@@ -54,6 +58,11 @@ def check_supports(model: Checked, feature: str) -> Checked:
         ValueError: if it does not.
     """
     if feature not in model.supports:
+        if feature in ALIKE and not model.legs_alike:
+            raise ValueError(
+                f"{FEATURES[feature]} needs legs that are alike: those of the system "
+                f"{model.title!r} exchange {', '.join(model.exchange)}"
+            )
         if feature in _STATED:
             raise ValueError(
                 f"{FEATURES[feature]} needs the force of the ground: the equations of the system "
@@ -108,6 +117,7 @@ class Model:
     Attributes:
         legs_alike: Whether each stride has the same parameters; else the legs exchange some of them
             at each heelstrike.
+        exchanged_places: Places of constants that the legs exchange, pair after pair.
         swapped: The model of the next stride, with the legs exchanged; itself if they are alike.
         title: Name in pictures and messages.
         coordinates: Number m of coordinates.
@@ -140,15 +150,21 @@ class Model:
         units_with: Return the units of models that differ in some parameters.
         equations: Return the equations of motion, with further features in use.
         constants: Return constants of models that differ in some parameters, (1 or n, constants).
+        in_stride: Return the model of a stride, whose number counts from 0.
         swap: Return constants (..., constants) of the next stride, from those of a stride.
     """
 
     legs_alike = True
+    exchanged_places: tuple[int, ...] = ()
 
     @property
     def swapped(self) -> Any:
         """The model of the next stride."""
         return self
+
+    def in_stride(self, number: int) -> Any:
+        """The model of a stride, whose number counts from 0."""
+        return self.swapped if number % 2 else self
 
     def swap(self, constants: NDArray) -> NDArray:
         """Return the constants of the next stride."""

@@ -169,9 +169,9 @@ class Screen:
             raise ValueError(f"a frame shows one state of shape {size}, not {np.shape(state)}")
         ground = _LEVEL if profile is None else np.asarray(profile, dtype=float)
         if "legs" not in self.walker.supports:
-            given = np.asarray(state).tolist()
-            self._look_below(contact_x + self.walker.centre_of_mass(given)[0], slope)
-            self._draw_lines(self.walker.drawn(given), contact_x)
+            given, walker = np.asarray(state).tolist(), self.walker.in_stride(strides)
+            self._look_below(contact_x + walker.centre_of_mass(given)[0], slope)
+            self._draw_lines(walker.drawn(given), contact_x)
             return self._finished(notes, warning)
         brush, posture = self._brush, pose(self.walker, state, contact_x, contact_y, tilt)
         self._look_at(posture, slope, ground)

@@ -195,8 +195,9 @@ def strobe_of(
     lines: list[list[NDArray]] = []
     if "legs" not in walker.supports:
         system: Any = walker
-        lines = [[line + np.array([x[i], y[i]]) for line in system.drawn(state)]
-                 for i, state in enumerate(states.tolist())]  # fmt: skip
+        each = zip(strides.tolist(), states.tolist(), strict=True)
+        lines = [[line + np.array([x[i], y[i]]) for line in system.in_stride(k).drawn(state)]
+                 for i, (k, state) in enumerate(each)]  # fmt: skip
         everything = np.concatenate([line for drawn in lines for line in drawn])
     else:
         posture = pose(walker, states, x, y, tilts)

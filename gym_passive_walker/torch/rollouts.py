@@ -21,11 +21,12 @@ from gym_passive_walker.envs.transitions import STOPPED, Transition
 from gym_passive_walker.envs.vector_env import seed_randoms
 from gym_passive_walker.gaits.flow import states_in
 from gym_passive_walker.gaits.scenes import rules
+from gym_passive_walker.gaits.scenes.checks import checked
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, rule_of
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene, undisturbed
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.systems import UNEVEN
-from gym_passive_walker.models.model import check_heights_only
+from gym_passive_walker.models.model import check_heights_only, check_supports
 from gym_passive_walker.models.units import proportions
 from gym_passive_walker.models.walkers.walker import varied
 from gym_passive_walker.torch.counting import applied, check_alone, each_tensor
@@ -198,8 +199,10 @@ def _differentiable(scene: Scene) -> Scene:
     """Return the scene if its episodes have gradients; terrain and commands are allowed.
 
     Raises:
-        SceneError: if the scene has noise, delays, random pushes or feasibility constraints.
+        SceneError: if the scene has noise, delays, random pushes or feasibility constraints, or if
+            the legs of its walker differ.
     """
+    checked(check_supports, scene.walker, "rollouts")
     known = {"terrain": None, "terrain_lookahead": 0, "command": None}
     undisturbed(make_scene(scene, **known), "walks with gradients go")
     return scene

@@ -20,6 +20,7 @@ from gym_passive_walker.engine.layout import NARROW, layout_of
 from gym_passive_walker.engine.own import system as own
 from gym_passive_walker.envs.policies import TENSORS, policy_folder, shipped_policies
 from gym_passive_walker.gaits.gait import Gait
+from gym_passive_walker.models.model import check_supports
 
 _ROOT = Path(__file__).parent
 PACKAGE = _ROOT / "package"
@@ -125,6 +126,7 @@ def system_module(system: own.System, gait: Gait | None = None) -> bytes:
     Raises:
         WebError: if the module cannot be compiled here.
     """
+    check_supports(system, "devices")
     texts = code.code_of_system(system)
     digest = hashlib.sha256("".join(texts).encode()).hexdigest()[:16]
     made = cache.found(f"web-{_name()}-{digest}.o")

@@ -29,7 +29,7 @@ from gym_passive_walker.models.chart import Whole
 from gym_passive_walker.models.equations import hybrid
 from gym_passive_walker.models.equations.hybrid import SMOOTH, Ground, Guard, Outcome, Watch
 from gym_passive_walker.models.equations.systems import UNEVEN, register_system
-from gym_passive_walker.models.model import Actuator, Model, check_row, constants_from
+from gym_passive_walker.models.model import ALIKE, Actuator, Model, check_row, constants_from
 from gym_passive_walker.models.units import Units
 
 _FUNCTIONS = (
@@ -228,6 +228,13 @@ class System(Model):
         """Whether each stride has the same parameters."""
         return not self.exchange
 
+    @property
+    def exchanged_places(self) -> tuple[int, ...]:
+        """Places of constants that the legs exchange, pair after pair."""
+        return tuple(
+            self.body._fields.index(name) for pair in self.exchange.items() for name in pair
+        )
+
     @cached_property
     def swapped(self) -> System:
         """The system of the next stride, with the legs exchanged; itself if they are alike."""
@@ -252,10 +259,12 @@ class System(Model):
     def supports(self) -> frozenset[str]:
         """The features that it has; the force of the ground is derived, or must be given."""
         known = self.given is None or None not in (self.given.ground_force, self.given.momentum)
-        features = {"constraints", "ground force", "reality check"} if known else set()
+        features = {"controllers", "devices", "rollouts"}
+        if known:
+            features |= {"constraints", "ground force", "reality check"}
         if known and self.hybrid.mass_matrix is not None:
             features.add("collision matrix")
-        return frozenset(features)
+        return frozenset(features if self.legs_alike else features - ALIKE)
 
     @property
     def title(self) -> str:

@@ -41,6 +41,7 @@ from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.gaits.stride import Stride, account, reported_as
 from gym_passive_walker.gaits.stride_map import Samples, Seeds, StrideMap
 from gym_passive_walker.models.equations.hybrid import Outcome, State
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.units import observed_numbers
 
 _STATE = len(State._fields)
@@ -143,6 +144,10 @@ class ControlledMap(StrideMap):
     spread: float = 1.0
 
     controlled = True
+
+    def __post_init__(self) -> None:
+        """Check that one application is one stride, which the controller plans."""
+        check_supports(self.walker, "controllers")
 
     @property
     def controller(self) -> Any:

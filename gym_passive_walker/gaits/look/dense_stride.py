@@ -326,7 +326,7 @@ def heelstrike_impulses(
     """
     units, body = walker.units, walker.body
     none = Impulse(np.nan, np.nan, time), TimedExtremum(np.nan, np.nan)
-    if (momentum := _momentum_change(walker, before, after, time)) is not None:
+    if (momentum := _momentum_change(walker, before, after, time, walker.swapped)) is not None:
         return momentum, none
     state = State(*units.to_dimensionless(before))
     left = pushed_off(body, state, push_off, ground) if push_off else (np.nan,) * 4
@@ -338,13 +338,18 @@ def heelstrike_impulses(
 
 
 def _momentum_change(
-    walker: Walker, before: NDArray, after: NDArray, time: float
+    walker: Walker, before: NDArray, after: NDArray, time: float, then: Walker | None = None
 ) -> tuple[Impulse, TimedExtremum] | None:
-    """Impulse on a system by the change of its momentum, if that is known; else None."""
+    """Impulse on a system by the change of its momentum, if that is known; else None.
+
+    Its legs are those of `then` after the impact, if they have exchanged their roles.
+    """
     system = walker.equations()
     if system.momentum is None:
         return None
-    momenta = [system.momentum(walker.body, system.State(*state)) for state in (before, after)]
+    bodies = walker.body, (then or walker).body
+    each = zip(bodies, (before, after), strict=True)
+    momenta = [system.momentum(body, system.State(*state)) for body, state in each]
     along, up = np.diff(momenta, axis=0)[0]
     return Impulse(up, along, time), TimedExtremum(np.nan, np.nan)
 

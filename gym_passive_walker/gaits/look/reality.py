@@ -300,6 +300,7 @@ def reality_check(
             foot's clearance between footholds is not defined.
     """
     walker, slope, state, motors, period, controlled = walk_of(walker, slope, state, hip_torque)
+    period *= 1 if walker.legs_alike else 2
     check_supports(walker, "reality check")
     if controlled is not None and controlled.terrain is not None:
         raise ValueError(
@@ -332,7 +333,7 @@ def reality_check(
             )
         parts = dense_phases(walks, slope, here, end, offset=time)
         first = walks.dimensionless(here)
-        height, velocity = (float(part[0]) for part in clearance_of(walker, here[None]))
+        height, velocity = (float(part[0]) for part in clearance_of(walks.walker, here[None]))
         leaves = abs(height) <= _TOUCHING * own.length
         depth, clearance = _release_and_passing(
             turns(phase.clearance for phase in parts), rising=velocity >= 0.0 or not leaves
@@ -356,11 +357,11 @@ def reality_check(
             push_off = float(walks.look(first, np.array([slope]), last).controls[0, 0, 2])
         strike = parts[-1].end
         before = parts[-1].state_at(strike)
-        heel, push = heelstrike_impulses(walker, before, end.state, strike, push_off)
+        heel, push = heelstrike_impulses(walks.walker, before, end.state, strike, push_off)
         heels.append(heel)
         pushes += [push] * (not np.isnan(push[0].normal_impulse))
         phases += parts
-        time, here = time + float(end.duration), end.state
+        time, here, walks = time + float(end.duration), end.state, walks.swapped
 
     def worst(collisions: list[tuple[Impulse, TimedExtremum]]) -> Impulse:
         none = Impulse(np.nan, np.nan, np.nan)

@@ -5,6 +5,7 @@ Nothing here is computed unless it is asked for. All is in the walker's own unit
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -114,7 +115,7 @@ class OverTime(InUnits):
     def _reactions(self) -> Reactions:
         check_supports(self.walker, "ground force")
         there = self.slope + self.tilts
-        return forces(self.walker, there, self.states, self.phases, self.torques)
+        return self._by_leg(forces, there, self.states, self.phases, self.torques)
 
     @property
     def normal_force(self) -> NDArray[np.float64]:
@@ -157,12 +158,12 @@ class OverTime(InUnits):
         The components are along the slope, positive downhill, and away from it.
         """
         contact = np.stack([self.contact_x, self.contact_y], axis=-1)
-        return contact + self._on_slope(centre_of_mass(self.walker, self.states))
+        return contact + self._on_slope(self._by_leg(centre_of_mass, self.states))
 
     @cached_property
     def centre_of_mass_velocity(self) -> NDArray[np.float64]:
         """Velocity of the centre of mass, (n, 2), in components as `centre_of_mass`."""
-        moving = step_derivative(centre_of_mass(self.walker, self._moving))
+        moving = step_derivative(self._by_leg(centre_of_mass, self._moving))
         coordinates = self.states.shape[1] // 2
         moving[:, 0] -= self.walker.foot_radius * self.states[:, coordinates]  # the foot rolls
         return self._on_slope(moving)
@@ -190,7 +191,7 @@ class OverTime(InUnits):
     @property
     def kinetic_energy(self) -> NDArray[np.float64]:
         """Kinetic energy, (n,); of the simplest walker, that of its hip mass."""
-        energy = self.walker.equations().kinetic_energy(self.walker.body, self._state)
+        energy = self.walker.equations().kinetic_energy(self._body, self._state)
         return self._each(energy) * self.units.energy
 
     @property
@@ -206,7 +207,7 @@ class OverTime(InUnits):
         if system.spring_gain is None:
             return np.zeros(len(self.times))
         relaxed = system.State(*np.zeros_like(self.states).T)
-        energy = system.spring_gain(self.walker.body, relaxed, self._state)
+        energy = system.spring_gain(self._body, relaxed, self._state)
         return self._each(energy) * self.units.energy
 
     @property
@@ -220,7 +221,7 @@ class OverTime(InUnits):
         system = self.walker.equations()
         if system.friction_power is None:
             return np.zeros(len(self.times))
-        power = system.friction_power(self.walker.body, self._state)
+        power = system.friction_power(self._body, self._state)
         return self._each(power) * self.units.energy / self.units.time
 
     @property
@@ -241,7 +242,7 @@ class OverTime(InUnits):
 
         The foot is a whole circle here.
         """
-        return clearance_of(self.walker, self.states)[0]
+        return self._by_leg(lambda walker, states: clearance_of(walker, states)[0], self.states)
 
     @cached_property
     def strikes(self) -> Strikes:
@@ -262,13 +263,14 @@ class OverTime(InUnits):
             if taken.kneestrike_time[k] > 0.0:
                 reset = resets[stages[k]][Outcome.KNEESTRIKE]
                 state = system.State(*units.to_dimensionless(folded[k]))
-                after = units.to_own([*reset.strike(walker.body, state, 0.0, SMOOTH).after])
+                own = walker.in_stride(k)
+                after = units.to_own([*reset.strike(own.body, state, 0.0, SMOOTH).after])
                 time = float(began[k] + taken.kneestrike_time[k])
-                given = kneestrike_impulses(walker, folded[k], after, time)
+                given = kneestrike_impulses(own, folded[k], after, time)
                 enter(k, "kneestrike", given, taken.kneestrike_loss)
             if taken.outcome[k] == Outcome.HEELSTRIKE:
                 heel, push = heelstrike_impulses(
-                    walker, landing[k], taken.state[k], float(began[k + 1]), push_offs[k],
+                    walker.in_stride(k), landing[k], taken.state[k], float(began[k + 1]), push_offs[k],
                     Ground(0.0, 1.0, rise, turn),
                 )  # fmt: skip
                 if push_offs[k]:
@@ -305,11 +307,24 @@ class OverTime(InUnits):
         states, left = self.units.to_own(states), (times - early)[:, None]
         held = controls[:, : len(walker.controls)] * walker.control_units
         there = self.slope + self._ground[: len(first), 0]
-        turns = forces(walker, there, states, stages, held).accelerations
+        each = np.arange(len(first))
+        turns = by_leg(walker, each, forces, there, states, stages, held).accelerations
         angles, rates = np.split(states, 2, axis=1)
         ends = [angles + (rates + 0.5 * left * turns) * left, rates + left * turns]
         pushes = controls[:, 2] if "actuation" in walker.supports else np.zeros(len(first))
         return np.concatenate(ends, axis=1), stages, pushes
+
+    def _by_leg(self, function: Callable[..., Any], *given: NDArray) -> Any:
+        """A function of the walker and of each sample, with the legs in their roles there."""
+        return by_leg(self.walker, self.stride_index, function, *given)
+
+    @property
+    def _body(self) -> Any:
+        """Constants of the walker in each sample; numbers if its legs are alike."""
+        if self.walker.legs_alike:
+            return self.walker.body
+        bodies = np.array([self.walker.body, self.walker.swapped.body], dtype=float)
+        return self.walker.equations().Body(*bodies[self.stride_index % 2].T)
 
     @property
     def _state(self) -> Any:
@@ -345,6 +360,27 @@ class OverTime(InUnits):
         }
 
 
+def by_leg(owner: Any, strides: NDArray, function: Callable[..., Any], *given: NDArray) -> Any:
+    """Evaluate a function of a walker or its map and of n samples, with the legs in their roles.
+
+    Args:
+        owner: The walker or the stride map.
+        strides: Number of each sample's stride, (n,).
+        function: Function of the owner and of some samples; it returns an array or a named tuple of
+            arrays, each (n, ...).
+        *given: Arrays (n, ...).
+    """
+    if owner.swapped is owner:
+        return function(owner, *given)
+    legs = [(own, here) for own, turn in ((owner, 0), (owner.swapped, 1))
+            if len(here := np.flatnonzero(strides % 2 == turn))]  # fmt: skip
+    found = [function(own, *(each[here] for each in given)) for own, here in legs]
+    places = np.argsort(np.concatenate([here for _, here in legs]))
+    if isinstance(found[0], tuple):
+        return found[0]._make(np.concatenate(each)[places] for each in zip(*found, strict=True))  # type: ignore[attr-defined]
+    return np.concatenate(found)[places]
+
+
 def look_at(
     stride_map: StrideMap, slope: float, starts: NDArray, ground: NDArray, times: NDArray
 ) -> Samples:
@@ -360,7 +396,13 @@ def look_at(
     count, seen_ahead = len(starts), stride_map.terrain_lookahead
     ahead = np.array([ground[k : k + seen_ahead, 1:].ravel() for k in range(count)])
     here = ground[:count]
-    return stride_map.look(
-        stride_map.dimensionless(starts), slope + here[:, 0], times / stride_map.units.time,
-        here[:, 1] if here.any() else None, ahead=ahead,
+    uneven = bool(here.any())
+
+    def look(own: StrideMap, states: NDArray, *rest: NDArray) -> Samples:
+        slopes, instants, rises, ahead = rest
+        return own.look(states, slopes, instants, rises if uneven else None, ahead=ahead)
+
+    return by_leg(
+        stride_map, np.arange(count), look, stride_map.dimensionless(starts), slope + here[:, 0],
+        times / stride_map.units.time, here[:, 1], ahead,
     )  # fmt: skip

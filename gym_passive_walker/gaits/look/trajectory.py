@@ -234,7 +234,8 @@ def simulate(
         here = slope + ground[k, 0], starts[-1]
         foothold = {"height_change": float(rises[k]), "slope_change": float(ground[k, 2])}
         if controlled is None:
-            walks.append(stride(walker, *here, tolerance=tolerance, **foothold, **held._asdict()))
+            own = walker.in_stride(k)
+            walks.append(stride(own, *here, tolerance=tolerance, **foothold, **held._asdict()))
         else:
             walks.append(strides_of.stride(*here[::-1], **foothold, ahead=ahead[k]))
         if walks[-1].outcome != Outcome.HEELSTRIKE:

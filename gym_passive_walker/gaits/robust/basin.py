@@ -236,19 +236,23 @@ def _slice(
         swing = [rates * ratio for ratio in ratios[: stride_map.dimension - 2]]
         return np.column_stack([angles, rates, *swing])
     assert gait is not None
-    duration = float(gait.stride.duration) / stride_map.units.time
-    before = gait.stride_map.before_strike(gait.point.values[0], gait.slope, duration)
+    # Legs that differ begin on the section after a stride on the other leg.
+    last = 0 if stride_map.walker.legs_alike else -1
+    began = gait.state if last == 0 else gait.cycle.state[-2]
+    duration = float(gait.cycle.duration[last]) / stride_map.units.time
+    strides = gait.stride_map if last == 0 else gait.stride_map.swapped
+    before = strides.before_strike(strides.points_at(began)[0], gait.slope, duration)
     if "ratios" not in stride_map.walker.supports:
         system: Any = stride_map.walker
         m = system.coordinates
         near = system.with_both_feet_down(gait.state[:m] * (angles / gait.state[0])[:, None])
         old = system.exchanged(near)
-        if not np.allclose(system.exchanged(old), near, equal_nan=True):
+        if not np.allclose(system.swapped.exchanged(old), near, equal_nan=True):
             raise ValueError(
                 "the slice of a basin needs legs that a second heelstrike exchanges back: "
                 f"relabel of system {system.name!r} does not"
             )
-        speeds = system.struck(np.hstack([old, np.tile(before[m:], (len(old), 1))]))[:, m:]
+        speeds = system.swapped.struck(np.hstack([old, np.tile(before[m:], (len(old), 1))]))[:, m:]
         return np.hstack([near, speeds * (rates / speeds[:, 0])[:, None]])
     stance, swing = (np.full(len(angles), rate) for rate in before[3:5])
     points, *_ = at_heelstrike(stride_map, angles, stance, swing)
