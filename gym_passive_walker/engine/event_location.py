@@ -276,11 +276,17 @@ def correction_to(history, event, strike, h, options):
     return late, speed, close or abs(late) <= options.landing * max(h, 1e-3)
 
 
-def accepted_event(tile, history, lane, event):
-    """Return the event that a step has ended on; 0, with a next step, if it does not count."""
+def accepted_event(tiles, history, lane, event):
+    """Return the event that a step has ended on; 0, with a next step, if it does not count.
+
+    Tangents at the event are those at its own time, which varies. The accelerations there, in which
+    the next step begins, are evaluated again with their tangents.
+    """
     if history.counted > 0.0:
         return event
-    set_next_step(tile, lane)
+    if len(tiles) > 1:
+        tiles[0].fresh[lane] = 1.0
+    set_next_step(tiles[0], lane)
     return 0
 
 
@@ -319,7 +325,7 @@ def approach_event(tiles, histories, phase, lane, options):
         retry_at_event(tile, lane, other, root(quintic(history, other - 1, h)), h)
         return 0
     accept(tiles, histories, phase, lane, float(event if close else -event), correction)
-    return accepted_event(tile, history, lane, event)
+    return accepted_event(tiles, history, lane, event)
 
 
 def move_to_impact(tiles, histories, phase, lane, options):
@@ -385,7 +391,7 @@ def process_events(tiles, histories, phase, lane, options):
     near = near and phase.strike > 0
     if near and earliest(phase, history, h, scuff, phase.strike)[1] == 0:
         if move_to_impact(tiles, histories, phase, lane, options):
-            return accepted_event(tile, history, lane, phase.strike)
+            return accepted_event(tiles, history, lane, phase.strike)
     first, event = earliest(phase, history, h, scuff, 0)
     if event < 0:  # end the step between two possible roots
         tile.next[lane] = h
