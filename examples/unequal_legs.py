@@ -105,10 +105,12 @@ UNEQUAL_LEGS = gpw.System(
     start=(0.271, -0.271, -0.349, -0.121),
 )
 
-DRIVEN_LEGS = replace(
-    UNEQUAL_LEGS, Control=Hip, travel=lambda state: Hip(state.swing - state.stance)
+PROSTHESIS = replace(
+    UNEQUAL_LEGS.vary(swing_mass=5.2),
+    Control=Hip,
+    travel=lambda state: Hip(state.swing - state.stance),
 )
-"""The same walker with a motor at its hip."""
+"""One leg is 4 % heavier than the other, and the hip has a motor."""
 
 
 def main() -> None:

@@ -198,15 +198,11 @@ class Walkers:
 
     @property
     def swapped(self) -> Walkers:
-        """The walkers of the next stride, whose legs have exchanged parameters; without tangents.
-
-        They are the same walkers if the legs are alike.
-        """
+        """The walkers of the next stride, with the legs exchanged; the same if they are alike."""
         if self.walker.legs_alike:
             return self
-        others = replace(self, walker=self.walker.swapped)
-        others.__dict__["constants"] = self.walker.swap(self.constants)
-        return others
+        own = {self.walker.counterpart(name): value for name, value in self.parameters.items()}
+        return replace(self, walker=self.walker.swapped, parameters=own)
 
     @cached_property
     def _changes(self) -> dict[str, NDArray[np.float64]]:

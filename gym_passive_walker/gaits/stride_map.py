@@ -140,13 +140,13 @@ class StrideMap(Section):
         """Return the map of another walker with the same dimensionless actuation."""
         return self if walker is self.walker else replace(self, walker=walker)
 
-    @property
+    @cached_property
     def swapped(self) -> Self:
-        """This map from the next stride on: the legs exchange the parameters in which they differ.
-
-        The map itself if the legs are alike. Its ground begins on the first foothold.
-        """
-        return self.with_walker(self.walker.swapped)
+        """This map of walkers with the legs exchanged; itself if they are alike."""
+        if self.walker.legs_alike:
+            return self
+        name = self.walker.counterpart(self.parameter)
+        return replace(self, walker=self.walker.swapped, parameter=name)
 
     def coarser(self) -> Self:
         """Return this map with differences over twice the distance, to estimate their error."""

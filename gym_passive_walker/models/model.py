@@ -18,17 +18,19 @@ FEATURES = {
     "actuation": "an Actuation",
     "collision matrix": "collision_matrix",
     "constraints": "the argument `constraints`",
-    "controllers": "a stride map under a controller",
-    "devices": "a walker on a GPU or in a web page",
     "contact margins": "distances of gaits from a halt, a late knee and a grazing foot",
+    "devices": "an environment on a GPU or in a web page",
+    "feedback": "LinearFeedback",
     "gauntlet": "the gauntlet",
     "ground force": "the force on the stance foot",
     "knee lock observed": "an observation with the lock of a knee",
     "legs": "a picture of legs",
     "McGeer's parameters": "this function",
-    "rollouts": "a rollout with derivatives",
+    "optimal gaits": "optimal_gait",
     "ratios": "the argument `ratios` of a basin",
     "reality check": "reality_check",
+    "robustness": "robustness",
+    "rollouts": "a rollout with derivatives",
     "step kinds": "long and short steps",
     "stride plans": "an environment under a plan of several control steps",
     "step derivatives": "a step with derivatives",
@@ -45,7 +47,9 @@ _STATED = {
     "reality check": _FORCE,
 }
 """What equations of a system must have for a feature; it is derived where they are."""
-ALIKE = frozenset({"constraints", "controllers", "devices", "rollouts"})
+ALIKE = frozenset(
+    {"constraints", "devices", "feedback", "optimal gaits", "robustness", "rollouts"}
+)
 """Features of models whose legs are alike."""
 
 Checked = TypeVar("Checked", bound=Any)
@@ -150,6 +154,7 @@ class Model:
         units_with: Return the units of models that differ in some parameters.
         equations: Return the equations of motion, with further features in use.
         constants: Return constants of models that differ in some parameters, (1 or n, constants).
+        counterpart: Return what the model of the next stride calls a parameter.
         in_stride: Return the model of a stride, whose number counts from 0.
         swap: Return constants (..., constants) of the next stride, from those of a stride.
     """
@@ -161,6 +166,10 @@ class Model:
     def swapped(self) -> Any:
         """The model of the next stride."""
         return self
+
+    def counterpart(self, parameter: str | None) -> str | None:
+        """What the model of the next stride calls a parameter."""
+        return parameter
 
     def in_stride(self, number: int) -> Any:
         """The model of a stride, whose number counts from 0."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 import warnings
 from functools import lru_cache
@@ -19,6 +20,7 @@ import gym_passive_walker.torch as walks
 from examples.driven_torso import DRIVEN_TORSO
 from examples.five_links import FIVE_LINKS
 from examples.rimless_wheel import RIMLESS_WHEEL
+from examples.unequal_legs import PROSTHESIS
 from gym_passive_walker.apps.shown import Setup, content_of
 from gym_passive_walker.control.baselines import LinearFeedback
 from gym_passive_walker.devices.gpu.batch import DeviceBatch
@@ -33,6 +35,7 @@ ADDRESSES = {
     "driven torso": "examples.driven_torso:DRIVEN_TORSO",
     "rimless wheel": "examples.rimless_wheel:RIMLESS_WHEEL",
     "five links": "examples.five_links:FIVE_LINKS",
+    "unequal legs": "examples.unequal_legs:PROSTHESIS",
 }
 """Names of the systems in a sweep."""
 
@@ -43,6 +46,7 @@ MODELS = {
     "torso": (DRIVEN_TORSO, 0.03),
     "wheel": (RIMLESS_WHEEL, 0.08),
     "five links": (FIVE_LINKS, 0.05),
+    "unequal legs": (PROSTHESIS, math.radians(3.0)),
 }
 
 
@@ -90,6 +94,9 @@ known = lru_cache(Known)
 
 def strides(m):
     walked = gpw.stride(m.walker, m.slope, m.gait.state)
+    if not m.model.legs_alike:
+        assert np.abs(walked.state - m.gait.state).max() > 1e-3
+        walked = gpw.stride(m.model.swapped, m.slope, walked.state)
     np.testing.assert_allclose(walked.state, m.gait.state, atol=1e-7)
     for size in (m.model.size - 1, m.model.size + 1):
         with pytest.raises(ValueError, match=rf"\({m.model.size},\)"):
@@ -237,6 +244,7 @@ def functions(m):
     largest = [np.sort(np.abs(gait.multipliers))[-3:] for gait in (found, m.gait)]
     np.testing.assert_allclose(*largest, atol=1e-5)
     walked = gpw.stride(controlled, m.slope, m.gait.state)
+    np.testing.assert_allclose(walked.state, m.gait.cycle.state[0], atol=1e-7)
     assert walked.state.shape == (m.model.size,)
     assert [*walked.columns()][: m.model.size] == [*m.names]
     with pytest.raises(ValueError, match=r"state must be \[.*rate.*\]: shape"):
@@ -254,13 +262,16 @@ def single(m):
     """Without actions, strides are those of the stride map."""
     env, gait = m.made(control="stride"), m.gait.dimensionless
     env.reset(seed=0, options={"state": m.gait.state})
-    *_, info = env.step(np.zeros(env.action_space.shape))
+    infos = [env.step(np.zeros(env.action_space.shape))[-1] for _ in m.gait.cycle.duration]
+    steps = {name: np.array([info[name] for info in infos]) for name in infos[0]}
     np.testing.assert_allclose(env.state, m.gait.state, atol=1e-6)
-    assert info["step_period"] == pytest.approx(gait.step_period, abs=1e-6)
-    assert info["step_length"] == pytest.approx(gait.step_length, abs=1e-6)
-    assert info["speed"] == pytest.approx(info["step_length"] / info["step_period"])
-    assert info["gravity_cost"] == pytest.approx(np.sin(m.slope), abs=1e-6)
-    assert info["cost_of_transport"] == info["gravity_cost"]
+    lengths, periods = steps["step_length"], steps["step_period"]
+    np.testing.assert_allclose(periods, gait.cycle.duration, atol=1e-6)
+    np.testing.assert_allclose(lengths, gait.cycle.step_length, atol=1e-6)
+    np.testing.assert_allclose(steps["speed"], lengths / periods)
+    work = (steps["gravity_cost"] * lengths).sum()
+    assert work == pytest.approx(np.sin(m.slope) * lengths.sum(), abs=1e-6)
+    np.testing.assert_array_equal(steps["cost_of_transport"], steps["gravity_cost"])
 
 
 def checker(m):
@@ -494,6 +505,9 @@ CELLS = [
 ]  # fmt: skip
 
 
+OF_LEGS_ALIKE = robust, optima, feedback, constraints, rollouts, gpu_episodes, pages
+
+
 PAIRS = [
     pytest.param(cell, name, marks=[pytest.mark.slow] * (cell in (optima, pages, sweeps)))
     for cell in CELLS
@@ -503,4 +517,9 @@ PAIRS = [
 
 @pytest.mark.parametrize(("cell", "name"), PAIRS, ids=lambda x: getattr(x, "__name__", x))
 def test_every_capability_is_one_of_every_model(cell, name):
-    cell(known(name))
+    model = known(name)
+    if cell in OF_LEGS_ALIKE and not model.model.legs_alike:
+        with pytest.raises(ValueError, match="needs legs that are alike: those of the system"):
+            cell(model)
+    else:
+        cell(model)

@@ -244,10 +244,18 @@ class System(Model):
         other.__dict__["swapped"] = self
         return other
 
+    @property
+    def _counterparts(self) -> dict[str, str]:
+        """Fields that the legs exchange, both ways."""
+        return {**self.exchange, **{b: a for a, b in self.exchange.items()}}
+
+    def counterpart(self, parameter: str | None) -> str | None:
+        """Field of the next stride's body with the value of a field."""
+        return self._counterparts.get(parameter, parameter)  # type: ignore[arg-type]
+
     def next_body(self, body: Any) -> Any:
         """Return the body of the next stride, from that of a stride."""
-        pairs = [pair for a, b in self.exchange.items() for pair in ((a, b), (b, a))]
-        return body._replace(**{name: getattr(body, other) for name, other in pairs})
+        return body._replace(**{a: getattr(body, b) for a, b in self._counterparts.items()})
 
     def swap(self, constants: NDArray) -> NDArray:
         """Return constants (..., constants) of the next stride, from those of a stride."""
@@ -259,7 +267,7 @@ class System(Model):
     def supports(self) -> frozenset[str]:
         """The features that it has; the force of the ground is derived, or must be given."""
         known = self.given is None or None not in (self.given.ground_force, self.given.momentum)
-        features = {"controllers", "devices", "rollouts"}
+        features = {"devices", "feedback", "optimal gaits", "robustness", "rollouts"}
         if known:
             features |= {"constraints", "ground force", "reality check"}
         if known and self.hybrid.mass_matrix is not None:

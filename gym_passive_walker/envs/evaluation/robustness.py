@@ -31,6 +31,7 @@ from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, rough
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import (
     Walker,
     WalkerLike,
@@ -219,6 +220,7 @@ def robustness(
         policy, tried = acting(controller, scene, **changes)  # type: ignore[arg-type]
         tried = make_scene(tried, **_alone(tried))
         name = policy_name(policy)
+    check_supports(tried.walker, "robustness")
     roughness = number(roughness, "roughness", least=0.0, most=1e3)
     strides, starts = whole(strides, "strides", 1, KEPT), whole(starts, "starts", 2, KEPT)
     seed = seed_number(seed)

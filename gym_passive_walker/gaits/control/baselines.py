@@ -29,6 +29,7 @@ from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.scenes.rules import CHANNELS
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import describe, name_of
 
 
@@ -232,6 +233,7 @@ class LinearFeedback(StrideFeedback):
                 f"control={scene.control!r}"
             )
         walker, slope = scene.walker, float(np.mean(scene.slope))
+        check_supports(walker, "feedback")
         largest = np.array([scene.largest(name) for name in scene.actions])
         if not largest.any():
             raise ValueError(

@@ -41,7 +41,6 @@ from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.gaits.stride import Stride, account, reported_as
 from gym_passive_walker.gaits.stride_map import Samples, Seeds, StrideMap
 from gym_passive_walker.models.equations.hybrid import Outcome, State
-from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.units import observed_numbers
 
 _STATE = len(State._fields)
@@ -144,10 +143,6 @@ class ControlledMap(StrideMap):
     spread: float = 1.0
 
     controlled = True
-
-    def __post_init__(self) -> None:
-        """Check that one application is one stride, which the controller plans."""
-        check_supports(self.walker, "controllers")
 
     @property
     def controller(self) -> Any:
@@ -285,7 +280,10 @@ class ControlledMap(StrideMap):
             progress("strides under a controller", len(places)) as taken,
         ):
             for place in places:
-                results, ended = self._stride(points, slopes, lanes, Seeds(change, moving), place)
+                now = self.swapped if place % 2 else self
+                named = {now.walker.counterpart(name): at for name, at in moving.items()}
+                seeds = Seeds(change, moving if now is self else named)
+                results, ended = now._stride(points, slopes, lanes, seeds, place)
                 outcomes = np.where(outcomes == _STRUCK, ended, outcomes)
                 total[:, m : m + 5] += results[:, m : m + 5]
                 total[:, :m], total[:, m + 5 :] = results[:, :m], results[:, m + 5 :]

@@ -25,6 +25,7 @@ from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import describe
 
 STORE = Path(__file__).parent / "gaits"
@@ -65,6 +66,7 @@ def optimal_gait(
         ValueError: if the scene has a range of slopes or no actuator, or the speed is not positive.
     """
     scene = make_scene(scene)
+    check_supports(scene.walker, "optimal gaits")
     slope_of(scene)  # refuses a range before there is work done
     if number(speed, "speed", above=0.0) >= 2.0 and "actuation" in scene.walker.supports:
         raise ValueError(f"speed must lie between 0 and 2, over sqrt(g l), not {speed!r}")
