@@ -124,8 +124,8 @@ def _size(values: NDArray) -> NDArray:
 
 def solved(derivatives: NDArray, values: NDArray) -> NDArray:
     """Solutions (n, k) of the linear systems of all points; NaN where there is none."""
-    solutions = np.array(values, float)
-    eliminate(np.array(derivatives, float), solutions)
+    solutions = np.array(values, float, order="C")
+    eliminate(np.array(derivatives, float, order="C"), solutions)
     return solutions
 
 
