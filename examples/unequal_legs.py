@@ -1,4 +1,4 @@
-"""A compass walker whose legs differ, as with a prosthesis: a system that exchanges parameters.
+"""A compass walker with unequal legs, as with a prosthesis: a system that exchanges parameters.
 
     python -m examples.unequal_legs
 

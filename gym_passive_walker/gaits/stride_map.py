@@ -145,7 +145,7 @@ class StrideMap(Section):
         """This map of walkers with the legs exchanged; itself if they are alike."""
         if self.walker.legs_alike:
             return self
-        name = self.walker.counterpart(self.parameter)
+        name = None if self.parameter is None else self.walker.counterpart(self.parameter)
         return replace(self, walker=self.walker.swapped, parameter=name)
 
     def coarser(self) -> Self:
@@ -204,8 +204,10 @@ class StrideMap(Section):
         footholds is there twice for legs that differ.
         """
         count = 1 if self.terrain is None else len(self.terrain.rises)
-        places = np.arange(count if self.walker.legs_alike else math.lcm(count, 2))
-        return np.zeros((len(places), 3)) if self.terrain is None else self.terrain.ground(0, places)
+        count = count if self.walker.legs_alike else math.lcm(count, 2)
+        if self.terrain is None:
+            return np.zeros((count, 3))
+        return self.terrain.ground(0, np.arange(count))
 
     def ahead(self, place: int) -> NDArray[np.float64]:
         """Height and slope changes ahead of foothold `place`, (2 `terrain_lookahead`,)."""

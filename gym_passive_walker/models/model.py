@@ -47,10 +47,8 @@ _STATED = {
     "reality check": _FORCE,
 }
 """What equations of a system must have for a feature; it is derived where they are."""
-ALIKE = frozenset(
-    {"constraints", "devices", "feedback", "optimal gaits", "robustness", "rollouts"}
-)
-"""Features of models whose legs are alike."""
+ALIKE = frozenset({"constraints", "devices", "feedback", "optimal gaits", "robustness", "rollouts"})
+"""Features of models with legs that are alike."""
 
 Checked = TypeVar("Checked", bound=Any)
 
@@ -155,7 +153,7 @@ class Model:
         equations: Return the equations of motion, with further features in use.
         constants: Return constants of models that differ in some parameters, (1 or n, constants).
         counterpart: Return what the model of the next stride calls a parameter.
-        in_stride: Return the model of a stride, whose number counts from 0.
+        in_stride: Return the model of a stride, by its number from 0.
         swap: Return constants (..., constants) of the next stride, from those of a stride.
     """
 
@@ -167,12 +165,12 @@ class Model:
         """The model of the next stride."""
         return self
 
-    def counterpart(self, parameter: str | None) -> str | None:
+    def counterpart(self, parameter: str) -> str:
         """What the model of the next stride calls a parameter."""
         return parameter
 
     def in_stride(self, number: int) -> Any:
-        """The model of a stride, whose number counts from 0."""
+        """The model of a stride, by its number from 0."""
         return self.swapped if number % 2 else self
 
     def swap(self, constants: NDArray) -> NDArray:

@@ -85,8 +85,8 @@ class System(Model):
             exchanged their roles, by those before it.
         exchange: Fields of `body` in which the legs differ, by pairs: that of the stance leg and
             that of the swing leg, as in ``{"stance_mass": "swing_mass"}``. The two values change
-            places at each heelstrike. One application of the stride map is then two strides, and a
-            walk begins on the leg whose values the body has in the fields of the stance leg.
+            places at each heelstrike. One application of the stride map is then two strides. A walk
+            begins on the leg that the fields of the stance leg describe.
         falls: By the name of an outcome ("fell_forward", "fell_backward", "swing_overrotation"), a
             function of body and state that is positive until the walker has fallen.
         counts: Functions of body and state that are positive where a heelstrike counts, for feet
@@ -249,9 +249,9 @@ class System(Model):
         """Fields that the legs exchange, both ways."""
         return {**self.exchange, **{b: a for a, b in self.exchange.items()}}
 
-    def counterpart(self, parameter: str | None) -> str | None:
+    def counterpart(self, parameter: str) -> str:
         """Field of the next stride's body with the value of a field."""
-        return self._counterparts.get(parameter, parameter)  # type: ignore[arg-type]
+        return self._counterparts.get(parameter, parameter)
 
     def next_body(self, body: Any) -> Any:
         """Return the body of the next stride, from that of a stride."""

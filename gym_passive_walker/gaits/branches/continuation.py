@@ -6,10 +6,10 @@ parameter turns back lies a fold; where a multiplier passes -1 the period double
 pair crosses the unit circle a torus is born (Neimark and Sacker). All are located to rounding by
 root finding along the curve.
 
-A curve may be closed. Else it can only end where the stride map itself has an edge: where kneestrike comes as late as
-heelstrike, or where the foot no longer comes down at heelstrike but glides along the ground. What
-is lost goes to zero smoothly along the curve, so the end is found by going there in steps and
-extrapolating the rest.
+A curve may be closed. Else it can only end where the stride map itself has an edge: where
+kneestrike comes as late as heelstrike, or where the foot no longer comes down at heelstrike but
+glides along the ground. What is lost goes to zero smoothly along the curve, so the end is found by
+going there in steps and extrapolating the rest.
 """
 
 from __future__ import annotations

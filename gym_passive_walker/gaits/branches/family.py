@@ -230,7 +230,8 @@ class GaitFamily(InUnits, Table):
             self.parameter: f"{self.value.min():.6g} to {self.value.max():.6g}"
             + " rad" * (self.parameter == "slope"),
             **{name: ", ".join(f"{x:.6g}" for x in at) for name, at in marks.items() if at},
-            "ends": CLOSED if self.ends[0].reason == CLOSED
+            "ends": CLOSED
+            if self.ends[0].reason == CLOSED
             else " and ".join(f"at {value:.6g} ({reason})" for value, reason in self.ends),
         }
 
