@@ -374,7 +374,7 @@ def _check_heelstrike(checks: Checks, state: Any) -> None:
 
     def struck(body: Any, state: Any) -> tuple:
         after, lost, _ = system._strike(body, state, 0.0, Ground(0.0, 1.0))
-        energy = system._kinetic_energy(system.next_body(body), after)
+        energy = system._kinetic_energy(system._next_body(body), after)
         return system._kinetic_energy(body, state), energy, lost
 
     before, after, lost = checks.tried("relabel", Derived(struck), body, state)
@@ -384,7 +384,7 @@ def _check_heelstrike(checks: Checks, state: Any) -> None:
             f"is {after:.6g} in the new coordinates and {before - lost:.6g} in the old ones"
         )  # fmt: skip
     new = system.State(*system.relabel(body, state), *state[checks.count :])
-    then = system.next_body(body)
+    then = system._next_body(body)
     height = (
         system._centre(body, state)[2]
         - system._centre(body, state)[0] * (system.landing(body, state)[1])
@@ -540,7 +540,7 @@ def _check_resets(checks: Checks, equations: hybrid.System, phase: Phase, state:
         strike = Derived(lambda body, state, s=reset.strike: s(body, state, 0.0, SMOOTH)[:2])
         after, lost = checks.tried(name, strike, body, struck)
         after = equations.State(*checks.numbers(name, after, 2 * checks.count))
-        then = system.next_body(body) if reset.into is None else body
+        then = system._next_body(body) if reset.into is None else body
         energies = [
             float(Derived(equations.kinetic_energy)(of, state))
             for of, state in ((body, struck), (then, after))

@@ -240,7 +240,7 @@ class System(Model):
         """The system of the next stride, with the legs exchanged; itself if they are alike."""
         if self.legs_alike:
             return self
-        other = self.with_body(self.next_body(self.body)._asdict())
+        other = self.with_body(self._next_body(self.body)._asdict())
         other.__dict__["swapped"] = self
         return other
 
@@ -253,7 +253,7 @@ class System(Model):
         """Field of the next stride's body with the value of a field."""
         return self._counterparts.get(parameter, parameter)
 
-    def next_body(self, body: Any) -> Any:
+    def _next_body(self, body: Any) -> Any:
         """Return the body of the next stride, from that of a stride."""
         return body._replace(**{a: getattr(body, b) for a, b in self._counterparts.items()})
 
@@ -261,7 +261,7 @@ class System(Model):
         """Return constants (..., constants) of the next stride, from those of a stride."""
         if self.legs_alike:
             return constants
-        return constants[..., self.next_body(self.body._make(range(len(self.body))))]
+        return constants[..., self._next_body(self.body._make(range(len(self.body))))]
 
     @property
     def supports(self) -> frozenset[str]:
