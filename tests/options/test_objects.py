@@ -15,6 +15,7 @@ import pytest
 import gym_passive_walker as gpw
 from agents.benchmark import rough_strides
 from examples.torso import TORSO
+from examples.unequal_legs import UNEQUAL_LEGS
 from gym_passive_walker._tools.shown import DRAWERS
 from gym_passive_walker._tools.shown import picture as pictures
 from gym_passive_walker.apps.sweeps.tasks import ANALYSES
@@ -203,6 +204,27 @@ OPTIONS = {
             (gpw.Walker, gpw.WALKERS["lab"], ("hip_mass", "thigh_mass")),
         )
     },
+    **{
+        f"{kind.__name__}.{method}": Call(
+            getattr(of, method), first, other, of=getattr(kind, method)
+        )
+        for kind, of in ((gpw.System, UNEQUAL_LEGS), (gpw.Walker, gpw.WALKERS["lab"]))
+        for method, first, other in (
+            ("swap", {"constants": np.arange(7.0)}, {"constants": np.arange(1.0, 8.0)}),
+            ("counterpart", {"parameter": "stance_mass"}, {"parameter": "stance_length"}),
+        )
+    },
+    "System.in_stride": Call(
+        lambda number: UNEQUAL_LEGS.vary(swing_mass=6.0).in_stride(number).body,
+        {"number": 0},
+        {"number": 1},
+        of=gpw.System.in_stride,
+    ),
+    "Walker.in_stride": Call(
+        gpw.WALKERS["lab"].in_stride,
+        {"number": 0},
+        {"number": To(1, same=True)},
+    ),
     "System.vary": Call(COMPASS.vary, {}, {}, of=gpw.System.vary),
     "System.with_body": Call(COMPASS.with_body, {"values": {"hip": 0.6}}, {"values": {"hip": 0.7}}),
     **{
@@ -256,7 +278,8 @@ OPTIONS = {
         besides={
             name: "of given equations alone: see tests/own/test_mass_matrix.py"
             for name in ("given", "mass", "centre")
-        },
+        }
+        | {"exchange": "of legs that differ: see tests/own/test_unequal_legs.py"},
         of=gpw.System.__init__,
     ),
     "Walker": Call(walks, LAB, OTHER, of=gpw.Walker.__init__),
