@@ -19,7 +19,6 @@ FEATURES = {
     "collision matrix": "collision_matrix",
     "constraints": "the argument `constraints`",
     "contact margins": "distances of gaits from a halt, a late knee and a grazing foot",
-    "devices": "an environment on a GPU or in a web page",
     "feedback": "LinearFeedback",
     "gauntlet": "the gauntlet",
     "ground force": "the force on the stance foot",
@@ -27,6 +26,7 @@ FEATURES = {
     "legs": "a picture of legs",
     "McGeer's parameters": "this function",
     "optimal gaits": "optimal_gait",
+    "pages": "a web page",
     "ratios": "the argument `ratios` of a basin",
     "reality check": "reality_check",
     "robustness": "robustness",
@@ -47,7 +47,7 @@ _STATED = {
     "reality check": _FORCE,
 }
 """What equations of a system must have for a feature; it is derived where they are."""
-ALIKE = frozenset({"constraints", "devices", "feedback", "optimal gaits", "robustness", "rollouts"})
+ALIKE = frozenset({"constraints", "feedback", "optimal gaits", "pages", "robustness", "rollouts"})
 """Features of models with legs that are alike."""
 
 Checked = TypeVar("Checked", bound=Any)

@@ -505,7 +505,7 @@ CELLS = [
 ]  # fmt: skip
 
 
-OF_LEGS_ALIKE = robust, optima, feedback, constraints, rollouts, gpu_episodes, pages
+OF_LEGS_ALIKE = robust, optima, feedback, constraints, rollouts, pages
 
 
 PAIRS = [

@@ -27,11 +27,10 @@ from gym_passive_walker.envs.batch import observed_bodies, radii_of, rules_of, s
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.disturbances import Disturbances, disturbed
-from gym_passive_walker.gaits.scenes.checks import checked
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, make_scene
 from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.models.equations.systems import SYSTEMS
-from gym_passive_walker.models.model import bodies, check_supports
+from gym_passive_walker.models.model import bodies
 from gym_passive_walker.models.walkers import Walker
 
 DRAWN = 4096
@@ -97,7 +96,6 @@ class DeviceBatch:
     ) -> None:
         device.need_device()
         self.scene = make_scene(scene, **changes)
-        checked(check_supports, self.scene.walker, "devices")
         self.count = whole(count, "count")
         self.custom = Custom(self.scene, self.count)
         for name, rule in self.custom.rules.items():
@@ -148,7 +146,8 @@ class DeviceBatch:
         if self.custom.rules:
             features.append("custom")
             given |= self.custom.arrays(code.rules)
-        if len(drawn) == 1 and not disturbed(scene):  # all walkers share one row
+        alike = len(drawn) == 1 and scene.walker.legs_alike
+        if alike and not disturbed(scene):  # all walkers share one row
             given |= {"bodies": pool[:, None], "radii": radii_of(drawn)}
         lengths = {
             "walkers": count, "rows": count, "constants": width, "seen": shown,

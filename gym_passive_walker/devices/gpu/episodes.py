@@ -55,6 +55,7 @@ def begin_episode(here, i, scratch):
         scratch.draws[0, k] = uniform(key, k, _START)
     if len(here.bodies) == len(here.records):
         here.drawn[i] = int(uniform(key, 0, _WHICH) * len(here.pool))
+        here.ledger[i].strides = 0  # the body is that of a first stride
         for k in range(here.pool.shape[1]):
             here.bodies[i, 0, k] = here.pool[here.drawn[i], k]
         if here.rules[0].coordinates == 0:  # feet of a system roll by their own equations

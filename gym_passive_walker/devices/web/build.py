@@ -126,7 +126,7 @@ def system_module(system: own.System, gait: Gait | None = None) -> bytes:
     Raises:
         WebError: if the module cannot be compiled here.
     """
-    check_supports(system, "devices")
+    check_supports(system, "pages")
     texts = code.code_of_system(system)
     digest = hashlib.sha256("".join(texts).encode()).hexdigest()[:16]
     made = cache.found(f"web-{_name()}-{digest}.o")
