@@ -30,7 +30,6 @@ FEATURES = {
     "ratios": "the argument `ratios` of a basin",
     "reality check": "reality_check",
     "robustness": "robustness",
-    "rollouts": "a rollout with derivatives",
     "step kinds": "long and short steps",
     "stride plans": "an environment under a plan of several control steps",
     "step derivatives": "a step with derivatives",
@@ -47,7 +46,7 @@ _STATED = {
     "reality check": _FORCE,
 }
 """What equations of a system must have for a feature; it is derived where they are."""
-ALIKE = frozenset({"constraints", "feedback", "optimal gaits", "pages", "robustness", "rollouts"})
+ALIKE = frozenset({"constraints", "feedback", "optimal gaits", "pages", "robustness"})
 """Features of models with legs that are alike."""
 
 Checked = TypeVar("Checked", bound=Any)

@@ -21,12 +21,11 @@ from gym_passive_walker.envs.transitions import STOPPED, Transition
 from gym_passive_walker.envs.vector_env import seed_randoms
 from gym_passive_walker.gaits.flow import states_in
 from gym_passive_walker.gaits.scenes import rules
-from gym_passive_walker.gaits.scenes.checks import checked
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, rule_of
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene, undisturbed
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.systems import UNEVEN
-from gym_passive_walker.models.model import check_heights_only, check_supports
+from gym_passive_walker.models.model import check_heights_only
 from gym_passive_walker.models.units import proportions
 from gym_passive_walker.models.walkers.walker import varied
 from gym_passive_walker.torch.counting import applied, check_alone, each_tensor
@@ -154,7 +153,7 @@ def initial_state(
     coordinates, parameters_of = scene.walker.coordinates, [w.parameters for w in batch.walkers]
     values = {
         name: torch.tensor([each[name] for each in parameters_of], dtype=torch.float64)
-        for name in scene.domain_randomization
+        for name in {**scene.domain_randomization, **dict.fromkeys(_exchanged(scene))}
     }
     given = check_parameters(scene.walker, parameters)
     changes = torch.zeros((0, 2), dtype=torch.float64)
@@ -195,14 +194,25 @@ def initial_state(
     return here._replace(last=last)
 
 
+def _exchanged(scene: Scene) -> list[str]:
+    """Names of the parameters that legs exchange at heelstrikes."""
+    return [scene.walker.body._fields[place] for place in scene.walker.exchanged_places]
+
+
+def _swapped(scene: Scene, parameters: dict[str, Tensor], where: Tensor) -> dict[str, Tensor]:
+    """Return parameters with the legs exchanged for some walkers, (n,)."""
+    other = {name: parameters[scene.walker.counterpart(name)] for name in _exchanged(scene)}
+    return parameters | {
+        name: torch.where(where, value, parameters[name]) for name, value in other.items()
+    }
+
+
 def _differentiable(scene: Scene) -> Scene:
     """Return the scene if its episodes have gradients; terrain and commands are allowed.
 
     Raises:
-        SceneError: if the scene has noise, delays, random pushes or feasibility constraints, or if
-            the legs of its walker differ.
+        SceneError: if the scene has noise, delays, random pushes or feasibility constraints.
     """
-    checked(check_supports, scene.walker, "rollouts")
     known = {"terrain": None, "terrain_lookahead": 0, "command": None}
     undisturbed(make_scene(scene, **known), "walks with gradients go")
     return scene
@@ -298,7 +308,8 @@ def _observed(scene: Scene, here: RolloutState) -> Tensor:
     if scene.observe_body and "units" in scene.walker.supports:
         body = proportions(varied(scene.walker, here.parameters), scene.observe_body)
     elif scene.observe_body:
-        numbers = scene.walker.parameters | here.parameters
+        numbers = _swapped(scene, here.parameters, here.strides % 2 == 1)  # of the first stride
+        numbers = scene.walker.parameters | numbers
         body = [numbers[name] for name in scene.observe_body]
     seen = rules.observed(scene, here.states.T, locked, slopes, here.commands, ahead, body)
     return _stacked(seen, here)
@@ -384,6 +395,7 @@ def _tick(
         starts=torch.where(struck[:, None], moved.states[:, : here.starts.shape[1]], here.starts),
         progress=torch.where(struck, 0.0, here.progress + distances),
         strides=here.strides + struck,
+        parameters=_swapped(scene, here.parameters, struck),
     )
     if ruled:
         zero = torch.zeros_like(left)

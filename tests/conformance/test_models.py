@@ -505,7 +505,7 @@ CELLS = [
 ]  # fmt: skip
 
 
-OF_LEGS_ALIKE = robust, optima, feedback, constraints, rollouts, pages
+OF_LEGS_ALIKE = robust, optima, feedback, constraints, pages
 
 
 PAIRS = [

@@ -11,10 +11,13 @@ from functools import cache
 import gymnasium as gym
 import numpy as np
 import pytest
+import torch
 from scipy.integrate import solve_ivp
 
 import gym_passive_walker as gpw
+import gym_passive_walker.torch as walks
 from examples.unequal_legs import PROSTHESIS, UNEQUAL_LEGS
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.modeling import StatementError
 from tests.own.oracle import Independent
 
@@ -282,6 +285,31 @@ def test_a_walker_of_a_batch_has_the_bits_that_it_has_alone():
         for lane, env in enumerate(alone):
             own = env.step(actions[lane])
             assert (own[0].tobytes(), own[1]) == (seen[lane].tobytes(), paid[lane])
+
+
+def test_a_rollout_earns_what_the_environment_pays():
+    """Its gradient by the mass of one leg is that of differences."""
+    scene = make_scene(
+        system=PROSTHESIS, slope=SLOPE, reset_noise_scale=0.0, observe_body=("swing_mass",),
+        tolerance=1e-12,
+    )  # fmt: skip
+    envs = gym.make_vec("PassiveWalker-v0", num_envs=2, scene=scene)
+    envs.reset(seed=0)
+    idle = lambda seen: torch.zeros((len(seen), 1), dtype=torch.float64)  # noqa: E731
+    found = walks.rollout(idle, scene, 50, count=2)
+    paid = np.array([envs.step(np.zeros((2, 1)))[1] for _ in range(50)])
+    np.testing.assert_allclose(found.rewards, paid, atol=1e-9)
+    assert found.end.strides.tolist() == [2, 2] or found.end.strides.min() > 2
+    np.testing.assert_array_equal(found.observations[..., -1], found.observations[0, 0, -1])
+    mass = torch.tensor(5.2, dtype=torch.float64, requires_grad=True)
+
+    def returns(mass):
+        start = walks.initial_state(scene, 2, seed=0, parameters={"swing_mass": mass})
+        return walks.rollout(idle, scene, 50, start=start).returns.sum()
+
+    (by,) = torch.autograd.grad(returns(mass), mass)
+    beside = [returns(torch.tensor(5.2 + d, dtype=torch.float64)).item() for d in (1e-4, -1e-4)]
+    assert by.item() == pytest.approx((beside[0] - beside[1]) / 2e-4, rel=1e-3)
 
 
 @pytest.mark.parametrize("scene", [{}, {"domain_randomization": {"swing_mass": 0.1}}])

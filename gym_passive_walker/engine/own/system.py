@@ -267,7 +267,7 @@ class System(Model):
     def supports(self) -> frozenset[str]:
         """The features that it has; the force of the ground is derived, or must be given."""
         known = self.given is None or None not in (self.given.ground_force, self.given.momentum)
-        features = {"feedback", "optimal gaits", "pages", "robustness", "rollouts"}
+        features = {"feedback", "optimal gaits", "pages", "robustness"}
         if known:
             features |= {"constraints", "ground force", "reality check"}
         if known and self.hybrid.mass_matrix is not None:
