@@ -145,8 +145,8 @@ class StrideMap(Section):
         """This map of walkers with the legs exchanged; itself if they are alike."""
         if self.walker.legs_alike:
             return self
-        name = None if self.parameter is None else self.walker.counterpart(self.parameter)
-        return replace(self, walker=self.walker.swapped, parameter=name)
+        varied = {self.walker.counterpart(name): value for name, value in self.varied.items()}
+        return replace(self, walker=self.walker.swapped, varied=varied)
 
     def coarser(self) -> Self:
         """Return this map with differences over twice the distance, to estimate their error."""
