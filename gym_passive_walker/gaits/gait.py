@@ -41,7 +41,7 @@ class Gait(Measured, Table):
         kind: "long" or "short" step. An untuned walker's slowest gaits lie beyond a fold of its
             long-step branch. They belong to that branch and are "long".
         period: Strides until the motion repeats. On a terrain that repeats after L strides, the
-            motion repeats after L times as many.
+            motion repeats after L times as many; with unequal legs, L is 2.
         state: State on the Poincaré section, just after heelstrike, (6,): angles in rad, then
             angular velocities.
         multipliers: Floquet multipliers, the eigenvalues of the stride map's derivative over one
