@@ -199,6 +199,25 @@ def test_each_stride_is_that_of_an_independent_derivation(legs):
     assert heights[:, 20:-20].min() < 0.0 < heights[:, 20:-20].max()
 
 
+def test_energies_and_forces_over_time_are_those_of_the_leg_that_stands():
+    """Passive strides keep their energy, and the force of the ground moves the centre of mass."""
+    gait = gpw.find_gait(leg_2(mass=6.0), 0.07)
+    walk = gpw.simulate(gait, strides=4, samples=400, tolerance=1e-13)
+    energy = walk.mechanical_energy.reshape(4, 400)
+    np.testing.assert_allclose(energy - energy[:, :1], 0.0, atol=1e-11)
+    loss = energy[:-1, -1] - energy[1:, 0]
+    lost = walk.strikes.loss
+    np.testing.assert_allclose(loss, lost[:3], rtol=1e-8)
+    assert lost[0] != pytest.approx(lost[1], rel=1e-2) and lost[0] == pytest.approx(lost[2])
+    velocity = walk.com_velocity_y.reshape(4, 400)
+    times = walk.times.reshape(4, 400)
+    force = walk.normal_force.reshape(4, 400) - 21.0 * math.cos(0.07)
+    gained = np.trapezoid(force, times, axis=1)
+    np.testing.assert_allclose(gained, 21.0 * (velocity[:, -1] - velocity[:, 0]), atol=1e-4)
+    jumps = 21.0 * (velocity[1:, 0] - velocity[:-1, -1])
+    np.testing.assert_allclose(walk.strikes.normal_impulse[:3], jumps, atol=1e-7)
+
+
 def test_derivatives_by_a_parameter_of_one_leg_are_those_of_differences():
     strides = gpw.stride_map(leg_2(length=0.999), SLOPE)
     point = gpw.find_gait(strides).point.values
