@@ -270,8 +270,8 @@ class OverTime(InUnits):
                 enter(k, "kneestrike", given, taken.kneestrike_loss)
             if taken.outcome[k] == Outcome.HEELSTRIKE:
                 heel, push = heelstrike_impulses(
-                    walker.in_stride(k), landing[k], taken.state[k], float(began[k + 1]), push_offs[k],
-                    Ground(0.0, 1.0, rise, turn),
+                    walker.in_stride(k), landing[k], taken.state[k], float(began[k + 1]),
+                    push_offs[k], Ground(0.0, 1.0, rise, turn),
                 )  # fmt: skip
                 if push_offs[k]:
                     enter(k, "push-off", push, -taken.push_off_work)
