@@ -36,7 +36,7 @@ STANCE_STOPS = "the stance leg barely passes the vertical"
 TANGENTIAL = "heelstrike becomes tangential"
 BOUND = "end of the range asked for"
 VANISHED = "the step length goes to zero"
-CLOSED = "the curve is closed"
+CLOSED_CURVE = "the curve is closed"
 STEP_ENDS = "a strike comes as a control step ends"
 LOST = "the family could not be followed further"
 
@@ -398,11 +398,11 @@ def follow_branch(curve: Curve, start: Point, resolution: float) -> Branch:
             multipliers_cross(there)
             points.append(there)
             if closes:
-                end = End(curve.value_at(start), CLOSED)
+                end = End(curve.value_at(start), CLOSED_CURVE)
                 break
     if curve.stride_map.exact and len(points) > 1:
         points = [start, *curve.polished(points[1:])]
-        if end is not None and end.reason == CLOSED:
+        if end is not None and end.reason == CLOSED_CURVE:
             points[-1] = start
     if at_bound is not None:
         points.append(at_bound)

@@ -15,7 +15,7 @@ from gym_passive_walker._tools.shown import Table
 from gym_passive_walker.gaits.actuation import Actuation, one_actuation
 from gym_passive_walker.gaits.branches.continuation import (
     BOUND,
-    CLOSED,
+    CLOSED_CURVE,
     STANCE_STOPS,
     Axis,
     Branch,
@@ -186,7 +186,7 @@ class GaitFamily(InUnits, Table):
             value = float(ends[at_end][0])
         passed, states = states_between(self, value)
         once = self.value[passed + 1] != value
-        if self.ends[1].reason != CLOSED:  # there the last gait is the first
+        if self.ends[1].reason != CLOSED_CURVE:  # there the last gait is the first
             once |= passed == len(self) - 2
         if len(passed) == 0:
             reach = min(*ends, *self.folds), max(*ends, *self.folds)
@@ -230,8 +230,8 @@ class GaitFamily(InUnits, Table):
             self.parameter: f"{self.value.min():.6g} to {self.value.max():.6g}"
             + " rad" * (self.parameter == "slope"),
             **{name: ", ".join(f"{x:.6g}" for x in at) for name, at in marks.items() if at},
-            "ends": CLOSED
-            if self.ends[0].reason == CLOSED
+            "ends": CLOSED_CURVE
+            if self.ends[0].reason == CLOSED_CURVE
             else " and ".join(f"at {value:.6g} ({reason})" for value, reason in self.ends),
         }
 
@@ -277,7 +277,7 @@ def _family(
     if start is None:
         raise GaitNotFound(f"the gait of {describe(walker)} at {value} could not be followed")
     up = follow_branch(curve, start, resolution)
-    if up.end.reason == CLOSED:
+    if up.end.reason == CLOSED_CURVE:
         down = Branch([start], [], [], [], up.end)
     else:
         down = follow_branch(curve, start._replace(tangent=-start.tangent), resolution)
