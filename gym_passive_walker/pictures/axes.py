@@ -141,7 +141,7 @@ def legend_below(figure: Figure, ax: Axes, *, columns: int = 5) -> None:
         made.remove()
 
 
-def fit(figure: Figure, size: tuple[float, float]) -> None:
+def resize(figure: Figure, size: tuple[float, float]) -> None:
     """Change the size of a figure (cm), and the columns of its legends to those that have room."""
     width, height = (length / 2.54 for length in size)
     figure.set_size_inches(width, height)

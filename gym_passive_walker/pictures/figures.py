@@ -36,11 +36,11 @@ from gym_passive_walker.pictures.axes import (
     SLOPE,
     VERMILION,
     figure_of,
-    fit,
     legend,
     legend_below,
     panels,
     picture_path,
+    resize,
     save,
     series,
 )
@@ -378,7 +378,7 @@ def draw(
     tables = plate.tables()
     figure = plate.draw(tables)
     if size is not None:
-        fit(figure, size)
+        resize(figure, size)
     save(figure, path, plate.caption)
     if not tables:
         return [path]

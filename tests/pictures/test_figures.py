@@ -11,7 +11,7 @@ pytest.importorskip("matplotlib")
 
 from gym_passive_walker.models.walkers import WALKERS, Walker, interpolate, tune
 from gym_passive_walker.pictures import figures
-from gym_passive_walker.pictures.axes import fit, legend_below
+from gym_passive_walker.pictures.axes import legend_below, resize
 from gym_passive_walker.pictures.diagram import (
     approach,
     heelstrike_diagram,
@@ -78,12 +78,12 @@ def test_a_pdf_has_the_size_in_cm_that_was_asked_for_and_embeds_its_fonts(tmp_pa
 @pytest.mark.parametrize("width", [9.0, 24.0])
 def test_a_legend_has_the_columns_for_which_a_figure_has_room(width):
     figure = figures.transition(figures.point_feet())
-    fit(figure, (width, 12.0))
+    resize(figure, (width, 12.0))
     figure.draw_without_rendering()
     (ax,) = figure.axes
     assert ax.get_legend().get_window_extent().width <= figure.bbox.width
     legend_below(figure, ax)
-    fit(figure, (width, 14.0))
+    resize(figure, (width, 14.0))
     (below,) = figure.legends
     assert below.get_window_extent().width <= figure.bbox.width
 
