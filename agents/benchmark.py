@@ -26,7 +26,7 @@ from agents.training import Run
 from gym_passive_walker import GaitNotFound
 from gym_passive_walker._tools.files import replacing
 from gym_passive_walker.envs.evaluation.steps import steps
-from gym_passive_walker.envs.evaluation.walks import HUNDRED, TIME_LIMIT, Walks, evaluate
+from gym_passive_walker.envs.evaluation.walks import HUNDRED, TIME_LIMIT, Walks, simulate_episodes
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import BASELINES
@@ -174,7 +174,9 @@ def _learn(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
 def scores_of(policy: Policy, name: str) -> dict[str, Any]:
     """An agent's scores in a scene, by its name: means over walks, and costs over all distance."""
     scene = make_scene(name)
-    walks = evaluate(policy, envs.arena(configure("ppo", name), EPISODES), seed=EPISODE_SEED)
+    walks = simulate_episodes(
+        policy, envs.arena(configure("ppo", name), EPISODES), seed=EPISODE_SEED
+    )
     # Costs are relative to the total distance, so that a short walk has a small weight.
     way = max(float(walks.length.sum()), 1e-300)
     gravity, hip, net = (

@@ -8,17 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from agents import envs
-from agents.config import Config
 from agents.learner import learned
 from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker._tools.files import replacing
-from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks, evaluate, score_table
-from gym_passive_walker.gaits.control import optimal
-from gym_passive_walker.gaits.control.baselines import Passive
-from gym_passive_walker.gaits.scenes.scene import undisturbed
+from gym_passive_walker.envs.evaluation.comparison import Evaluation, evaluate
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks, score_table
 
 EPISODES, SEED = 20, 1000
 """Number of episodes that evaluate a run, and the seed of the first."""
@@ -52,20 +47,23 @@ def evaluate_policy(
     """
     episodes, seed = whole(episodes, "episodes"), whole(seed, "seed", least=0)
     config, policy = learned(which, trust=trust)
-    arena = envs.arena(config, episodes)
-    passive_agent = Passive(envs.scene_of(config))
-    walks, passive = (evaluate(agent, arena, seed=seed) for agent in (policy, passive_agent))
-    columns = {config.algo.upper(): walks, Passive.name: passive}
-    text = score_table(f"{envs.describe(config)}; {episodes} episodes", columns)
-    text = "\n".join([text, *in_words(config, walks, passive)])
-    return text, [row for name, each in columns.items() for row in each.rows(name)]
+    found = evaluate(
+        policy, envs.scene_of(config), episodes=episodes, seed=seed, beside=("passive",)
+    )
+    names = {found.controller_name: config.algo.upper()}
+    walks = {names.get(name, name): made for name, made in found.walks.items()}
+    above = {names.get(name, name): share for name, share in found.above_optimum.items()}
+    text = score_table(f"{envs.describe(config)}; {episodes} episodes", walks, above)
+    text = "\n".join([text, *in_words(found)])
+    return text, [row for name, each in walks.items() for row in each.rows(name)]
 
 
-def in_words(config: Config, walks: Walks, passive: Walks) -> list[str]:
+def in_words(found: Evaluation) -> list[str]:
     """Sentences on a policy's walks: how far, how near the optimum, and without an actuator."""
+    walks, passive = found.walks.values()
     return [
         f"With the policy, {_how_far(walks)}",
-        _above_optimum(config, walks),
+        found.in_words(),
         f"Without an actuator, {_how_far(passive)}",
     ]
 
@@ -78,30 +76,6 @@ def _how_far(walks: Walks) -> str:
     return (
         f"{int(walks.reached_limit.sum())} of {len(walks)} walks reach the time limit{falls}. The "
         f"median walk has {median['strides']:.0f} strides and {median['distance']:.1f} leg lengths."
-    )
-
-
-def _above_optimum(config: Config, walks: Walks) -> str:
-    """Describe the energy of the walks to the time limit beside that of the optimal gait."""
-    lasting = walks.reached_limit
-    if 2 * lasting.sum() < len(walks):
-        return "Most of its walks end in a fall, so its cost is not compared with the optimum."
-    speed = float(np.median(walks.speed[lasting]))
-    cost = float(np.median(walks.cost_of_transport[lasting]))
-    try:
-        scene = undisturbed(envs.scene_of(config), "the optimum is of walks")
-        name = optimal.stored_name(scene)
-    except ValueError:
-        return "No optimal gaits of this scene are stored to compare its cost with."
-    try:
-        least = optimal.least_cost(name, speed)
-    except ValueError:
-        return f"No optimal gait is stored at its speed, {speed:.3f} √(g l)."
-    share = cost / least - 1.0
-    above = f"{share:.1%} above" if share >= 5e-4 else "no more than"
-    return (
-        f"Its speed is {speed:.3f} √(g l) and its cost of transport {cost:.4f}, {above} the least "
-        f"possible at that speed, {least:.4f} (python train.py optimal)."
     )
 
 

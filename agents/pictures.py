@@ -13,7 +13,7 @@ from agents import envs
 from agents.evaluation import EPISODES, SEED
 from agents.learner import learned
 from gym_passive_walker._tools.files import replacing
-from gym_passive_walker.envs.evaluation.walks import evaluate
+from gym_passive_walker.envs.evaluation.walks import simulate_episodes
 from gym_passive_walker.gaits.control.baselines import Passive
 from gym_passive_walker.gaits.control.maps import stride_map
 from gym_passive_walker.gaits.control.policy import Policy
@@ -39,7 +39,7 @@ def draw_run(run: Path, rows: Sequence[dict[str, Any]], *, trust: bool = False) 
     config, policy = learned(run, trust=trust)
     without = Passive(envs.scene_of(config))
     with replacing(run / "learning_curve.png") as path:
-        passive = evaluate(without, envs.arena(config, EPISODES), seed=SEED).summary()
+        passive = simulate_episodes(without, envs.arena(config, EPISODES), seed=SEED).summary()
         learning_curve(path, rows, passive, envs.describe(config))
     with replacing(run / "gait.png") as path:
         title = f"{config.algo.upper()} on {envs.describe(config)}"

@@ -27,7 +27,7 @@ from agents.envs import scene_of
 from gym_passive_walker._tools import console
 from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker._tools.extras import extra
-from gym_passive_walker.envs.evaluation.walks import Walks, evaluate, score_table
+from gym_passive_walker.envs.evaluation.walks import Walks, score_table, simulate_episodes
 from gym_passive_walker.envs.registration import ID, MAX_EPISODE_STEPS
 from gym_passive_walker.envs.seeds import training_seeds
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
@@ -187,7 +187,7 @@ def train(
                 print(f"{steps:,} steps: episodes of {length:.0f}", flush=True)
         if out is not None:
             algorithm.save_to_path(out.absolute())
-        return evaluate(RllibPolicy(algorithm), arena(config), seed=SEED)
+        return simulate_episodes(RllibPolicy(algorithm), arena(config), seed=SEED)
     finally:
         ray.shutdown()
 
@@ -220,7 +220,7 @@ def _compare(args: argparse.Namespace) -> None:
     """Train, and print the evaluation beside that of the passive walker."""
     config = configure("ppo", args.scene, steps=args.steps, seed=args.seed)
     walks = train(config, runners=args.runners, out=args.out)
-    passive = evaluate(Passive(), arena(config), seed=SEED)
+    passive = simulate_episodes(Passive(), arena(config), seed=SEED)
     print(
         score_table(
             f"{config.scene}; {EPISODES} episodes", {"RLlib PPO": walks, Passive.name: passive}

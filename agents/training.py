@@ -18,7 +18,7 @@ from agents.evaluation import write_rows
 from agents.exploration import explorers
 from agents.learner import LearnedPolicy, begin_with, build, on_numpy
 from gym_passive_walker._tools.files import replacing
-from gym_passive_walker.envs.evaluation.walks import evaluate
+from gym_passive_walker.envs.evaluation.walks import simulate_episodes
 
 EPISODES = 20
 """Number of episodes of each evaluation during training."""
@@ -137,7 +137,7 @@ class Run:
     def _evaluate(self, seconds: float) -> dict[str, Any]:
         """Add a row to the learning curve, and save the policy if it is to be kept."""
         policy = LearnedPolicy(self.model, self.config.algo.upper())
-        walks = evaluate(on_numpy(policy, self.config), self.exam, seed=EXAM_SEED)
+        walks = simulate_episodes(on_numpy(policy, self.config), self.exam, seed=EXAM_SEED)
         self.notes["seconds"] += seconds
         row = {
             "steps": self.steps,

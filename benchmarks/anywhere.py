@@ -30,7 +30,7 @@ import gym_passive_walker as gpw
 from benchmarks.report import machine, seconds, table
 from benchmarks.tables import DOCS, keep
 from gym_passive_walker._tools import console
-from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, evaluate
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, simulate_episodes
 from gym_passive_walker.gaits.actuation import to_own
 from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.optimum import OptimalGait
@@ -142,7 +142,7 @@ def walk(out: Path, args: argparse.Namespace) -> None:
     scenes = held_out(args.bodies)
     for name, policy in policies(out):
         watched = Watched(policy)
-        walks = evaluate(watched, arena(args.bodies), seed=HELD_OUT)
+        walks = simulate_episodes(watched, arena(args.bodies), seed=HELD_OUT)
         rows = []
         for i, ending in enumerate(walks.endings):
             speed, (point, torques) = float(scenes[i].command), ([], [])  # type: ignore[arg-type]

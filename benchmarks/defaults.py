@@ -27,7 +27,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 import gym_passive_walker  # noqa: F401  (registers the environments)
 from gym_passive_walker._tools import console
-from gym_passive_walker.envs.evaluation.walks import evaluate
+from gym_passive_walker.envs.evaluation.walks import simulate_episodes
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.envs.seeds import training_seeds
 
@@ -98,7 +98,7 @@ def learn(args: argparse.Namespace, seed: int) -> None:
     begun = time.perf_counter()
 
     def row(steps: int) -> None:
-        walks = evaluate(policy, arena, seed=SEED)
+        walks = simulate_episodes(policy, arena, seed=SEED)
         lasting = walks.reached_limit
         print(
             f"| {args.algo} | {seed} | {steps:,} | {lasting[:FIRST].sum()} of {FIRST} | "

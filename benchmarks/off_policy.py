@@ -28,7 +28,7 @@ from agents.learner import LearnedPolicy, schedule
 from benchmarks.report import machine, table
 from gym_passive_walker._tools import console
 from gym_passive_walker._tools.extras import extra
-from gym_passive_walker.envs.evaluation.walks import evaluate
+from gym_passive_walker.envs.evaluation.walks import simulate_episodes
 from gym_passive_walker.envs.seeds import training_seeds
 
 LEARNERS = {
@@ -73,7 +73,7 @@ def learn(learner: str, seed: int, steps: int | None) -> dict[str, Any]:
     begun = time.process_time()
     model.learn(config.steps, callback=explorers("sac", config.exploration))
     took = time.process_time() - begun
-    walks = evaluate(LearnedPolicy(model, learner), arena(config, EPISODES), seed=SEED)
+    walks = simulate_episodes(LearnedPolicy(model, learner), arena(config, EPISODES), seed=SEED)
     lasting = walks.reached_limit
     speed, cost = (
         float(np.median(each[lasting])) if lasting.any() else np.nan

@@ -7,6 +7,7 @@ from gym_passive_walker.apps.play import play
 from gym_passive_walker.apps.sweeps.run import SweepResult, sweep
 from gym_passive_walker.engine.own.mechanics import Link
 from gym_passive_walker.engine.own.system import StatementError, System
+from gym_passive_walker.envs.evaluation.comparison import Evaluation, evaluate
 from gym_passive_walker.envs.evaluation.gauntlet import Gauntlet, gauntlet
 from gym_passive_walker.envs.evaluation.robustness import Robustness, robustness
 from gym_passive_walker.envs.explain import explain
@@ -74,6 +75,7 @@ __all__ = [
     "BifurcationLocus",
     "Cascade",
     "Design",
+    "Evaluation",
     "FootVelocity",
     "Gait",
     "GaitFamily",
@@ -110,6 +112,7 @@ __all__ = [
     "combine",
     "crisis",
     "doubling_cascade",
+    "evaluate",
     "explain",
     "find_gait",
     "find_gaits",

@@ -11,10 +11,11 @@ import torch
 from matplotlib import figure
 
 import train
-from agents import commands, envs, evaluation, files
+from agents import commands, envs, files
 from agents.config import Config, configure
 from agents.learner import load_policy
 from gym_passive_walker import WALKERS, Gait
+from gym_passive_walker.envs.evaluation.walks import simulate_episodes
 from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import Passive
 from tests.agents.runs import TINY, short_arena
@@ -61,7 +62,7 @@ def test_an_evaluation_tells_each_agents_own_episodes(steep_run):
         rows = list(csv.DictReader(file))
     config = Config.load(steep_run / files.CONFIG)
     for name, agent in (("SAC", load_policy(steep_run)), ("passive", Passive())):
-        walks = evaluation.evaluate(agent, envs.arena(config, 20), seed=1000)
+        walks = simulate_episodes(agent, envs.arena(config, 20), seed=1000)
         reported = [float(row["reward"]) for row in rows if row["agent"] == name]
         assert reported == pytest.approx(walks.reward, abs=1e-6)
 

@@ -14,7 +14,7 @@ import train
 from agents import commands, envs, evaluation, files
 from agents.config import configure, presets
 from agents.evaluation import evaluate_policy, write_evaluation, write_rows
-from gym_passive_walker.envs.evaluation.walks import score_table
+from gym_passive_walker.envs.evaluation.walks import score_table, simulate_episodes
 from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import Passive
 from gym_passive_walker.gaits.scenes.scene import make_scene
@@ -135,13 +135,15 @@ def test_an_evaluation_compares_the_policy_with_the_passive_walker_on_the_same_e
     text, rows = evaluate_policy("steep-ppo", episodes=3, seed=7)
     config, policy = evaluation.learned("steep-ppo")
     walks, passive = (
-        evaluation.evaluate(agent, envs.arena(config, 3), seed=7) for agent in (policy, Passive())
+        simulate_episodes(agent, envs.arena(config, 3), seed=7) for agent in (policy, Passive())
     )
     assert rows == [*walks.rows("PPO"), *passive.rows("passive")]
     assert [row["seeds"] for row in rows] == [7, 8, 9] * 2
     title = f"{envs.describe(config)}; 3 episodes"
-    said = evaluation.in_words(config, walks, passive)
-    assert text == "\n".join([score_table(title, {"PPO": walks, "passive": passive}), *said])
+    found = gpw.evaluate(policy, envs.scene_of(config), episodes=3, seed=7, beside=("passive",))
+    above = dict(zip(("PPO", "passive"), found.above_optimum.values(), strict=True))
+    said = evaluation.in_words(found)
+    assert text == "\n".join([score_table(title, {"PPO": walks, "passive": passive}, above), *said])
     assert said[0].startswith("With the policy, ")
     assert said[2].startswith("Without an actuator, ")
     write_evaluation(tmp_path, text, rows)

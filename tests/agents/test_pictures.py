@@ -143,9 +143,11 @@ def test_a_run_is_drawn_with_the_passive_walker_of_its_final_evaluation(
 
     monkeypatch.setattr(envs, "arena", short)
     monkeypatch.setattr(pictures, "save", lambda figure, path: (drawn.append(figure), path.touch()))
-    evaluate = pictures.evaluate
+    evaluate = pictures.simulate_episodes
     monkeypatch.setattr(
-        pictures, "evaluate", lambda *a, seed: (walked.append(seed), evaluate(*a, seed=seed))[1]
+        pictures,
+        "simulate_episodes",
+        lambda *a, seed: (walked.append(seed), evaluate(*a, seed=seed))[1],
     )
     pictures.draw_run(tmp_path, ROWS)
     assert walked == [20, 1000]

@@ -304,7 +304,7 @@ def scored(monkeypatch, walks, scene="level", gait=None):
         return gait
 
     monkeypatch.setattr(benchmark, "EPISODES", 3)
-    monkeypatch.setattr(benchmark, "evaluate", evaluate)
+    monkeypatch.setattr(benchmark, "simulate_episodes", evaluate)
     monkeypatch.setattr(benchmark, "closed_loop_gait", closed)
     monkeypatch.setattr(benchmark, "rough_strides", lambda *_: 17.0)
     monkeypatch.setattr(benchmark, "largest_perturbations", lambda gait: (0.25, 0.125))

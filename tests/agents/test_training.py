@@ -22,11 +22,11 @@ import train
 from agents import checkpoint, envs, files, training
 from agents.callbacks import Milestones
 from agents.config import ALGORITHMS, Config, ConfigError
-from agents.evaluation import evaluate
 from agents.learner import LearnedPolicy, build, export, learned, load_policy, on_numpy
 from agents.training import Run
 from benchmarks.kills import kill
 from gym_passive_walker._tools.files import replacing
+from gym_passive_walker.envs.evaluation.walks import simulate_episodes
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from tests.agents.runs import SEEN, short_arena, small, weights
 
@@ -132,12 +132,12 @@ def exams(monkeypatch, rewards, record):
     left = iter(rewards)
 
     def reported(policy, arena, *, seed):
-        walks = evaluate(policy, arena, seed=seed)
+        walks = simulate_episodes(policy, arena, seed=seed)
         reward = float(next(left))
         record(policy, walks, reward)
         return dataclasses.replace(walks, reward=np.full(len(walks), reward))
 
-    monkeypatch.setattr(training, "evaluate", reported)
+    monkeypatch.setattr(training, "simulate_episodes", reported)
 
 
 def test_training_keeps_the_policy_that_did_best_in_its_evaluations(tmp_path, monkeypatch):

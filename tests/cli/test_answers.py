@@ -7,15 +7,13 @@ from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.apps.cli import main
 from gym_passive_walker.apps.cli.report import Report, listing, plain, record, table
-from gym_passive_walker.envs.evaluation import walks
-from gym_passive_walker.gaits.control.baselines import Passive
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.models.equations.hybrid import Outcome
 
 MINE = {"preset": "C", "hip_mass": 0.5}
@@ -203,14 +201,14 @@ def test_a_gauntlet_is_that_of_python(answer):
 def test_an_evaluation_is_that_of_python(words, answer):
     data, text = answer(f"evaluate steep-ppo --episodes 2 {words}")
     changes = {"scene": "level", "slope": 0.01, "walker": "B"} if words else {"scene": "steep"}
-    arena = gym.make_vec("PassiveWalker-v0", num_envs=2, **changes)
-    seed = 3 if words else 1000
-    both = {"steep-ppo": gpw.load_policy("steep-ppo"), "without a motor": Passive()}
-    rows = []
-    for label, agent in both.items():
-        done = walks.evaluate(agent, arena, seed=seed)
-        rows += done.rows(label, digits=None)
-    assert data == plain(rows) and [row["agent"] for row in rows] == [n for n in both for _ in "12"]
+    found = gpw.evaluate("steep-ppo", make_scene(**changes), episodes=2, seed=3 if words else 1000)
+    rows = [
+        row | {"least_cost": found.least_cost[name]}
+        for name, made in found.walks.items()
+        for row in made.rows(name, digits=None)
+    ]
+    assert data == plain(rows) and text == f"{found}\n"
+    assert [row["agent"] for row in rows][::2] == [*found.walks]
     title = text.splitlines()[0]
     assert title.startswith("steep-ppo, ") and title.endswith("; 2 episodes")
     if words:

@@ -143,7 +143,7 @@ def test_programs_read_names_as_in_python_and_full_digits(reported, capsys):
     assert row["tuning_errors"] == gpw.tuning_errors(gpw.WALKERS[row["name"]])._asdict()
     family = reported("family", "D", 0.008, 0.01)["gaits"]
     assert all(hasattr(gpw.GaitFamily, name) or name in family_fields() for name in family)
-    (walk, _) = reported("evaluate", "steep-ppo", "--episodes", 1)
+    (walk, *_) = reported("evaluate", "steep-ppo", "--episodes", 1)
     assert walk["distance"] != round(walk["distance"], 6)
 
 
@@ -497,8 +497,8 @@ def test_csv_and_npz_hold_the_same_walk(reported, tmp_path):
 def test_a_shipped_policy_walks_on_where_its_walker_would_not(reported):
     rows = reported("evaluate", "level-ppo", "--episodes", 3)
     endings = {agent: [row["ending"] for row in rows if row["agent"] == agent] for agent in
-               ("level-ppo", "without a motor")}  # fmt: skip
-    assert endings == {"level-ppo": [TIME_LIMIT] * 3, "without a motor": ["stubbed toe"] * 3}
+               ("level-ppo", "passive")}  # fmt: skip
+    assert endings == {"level-ppo": [TIME_LIMIT] * 3, "passive": ["stubbed toe"] * 3}
 
 
 def test_a_policy_may_drive_another_walker_on_another_slope(mine, reported):

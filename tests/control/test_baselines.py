@@ -8,7 +8,7 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.envs.evaluation.steps import steps
-from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, evaluate
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, simulate_episodes
 from gym_passive_walker.envs.registration import (
     EASY_ID,
     EASY_REWARD_THRESHOLD,
@@ -31,7 +31,7 @@ from tests.own.statements import DRIVEN
 def walks(policy, scene, episodes=4, **env):
     """Some walks of an agent in a scene."""
     arena = gymnasium.make_vec("PassiveWalker-v0", num_envs=episodes, scene=scene, **env)
-    return evaluate(policy, arena, seed=7)
+    return simulate_episodes(policy, arena, seed=7)
 
 
 @pytest.mark.parametrize(
@@ -181,7 +181,7 @@ def test_each_walker_of_a_batch_has_a_stride_of_its_own():
 def test_the_threshold_of_the_task_lies_between_the_passive_walk_and_the_optimum(name, threshold):
     scene, arena = make_scene("level"), gymnasium.make_vec(name, num_envs=100)
     passive, optimal = (
-        evaluate(BASELINES[agent](scene), arena, seed=0).reward.mean()
+        simulate_episodes(BASELINES[agent](scene), arena, seed=0).reward.mean()
         for agent in ("passive", "optimal")
     )
     assert passive + 0.9 * (optimal - passive) == pytest.approx(threshold, rel=0.001)
@@ -223,7 +223,7 @@ def test_feedback_walks_as_far_in_the_environment_as_by_its_stride_map():
     rough = {"terrain": {"rough": {"height_std": 0.002}}, "reset_noise_scale": 0.0}
     there = make_scene("steep", **rough)
     arena = PassiveWalkerVectorEnv(200, there, max_episode_steps=33)
-    done = evaluate(LinearFeedback("steep"), arena, seed=0)
+    done = simulate_episodes(LinearFeedback("steep"), arena, seed=0)
     assert 0.4 < done.endings.count(TIME_LIMIT) / 200 < 0.75
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, evaluate
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, simulate_episodes
 from gym_passive_walker.gaits.actuation import to_own
 from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import LinearFeedback
@@ -105,7 +105,7 @@ def test_a_stride_of_the_map_is_that_of_the_environment(walk):
     found = strides.stride(start, gait.slope)
     np.testing.assert_allclose(found.state, env.state, rtol=1e-5, atol=1e-5)
     many = gym.make_vec("PassiveWalker-v0", num_envs=2, scene=calm, max_episode_steps=100)
-    assert evaluate(controller, many, seed=0).endings == [TIME_LIMIT] * 2
+    assert simulate_episodes(controller, many, seed=0).endings == [TIME_LIMIT] * 2
 
 
 def test_its_gait_repeats_and_is_drawn(walk):

@@ -10,7 +10,7 @@ import pytest
 import gym_passive_walker as gpw
 from examples.five_links import FIVE_LINKS
 from gym_passive_walker import closed_loop_gait
-from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, evaluate
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, simulate_episodes
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.actuation import Actuation, to_own
 from gym_passive_walker.gaits.control import optimal
@@ -274,7 +274,7 @@ def test_the_optimal_policy_plays_its_gait_and_returns_to_it():
     assert closed.hip_cost == pytest.approx(policy.gait.hip_cost, rel=1e-3)
     assert closed.stable
     arena = gym.make_vec("PassiveWalker-v0", num_envs=8)
-    walks, others = (evaluate(p, arena, seed=3) for p in (policy, LinearFeedback("level")))
+    walks, others = (simulate_episodes(p, arena, seed=3) for p in (policy, LinearFeedback("level")))
     assert walks.endings == [TIME_LIMIT] * 8
     assert np.mean(walks.reward) > np.mean(others.reward)
 
@@ -405,7 +405,7 @@ def test_a_push_off_s_work_is_net_work_too():
             """See `policies.Policy`."""
             return np.full((len(seen), 1), 0.3, np.float32), memory
 
-    walks = evaluate(Pusher(), PassiveWalkerVectorEnv(4, scene), seed=0)
+    walks = simulate_episodes(Pusher(), PassiveWalkerVectorEnv(4, scene), seed=0)
     assert (walks.motor_work[walks.strides > 0] > 0.0).all() and (walks.strides > 0).any()
     np.testing.assert_allclose(walks.net_work, walks.motor_work, rtol=1e-12)
 

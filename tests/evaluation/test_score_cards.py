@@ -14,7 +14,12 @@ from gym_passive_walker.envs.evaluation import robustness as measures
 from gym_passive_walker.envs.evaluation.gauntlet import TESTS, Gauntlet
 from gym_passive_walker.envs.evaluation.linearization import at_first_steps, stands
 from gym_passive_walker.envs.evaluation.robustness import Robustness, _Tries, robustness
-from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks, evaluate, score_table
+from gym_passive_walker.envs.evaluation.walks import (
+    TIME_LIMIT,
+    Walks,
+    score_table,
+    simulate_episodes,
+)
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.control.baselines import Passive
 from gym_passive_walker.gaits.scenes.scene import make_scene
@@ -104,7 +109,7 @@ def test_each_test_changes_its_one_thing_and_begins_with_the_same_seeds(monkeypa
         asked.append((policy, arena.num_envs, arena.scene, limit, seed))
         return walks(1, 3)
 
-    monkeypatch.setattr(gauntlets, "evaluate", noted)
+    monkeypatch.setattr(gauntlets, "simulate_episodes", noted)
     own = make_scene("lab", slope=0.03, tick=0.25)
     found = gpw.gauntlet(Passive(), own, walkers=3)
     assert tuple(found.episodes) == tuple(TESTS) and found.scene == own
@@ -127,7 +132,7 @@ def test_a_card_has_the_name_of_its_controller_however_it_is_given(monkeypatch, 
             """No torque."""
             return np.zeros((len(observation), 1)), state
 
-    monkeypatch.setattr(gauntlets, "evaluate", lambda *_, seed: walks(1, 1))
+    monkeypatch.setattr(gauntlets, "simulate_episodes", lambda *_, seed: walks(1, 1))
     folder = gpw.envs.policies.policy_folder("steep-ppo")
     for controller, scene, title in (
         ("steep-sac", None, "steep-sac"), (folder, None, str(folder)),
@@ -185,7 +190,13 @@ def test_the_table_has_medians_and_ranges_and_endings_by_how_frequent_they_are()
             low, high = f"{values[0]:{form}}", f"{values[-1]:{form}}"
             assert (middle if low == high else f"{middle} ({low} to {high})") in line
     counts = [" ".join(line.split()) for line in body[6:]]
-    assert counts == ["fell forward 2 of 5 3 of 4", f"{TIME_LIMIT} 3 of 5 1 of 4"]
+    two, three, most, one = (wilson(*each) for each in ((2, 5), (3, 5), (3, 4), (1, 4)))
+    some, other = ([f"({low:.0%} to {high:.0%})" for low, high in each]
+                   for each in ((two, three), (most, one)))  # fmt: skip
+    assert counts == [
+        f"fell forward 2 of 5 {some[0]} 3 of 4 {other[0]}",
+        f"{TIME_LIMIT} 3 of 5 {some[1]} 1 of 4 {other[1]}",
+    ]
     frequent = score_table("", {"one": walks(4, 5)}).splitlines()
     assert frequent[-2].startswith("fell forward") and frequent[-3].startswith(TIME_LIMIT)
 
@@ -209,7 +220,9 @@ def test_work_of_every_motor_counts_in_a_walk(actions):
             return np.full((len(observation), len(actions)), 0.1, np.float32), state
 
     scene = make_scene("lab", walker="E", slope=0.009, actions=actions, reset_noise_scale=0.0)
-    found = evaluate(Constant(), PassiveWalkerVectorEnv(2, scene, max_episode_steps=200), seed=0)
+    found = simulate_episodes(
+        Constant(), PassiveWalkerVectorEnv(2, scene, max_episode_steps=200), seed=0
+    )
     envs = PassiveWalkerVectorEnv(2, scene, max_episode_steps=200)
     envs.reset(seed=0)
     sums = dict.fromkeys(("motor_work", "net_work"), 0.0)

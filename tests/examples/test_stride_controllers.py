@@ -20,7 +20,7 @@ from examples.stride_controllers import (
     speed_of,
 )
 from gym_passive_walker import WALKERS, Actuation, Outcome, find_gait, stride, stride_map
-from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, evaluate
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, simulate_episodes
 from gym_passive_walker.gaits.look.dense_stride import states_at
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.section import Section
@@ -230,7 +230,7 @@ def test_a_controller_of_once_a_stride_walks_in_the_environment(action):
         arena = gymnasium.make_vec(
             "PassiveWalker-v0", num_envs=8, scene=where, max_episode_steps=50
         )
-        assert evaluate(policy, arena, seed=1).endings == [TIME_LIMIT] * 8
+        assert simulate_episodes(policy, arena, seed=1).endings == [TIME_LIMIT] * 8
         section = Section(walker=walker)
         if isinstance(policy, SpeedControl):
             speeds = midstance_speed(

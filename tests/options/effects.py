@@ -111,7 +111,7 @@ def check(call: Call, option: str) -> None:
     before = to.look(call.function(**_now(base)))
     changed = _now({**base, option: to.value})
     if to.refused is not None:
-        with pytest.raises((ValueError, GaitNotFound), match=to.refused):
+        with pytest.raises((ValueError, GaitNotFound, TimeoutError), match=to.refused):
             call.function(**changed)
         return
     after = to.look(call.function(**changed))

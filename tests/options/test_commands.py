@@ -200,6 +200,10 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             "terrain": "steep-ppo --episodes 1 --terrain rough:height_std=0.002",
             "episodes": "steep-ppo --episodes 2",
             "seed": "steep-ppo --episodes 1 --seed 7",
+            "time_limit": (
+                "lqr --scene steep --slope 0.02 --episodes 1 --time-limit 0",
+                "lqr --scene steep --slope 0.02 --episodes 1",
+            ),
         },
     ),
     "export": (

@@ -110,6 +110,22 @@ OPTIONS = {
         dict(controller="steep-ppo", walkers=2),
         dict(controller="steep-sac", scene={"control": "stride", "slope": 0.1}, walkers=3),
     ),
+    "evaluate": Call(
+        gpw.evaluate,
+        dict(controller="steep-ppo", episodes=2, max_episode_steps=9, time_limit=0.0),
+        dict(
+            controller="steep-sac",
+            scene={"control": "stride", "slope": 0.1},
+            episodes=3,
+            seed=7,
+            max_episode_steps=8,
+            beside=To(["lqr"]),
+            time_limit=To(
+                60.0,
+                dict(controller="lqr", scene={"control": "stride", "slope": 0.02}, episodes=2),
+            ),
+        ),
+    ),
     "explain": Call(explained, dict(env="level"), dict(env="rough")),
     "combine": Call(gpw.combine, dict(parts=[PART]), dict(parts=[PART, PART])),
     "assemble": Call(
@@ -340,6 +356,7 @@ OPTIONS = {
             scene=Later(lambda: make_scene("level", tick=1.5)),
             speed=0.16,
             start=Later(lambda: gpw.optimal_gait(make_scene("level", tick=2.0), 0.14)),
+            time_limit=To(1e-6, refused="no optimal gait at speed .* was found in 1e-06 s"),
         ),
     ),
     "optimal_gaits": Call(

@@ -451,6 +451,7 @@ SHOWN = {  # for each class with a picture: an example, and what its picture can
     ),
     "BifurcationLocus": (_fold, {"linewidth": 9.0}),
     "Cascade": (lambda: gpw.doubling_cascade("D", 0.01, 0.0195, doublings=3), {"linewidth": 9.0}),
+    "Evaluation": (lambda: gpw.evaluate("steep-ppo", episodes=2, max_episode_steps=9), {}),
     "Gait": (closed, {"optimum": Later(lambda: baselines.optimal.load("level")[0])}),
     "Gauntlet": (lambda: gpw.gauntlet("steep-ppo", walkers=2), {}),
     "GaitFamily": (

@@ -160,7 +160,7 @@ def test_an_optimal_gait_has_its_costs():
 def test_an_evaluation_is_that_of_the_same_walks():
     given = {"controller": "steep-ppo", "episodes": 3, "seed": 5}
     arena = gym.make_vec("PassiveWalker-v0", num_envs=3, scene="steep")
-    expected = walks.evaluate(gpw.load_policy("steep-ppo"), arena, seed=5).summary()
+    expected = walks.simulate_episodes(gpw.load_policy("steep-ppo"), arena, seed=5).summary()
     expect(row("evaluation", **given), **flat(expected))
 
 

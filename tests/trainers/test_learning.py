@@ -11,7 +11,7 @@ torch = pytest.importorskip("torch")
 
 from torch import Tensor, nn  # noqa: E402
 
-from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks, evaluate  # noqa: E402
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks, simulate_episodes  # noqa: E402
 
 pytestmark = pytest.mark.learning
 
@@ -47,7 +47,7 @@ class Acting:
 def walks(act: Callable[[Tensor], Tensor]) -> Walks:
     """Twenty walks of the environment's own time limit."""
     arena = gymnasium.make_vec("PassiveWalker-v0", num_envs=20, scene="level")
-    return evaluate(Acting(act), arena, seed=0)
+    return simulate_episodes(Acting(act), arena, seed=0)
 
 
 def learns_to_walk(

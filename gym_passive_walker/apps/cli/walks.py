@@ -5,9 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import gymnasium as gym
-import numpy as np
-
 from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker._tools.files import prepare
 from gym_passive_walker._tools.shown import WRITERS, table_ending
@@ -24,17 +21,13 @@ from gym_passive_walker.apps.cli.arguments import (
 )
 from gym_passive_walker.apps.cli.report import SI, Report, listing, record, table
 from gym_passive_walker.envs import explain
-from gym_passive_walker.envs.evaluation.walks import evaluate as evaluated
-from gym_passive_walker.envs.evaluation.walks import score_table as compared
+from gym_passive_walker.envs.evaluation.comparison import evaluate as evaluated
 from gym_passive_walker.envs.policies import TrainedPolicy, load_policy, shipped_policies
-from gym_passive_walker.envs.registration import ID
-from gym_passive_walker.gaits.control.baselines import Passive
 from gym_passive_walker.gaits.control.controllers import acting
 from gym_passive_walker.gaits.look.trajectory import simulate as simulated
 from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.gaits.terrain import ground_of
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.walkers import describe
 
 _STRIDE = ("duration", "step_length", "kneestrike_time", "kneestrike_loss", "heelstrike_loss")
 _STRIDE += ("hip_work",)
@@ -125,8 +118,11 @@ def evaluate(
     terrain: ATerrain = None,
     episodes: Annotated[int, "number of episodes"] = 20,
     seed: Annotated[int, "seed of the first episode"] = 1000,
+    time_limit: Annotated[
+        float, "largest time of each search for an optimal gait, in s; 0 for none"
+    ] = 60.0,
 ) -> Report:
-    """Evaluate a policy over some episodes of a scene, beside the walker without an actuator.
+    """Evaluate a policy beside the passive walker, feedback and the optimum at its speed.
 
     passive-walker evaluate level-ppo
     passive-walker evaluate lab-ppo --scene level --walker lab --slope 0.01
@@ -135,11 +131,12 @@ def evaluate(
     whole(episodes, "--episodes")
     asked = {"slope": slope, "walker": walker, "terrain": terrain}
     changes = {name: value for name, value in asked.items() if value is not None}
-    agent, where = acting(read_policy(policy, trust), scene, **changes)
-    arena = gym.make_vec(ID, num_envs=episodes, scene=where)
-    agents = {policy: agent, "without a motor": Passive(where)}
-    walks = {label: evaluated(each, arena, seed=seed) for label, each in agents.items()}
-    slopes = " to ".join(f"{bound:g}" for bound in np.atleast_1d(where.slope))
-    title = f"{policy}, {describe(where.walker)}, slope {slopes} rad; {episodes} episodes"
-    rows = [row for label, done in walks.items() for row in done.rows(label, digits=None)]
-    return Report(compared(title, walks), rows)
+    controller = read_policy(policy, trust)
+    _, where = acting(controller, scene, **changes)
+    found = evaluated(controller, where, episodes=episodes, seed=seed, time_limit=time_limit)
+    rows = [
+        row | {"least_cost": found.least_cost[name]}
+        for name, made in found.walks.items()
+        for row in made.rows(name, digits=None)
+    ]
+    return Report(str(found), rows)

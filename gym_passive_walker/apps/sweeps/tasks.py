@@ -187,7 +187,7 @@ def evaluation(
     """Evaluate a controller over some episodes; the first one has the seed."""
     agent, where = acting(controller, scene, **changes)
     arena = gym.make_vec(ID, num_envs=episodes, scene=where)
-    return walks.evaluate(agent, arena, seed=seed).summary()
+    return walks.simulate_episodes(agent, arena, seed=seed).summary()
 
 
 ANALYSES: dict[str, Analysis] = {

@@ -8,13 +8,12 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker._tools.shown import Table
-from gym_passive_walker.envs.evaluation.walks import Walks, evaluate
+from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Share, Walks, simulate_episodes
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.control.controllers import (
     ControllerLike,
@@ -83,7 +82,7 @@ class Gauntlet(Table):
     @property
     def survival_interval(self) -> NDArray[np.float64]:
         """95 % intervals of `survival` (Wilson), (tests, 2)."""
-        return np.array([_interval(walks.reached_limit) for walks in self._each])
+        return np.array([walks.share(TIME_LIMIT)[1:] for walks in self._each])
 
     @property
     def score(self) -> float:
@@ -93,7 +92,7 @@ class Gauntlet(Table):
     @property
     def score_interval(self) -> tuple[float, float]:
         """95 % interval of the score (Wilson, over the walks of all tests)."""
-        return _interval(np.concatenate([walks.reached_limit for walks in self._each]))
+        return Share.of(np.concatenate([walks.reached_limit for walks in self._each]))[1:]
 
     def facts(self) -> dict[str, str]:
         """Controller, walker and score."""
@@ -170,7 +169,7 @@ def gauntlet(
     with progress("tests", len(TESTS)) as done:
         for name, changes in TESTS.items():
             there = make_scene(own, **changes)
-            walks[name] = evaluate(controller, _arena(there, count), seed=SEED)
+            walks[name] = simulate_episodes(controller, _arena(there, count), seed=SEED)
             done()
     named = isinstance(controller, str | PathLike)
     return Gauntlet(str(controller) if named else policy_name(policy), own, walks)
@@ -180,9 +179,3 @@ def _arena(scene: Scene, count: int) -> PassiveWalkerVectorEnv:
     """Walkers with episodes that end after TIME."""
     steps = TIME / scene.tick if scene.control == "tick" else TIME / 3.0
     return PassiveWalkerVectorEnv(count, scene, max_episode_steps=max(1, round(steps)))
-
-
-def _interval(hits: NDArray) -> tuple[float, float]:
-    """95 % interval of the share that is true (Wilson)."""
-    found = scipy.stats.binomtest(np.count_nonzero(hits), len(hits)).proportion_ci(method="wilson")
-    return float(found.low), float(found.high)

@@ -1,4 +1,4 @@
-"""Plots of robustness and of a gauntlet."""
+"""Plots of robustness, of a gauntlet and of an evaluation."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.shown import picture
+from gym_passive_walker.envs.evaluation.comparison import Evaluation
 from gym_passive_walker.envs.evaluation.gauntlet import Gauntlet
 from gym_passive_walker.envs.evaluation.robustness import Robustness
 from gym_passive_walker.models.walkers import name_of
@@ -19,6 +20,7 @@ from gym_passive_walker.pictures.axes import (
     given,
     legend,
     panels,
+    series,
 )
 
 if TYPE_CHECKING:
@@ -78,6 +80,26 @@ def _gauntlet(found: Gauntlet, ax: Axes | None = None) -> Axes:
     ax.set(xlabel="share of the walks (%), with 95 % interval", xlim=(0.0, 101.0))
     facts = found.facts()
     ax.set_title(f"{facts['controller']}, walker {facts['walker']}", fontsize="medium")
+    legend(ax)
+    return ax
+
+
+@picture.register(Evaluation)
+def _evaluation(found: Evaluation, ax: Axes | None = None) -> Axes:
+    """Draw the shares of endings of each controller's walks, with their 95 % intervals."""
+    ax = axes_for(ax, (6.4, 3.6))
+    rows = -np.arange(len(found.walks))
+    endings = list(dict.fromkeys(e for walks in found.walks.values() for e in walks.endings))
+    for i, ending in enumerate(endings):
+        shares = [walks.share(ending) for walks in found.walks.values()]
+        values, low, high = 100.0 * np.transpose(shares)
+        places = rows + 0.6 * ((len(endings) - 1) / 2 - i) / len(endings)
+        style = series(i)
+        ax.hlines(places, low, high, color=style["color"])
+        ax.plot(values, places, **{**style, "linestyle": ""}, label=ending)
+    ax.set_yticks(rows, list(found.walks))
+    ax.set(xlabel="share of the walks (%), with 95 % interval", xlim=(-1.0, 101.0))
+    ax.set_title(f"{found.controller_name}, walker {name_of(found.scene.walker)}")
     legend(ax)
     return ax
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
+import scipy
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
@@ -29,6 +30,30 @@ _WORK = {
     "gravity_work": ("gravity_cost",),
 }
 _PER_EPISODE = ("seeds", "slopes", "reward", *_MEDIANS, "gravity_cost")
+
+
+class Share(NamedTuple):
+    """Share of some walks, with its 95 % interval (Wilson).
+
+    Attributes:
+        value: The share, from 0 to 1.
+        low: Lower end of the interval.
+        high: Upper end of the interval.
+    """
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, hits: NDArray) -> Self:
+        """Return the share of booleans that are true."""
+        count = int(np.count_nonzero(hits))
+        interval = scipy.stats.binomtest(count, len(hits)).proportion_ci(method="wilson")
+        return cls(count / len(hits), float(interval.low), float(interval.high))
+
+    def __str__(self) -> str:
+        return f"{self.value:.0%} ({self.low:.0%} to {self.high:.0%})"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +117,10 @@ class Walks:
         """Whether the time limit ended the walk, rather than a fall, shape (n,)."""
         return np.array([ending == TIME_LIMIT for ending in self.endings])
 
+    def share(self, ending: str) -> Share:
+        """Return the share of the walks with an ending."""
+        return Share.of(np.array([each == ending for each in self.endings]))
+
     @property
     def motor_cost(self) -> NDArray:
         """Charged work of the actuators over weight and distance; NaN without a stride."""
@@ -136,7 +165,7 @@ def _median(values: NDArray) -> float:
     return float(np.median(values)) if len(values) else float("nan")
 
 
-def evaluate(policy: ControllerLike, arena: VectorEnv, *, seed: int) -> Walks:
+def simulate_episodes(policy: ControllerLike, arena: VectorEnv, *, seed: int) -> Walks:
     """Simulate one episode of an agent in each environment of a batch.
 
     Args:
@@ -195,17 +224,28 @@ _QUANTITIES: tuple[tuple[str, Callable[[Walks], NDArray], str], ...] = (
 )
 
 
-def score_table(title: str, columns: dict[str, Walks]) -> str:
+def score_table(
+    title: str, columns: Mapping[str, Walks], above_optimum: Mapping[str, float] | None = None
+) -> str:
     """Agents side by side: medians over the episodes, with their range, and how walks ended.
 
     Costs are those of walks to the time limit. A walk that ends in a fall has used up the energy of
-    its initial state, so its cost may be far too small, or negative.
+    its initial state, so its cost may be far too small, or negative. Shares of endings have their
+    95 % interval (Wilson).
+
+    Args:
+        title: First line of the table.
+        columns: Walks of each agent, by its name.
+        above_optimum: Costs above the optimum, as shares of it, by the same names; NaN if unknown.
     """
     rows = [["", *columns]]
     for label, quantity, form in _QUANTITIES:
         rows.append([label, *(_spread(quantity(walks), form) for walks in columns.values())])
+    if above_optimum is not None:
+        shares = (above_optimum[name] for name in columns)
+        rows.append(["cost above optimum", *("–" if x != x else f"{x:z.1%}" for x in shares)])
     for ending, _ in Counter(e for walks in columns.values() for e in walks.endings).most_common():
-        counts = (f"{walks.endings.count(ending)} of {len(walks)}" for walks in columns.values())
+        counts = (_counted(ending, walks) for walks in columns.values())
         rows.append([ending, *counts])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [
@@ -217,6 +257,12 @@ def score_table(title: str, columns: dict[str, Walks]) -> str:
     ]
     rule = "─" * len(lines[0])
     return "\n".join([title, rule, lines[0], rule, *lines[1:], rule])
+
+
+def _counted(ending: str, walks: Walks) -> str:
+    """Number of walks with an ending, and the interval of their share."""
+    share = walks.share(ending)
+    return f"{walks.endings.count(ending)} of {len(walks)} ({share.low:.0%} to {share.high:.0%})"
 
 
 def _spread(values: NDArray, form: str) -> str:

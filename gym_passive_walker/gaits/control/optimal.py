@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -18,6 +20,7 @@ from numpy.typing import NDArray
 from gym_passive_walker._tools.arguments import instance, number, shown, unknown
 from gym_passive_walker._tools.files import replacing
 from gym_passive_walker._tools.progress import progress
+from gym_passive_walker.engine import cache as cached
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.control.feedback import first_driven, powered_gait
 from gym_passive_walker.gaits.control.optimum import OptimalGait, Problem, slope_of
@@ -26,7 +29,7 @@ from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.models.model import check_supports
-from gym_passive_walker.models.walkers import describe
+from gym_passive_walker.models.walkers import Walker, describe
 
 STORE = Path(__file__).parent / "gaits"
 """Folder of the stored optimal gaits of named scenes."""
@@ -41,7 +44,11 @@ _SHARES = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0)  # of the largest push-off or ankle tor
 
 
 def optimal_gait(
-    scene: Scene | str | dict[str, Any], speed: float, *, start: OptimalGait | None = None
+    scene: Scene | str | dict[str, Any],
+    speed: float,
+    *,
+    start: OptimalGait | None = None,
+    time_limit: float = math.inf,
 ) -> OptimalGait:
     """Find the periodic gait of least cost of transport at a speed, on smooth ground.
 
@@ -59,15 +66,19 @@ def optimal_gait(
             twice more, from the torques it has found a tick later and a tick earlier: that takes
             two to three times as long, and of optima some 0.1 to 1 % apart finds the lowest more
             often.
+        time_limit: Largest time of the search in s; checked in each iteration.
 
     Raises:
         GaitNotFound: if none is found at that speed, or none that the scene's rule
             `end_on_toe_stub` allows; the message has speeds with a gait.
-        ValueError: if the scene has a range of slopes or no actuator, or the speed is not positive.
+        TimeoutError: if the search takes longer than `time_limit`.
+        ValueError: if the scene has a range of slopes or no actuator, or the speed or the time
+            limit is not positive.
     """
     scene = make_scene(scene)
     check_supports(scene.walker, "optimal gaits")
     slope_of(scene)  # refuses a range before there is work done
+    deadline = time.monotonic() + number(time_limit, "time_limit", above=0.0, most=math.inf)
     if number(speed, "speed", above=0.0) >= 2.0 and "actuation" in scene.walker.supports:
         raise ValueError(f"speed must lie between 0 and 2, over sqrt(g l), not {speed!r}")
     if start is not None:
@@ -80,15 +91,41 @@ def optimal_gait(
         else math.ceil(_SPARE * begun.dimensionless.step_period / scene.tick)
     )
     problem = Problem(scene, speed, ticks, begun.point.section.dimension)
+    problem.deadline = deadline
     try:
-        z = problem.solve(problem.begun_at(begun))
-        if not problem.allowed(z):
-            own = begun if start is None else _at_hand(scene, speed) or constant_gait(scene)
-            z = _clearing(problem, [z, problem.begun_at(begun), problem.begun_at(own)])
+        with progress("iterations of the search for an optimal gait") as problem.iterated:
+            return _best(problem, begun, near, start)
     except GaitNotFound as error:
         raise GaitNotFound(f"{error}; {_known_speeds(scene, begun)}") from None
+    except TimeoutError:
+        raise TimeoutError(
+            f"no optimal gait at speed {speed:g} was found in {time_limit:g} s: give the search "
+            "more time"
+        ) from None
+
+
+def _best(
+    problem: Problem, begun: OptimalGait, near: OptimalGait | None, start: OptimalGait | None
+) -> OptimalGait:
+    """Return the best gait of the searches of `optimal_gait`.
+
+    Args:
+        problem: The problem.
+        begun: Gait from which the search begins.
+        near: The same, if its speed is near.
+        start: The same, if the user has given it.
+
+    Raises:
+        GaitNotFound: if there is none.
+        TimeoutError: if the problem's deadline has passed.
+    """
+    scene, speed = problem.scene, problem.speed
+    z = problem.solve(problem.begun_at(begun))
+    if not problem.allowed(z):
+        own = begun if start is None else _at_hand(scene, speed) or constant_gait(scene)
+        z = _clearing(problem, [z, problem.begun_at(begun), problem.begun_at(own)])
     best = first = _with_corners(problem, z)
-    if near is None and ticks > 1:
+    if near is None and problem.ticks > 1:
         # From a start so far away, torques may have come to lie in ticks too late or too early.
         for shifted in _shifted(first):
             with suppress(GaitNotFound):
@@ -321,7 +358,9 @@ def charged(gait: OptimalGait) -> float:
     return math.sin(gait.slope) + gait.charged_cost
 
 
-def least_cost(gaits: str | Sequence[OptimalGait], speed: float) -> float:
+def least_cost(
+    gaits: str | Scene | Sequence[OptimalGait], speed: float, *, time_limit: float = math.inf
+) -> float:
     """Return the optimum's cost of transport at a speed.
 
     Between known speeds the logarithm of the cost is interpolated by monotone cubic polynomials.
@@ -330,12 +369,21 @@ def least_cost(gaits: str | Sequence[OptimalGait], speed: float) -> float:
     of 0.01 √(g l), it is up to 0.7 %.
 
     Args:
-        gaits: Name of a scene with stored costs, or optimal gaits.
+        gaits: Name of a scene with stored costs, or optimal gaits. Of a `Scene` without stored
+            costs at that speed, `optimal_gait` searches; the user's cache keeps the result.
         speed: Speed over sqrt(g l).
+        time_limit: Largest time of that search in s; with 0 there is none.
 
     Raises:
-        ValueError: if no costs are stored for the scene, or the speed is beyond those known.
+        GaitNotFound: if the search finds none.
+        TimeoutError: if the search takes longer than `time_limit`.
+        ValueError: if no costs are stored for the scene, or the speed is beyond those known; of a
+            `Scene`, if it has a range of slopes or no actuator.
     """
+    if isinstance(gaits, Scene):
+        with suppress(ValueError):
+            return least_cost(stored_name(gaits), speed)
+        return _searched_cost(gaits, speed, time_limit)
     speed = round(number(speed, "speed"), 9)
     if isinstance(gaits, str):
         known = stored_costs(gaits)
@@ -351,6 +399,49 @@ def least_cost(gaits: str | Sequence[OptimalGait], speed: float) -> float:
     if len(speeds) == 1 or not costs.min() > 0.0:  # no logarithm, or no curve
         return float(np.interp(speed, speeds, costs))
     return math.exp(scipy.interpolate.PchipInterpolator(speeds, np.log(costs))(speed))
+
+
+def _searched_cost(scene: Scene, speed: float, time_limit: float) -> float:
+    """Return the cost of an optimal gait; a cache file keeps it, or the reason why there is none.
+
+    Raises:
+        GaitNotFound: if there is none.
+        TimeoutError: if the search takes longer than `time_limit`, in s.
+        ValueError: if the scene has a range of slopes or no actuator.
+    """
+    if time_limit == 0.0:
+        raise TimeoutError(
+            f"no cost of an optimal gait of this scene at speed {speed:.4g} is stored, and with "
+            "time_limit=0 none is searched for"
+        )
+    check_supports(scene.walker, "optimal gaits")
+    slope_of(scene)
+    name = _cache_name(scene, speed)
+    if kept := cached.found(name):
+        known = json.loads(kept)
+    else:
+        try:
+            known = charged(optimal_gait(scene, speed, time_limit=time_limit))
+        except GaitNotFound as error:
+            known = str(error)
+        cached.keep(name, json.dumps(known).encode())
+    if isinstance(known, str):
+        raise GaitNotFound(known)
+    return known
+
+
+def _cache_name(scene: Scene, speed: float) -> str:
+    """Return the name of the cache file of an optimum: a hash of all on which it depends."""
+    walker: Any = scene.walker
+    stated = [
+        "" if isinstance(walker, Walker) else walker.hybrid.name, dict(walker.parameters),
+        scene.slope, scene.control, scene.tick, scene.energy, scene.end_on_toe_stub,
+        {name: scene.largest(name) for name in scene.actions}, float(speed), scipy.__version__,
+    ]  # fmt: skip
+    digest = hashlib.sha256(json.dumps(stated).encode())
+    for source in sorted(STORE.parents[1].rglob("*.py")):
+        digest.update(source.read_bytes())
+    return f"optimum-{digest.hexdigest()[:32]}"
 
 
 @cache

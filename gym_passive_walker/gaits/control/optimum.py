@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import json
 import math
+import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from typing import Any, Self
@@ -183,7 +184,14 @@ class Problem:
 
     Parts are from 0 to 1, those of the first motor's ticks before those of the second's; so is the
     push-off.
+
+    Attributes:
+        deadline: Time of `time.monotonic` after which a search raises a `TimeoutError`.
+        iterated: Function that is called in each iteration.
     """
+
+    deadline: float = math.inf
+    iterated: Callable[[], object] = staticmethod(int)
 
     def __init__(self, scene: Scene, speed: float, ticks: int, m: int) -> None:
         self.slope = slope_of(scene)
@@ -370,6 +378,9 @@ class Problem:
 
         def look(unknown: NDArray) -> None:
             nonlocal best, least, since
+            self.iterated()
+            if time.monotonic() > self.deadline:
+                raise TimeoutError
             cost, _, gap, _, room, _ = at(unknown)
             merit = cost + 10.0 * float(np.abs(gap).sum() + np.maximum(-room, 0.0).sum())
             since = 0 if merit < least * (1.0 - _GAIN) else since + 1

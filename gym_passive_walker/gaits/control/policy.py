@@ -82,7 +82,15 @@ class StridePlan:
             state: Memory that the last call returned; None at the beginning.
             episode_start: Whether each walker has just begun an episode.
             deterministic: Ignored; actions are deterministic.
+
+        Raises:
+            ValueError: if the scene has an observation of its own.
         """
+        if self.scene.observation is not None:
+            raise ValueError(
+                "a plan of strides reads the state from the environments' own observation, and "
+                "this scene has another: choose make_scene(scene, observation=None)"
+            )
         seen = np.atleast_2d(np.asarray(observation, dtype=float))
         states = seen[:, : self._slope].copy()
         plan = np.asarray(self.plan(states[:, self._seen], seen[:, self._slope]))
