@@ -11,6 +11,7 @@ from gym_passive_walker.envs.evaluation import comparison
 from gym_passive_walker.envs.evaluation.comparison import Evaluation
 from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Walks
 from gym_passive_walker.gaits.control import optimal
+from gym_passive_walker.gaits.control.baselines import ConstantTorque
 from gym_passive_walker.gaits.scenes.scene import make_scene
 
 
@@ -79,15 +80,32 @@ def test_a_table_has_a_row_for_each_controller_and_intervals_of_shares(tmp_path)
     assert "walks to the time limit 75% (30% to 95%) of 4" in repr(found)
 
 
-def test_a_controller_is_compared_with_the_passive_walker_and_the_best_feedback():
+def test_a_controller_is_compared_with_the_passive_walker_and_the_best_feedback(monkeypatch):
+    """Of some constant torques in place of feedback, the one with the highest mean return."""
+    torques = dict(zip(comparison.FEEDBACKS, (-0.01, 0.001, 0.02), strict=True))
+    for name, torque in torques.items():
+        monkeypatch.setitem(
+            comparison.BASELINES, name, lambda scene, torque=torque: ConstantTorque(torque, scene)
+        )
     found = swift(episodes=4)
     evaluated, passive, feedback = found.walks
-    assert (evaluated, passive) == ("steep-ppo", "passive") and feedback in comparison.FEEDBACKS
-    best = found.walks[feedback].reward.mean()
+    assert (evaluated, passive) == ("steep-ppo", "passive")
+    rewards = {
+        name: made.reward.mean()
+        for name, made in swift(beside=comparison.FEEDBACKS, episodes=4).walks.items()
+    }
+    del rewards["steep-ppo"]
+    assert feedback == max(rewards, key=rewards.get) and len({*rewards.values()}) == 3
+    assert {tuple(each.seeds) for each in found.walks.values()} == {(1000, 1001, 1002, 1003)}
+
+
+def test_a_scene_in_which_no_feedback_acts_has_none(monkeypatch):
+    def refuses(scene):
+        raise gpw.GaitNotFound("none")
+
     for name in comparison.FEEDBACKS:
-        assert swift(name, "steep", episodes=4, beside=()).walks[name].reward.mean() <= best
-    seeds = {tuple(each.seeds) for each in found.walks.values()}
-    assert seeds == {(1000, 1001, 1002, 1003)}
+        monkeypatch.setitem(comparison.BASELINES, name, refuses)
+    assert [*swift().walks] == ["steep-ppo", "passive"]
 
 
 def test_the_optimum_is_the_stored_one_at_the_median_speed_of_walks_to_the_time_limit():
@@ -159,12 +177,12 @@ def test_feedback_walks_also_where_the_controller_observes_something_else():
     def observe(step):
         return [step.slope]
 
-    scene = make_scene("steep", observation=observe)
-    own, plain = (swift("lqr", each, beside=["passive"]) for each in (scene, "steep"))
-    for name in ("lqr", "passive"):
-        np.testing.assert_array_equal(own.walks[name].distance, plain.walks[name].distance)
+    scene, held = make_scene("steep", observation=observe), {"hip_torque": 0.01}
+    own, plain = (swift(held, each, beside=["passive"]) for each in (scene, "steep"))
+    for one, other in zip(own.walks.values(), plain.walks.values(), strict=True):
+        np.testing.assert_array_equal(one.distance, other.distance)
     with pytest.raises(ValueError, match="this scene has another"):
-        gpw.gauntlet("lqr", scene, walkers=1)
+        gpw.gauntlet(held, scene, walkers=1)
 
 
 def test_controllers_of_one_name_are_told_apart():

@@ -211,7 +211,7 @@ def evaluate(
         if named == FEEDBACK or named in agents:
             continue
         agent, there = acting(each, own)
-        if isinstance(agent, StridePlan):  # it reads the state
+        if own.observation is not None and isinstance(agent, StridePlan):  # it reads the state
             agent, there = acting(each, own, observation=None)
         agents[_unused(named or policy_name(agent), agents)] = agent, there
     walks: dict[str, Walks] = {}

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-import scipy
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
@@ -23,6 +24,7 @@ HUNDRED = 100
 TIME_LIMIT = "reached the time limit"
 """The ending of a walk that the time limit ended."""
 
+_QUANTILE = NormalDist().inv_cdf(0.975)  # of a 95 % interval
 _MEDIANS = ("distance", "strides", "speed", "cost_of_transport")
 _WORK = {
     "motor_work": ("hip_cost", "ankle_cost", "push_off_cost"),
@@ -48,9 +50,12 @@ class Share(NamedTuple):
     @classmethod
     def of(cls, hits: NDArray) -> Self:
         """Return the share of booleans that are true."""
-        count = int(np.count_nonzero(hits))
-        interval = scipy.stats.binomtest(count, len(hits)).proportion_ci(method="wilson")
-        return cls(count / len(hits), float(interval.low), float(interval.high))
+        n, share = len(hits), float(np.mean(hits))
+        spread = _QUANTILE**2 / n
+        middle = share + 0.5 * spread
+        half = math.sqrt(spread * (share * (1.0 - share) + 0.25 * spread))
+        ends = ((middle + sign * half) / (1.0 + spread) for sign in (-1.0, 1.0))
+        return cls(share, *(min(max(end, 0.0), 1.0) for end in ends))
 
     def __str__(self) -> str:
         return f"{self.value:.0%} ({self.low:.0%} to {self.high:.0%})"
