@@ -47,8 +47,9 @@ from agents.config import (
 from agents.learner import begin_with, build
 from agents.training import Run
 from gym_passive_walker._tools.extras import need
-from gym_passive_walker._tools.loading import has_address
+from gym_passive_walker._tools.loading import is_file, untrusted
 from gym_passive_walker.apps.cli.arguments import A_WALKER
+from gym_passive_walker.gaits.scenes.named import outside
 from gym_passive_walker.gaits.scenes.scene import SCENES
 
 
@@ -86,7 +87,8 @@ def train_parser() -> argparse.ArgumentParser:
     )
     add = parser.add_argument
     add("--algo", choices=ALGORITHMS, help=f"the algorithm ({DEFAULT_ALGORITHM})")
-    own = "or module:function, a function of yours that returns a scene or its arguments"
+    own = "module:function, a function of yours that returns a scene or its arguments; or a JSON, "
+    own += "YAML or TOML file of its arguments"
     add("--scene", help=f"the scene: {', '.join(SCENES)} ({DEFAULT_SCENE}); {own}")
     add("--trust", action="store_true", help=TRUST)
     add("--walker", metavar="WALKER", help=f"another walker: {A_WALKER}")
@@ -140,6 +142,10 @@ def asked_for(args: argparse.Namespace, kept: Config | None = None) -> Config:
             raise ConfigError("--slope takes one number, or the two ends of a range")
         env["slope"] = args.slope[0] if len(args.slope) == 1 else list(args.slope)
 
+    if args.scene and is_file(args.scene) and not args.trust:  # it may be another person's
+        for address, what in outside(args.scene).items():
+            raise ConfigError(untrusted(f"the {what} {address!r}"))
+
     def given(name: str, default: Any) -> Any:
         value = getattr(args, name)
         return default if value is None else value
@@ -191,7 +197,7 @@ def train(args: argparse.Namespace) -> int:
             return find_better(config, args)
         folder = files.new_run(args.out, config.name)
     run = Run(config, folder, tensorboard=args.tensorboard, trust=args.trust)
-    again = f"python train.py --resume {folder}{' --trust' * has_address(config.scene)}"
+    again = f"python train.py --resume {folder}{' --trust' * bool(config.outside)}"
     print(f"{envs.describe(config)}: {config.algo.upper()}, {config.steps:,} steps, in {folder}")
     try:
         finished = run.train(progress=not args.quiet)
@@ -214,7 +220,7 @@ def train(args: argparse.Namespace) -> int:
 
 def outlook(folder: Path, config: Config) -> str:
     """Return lines with the files of a run and what to try next."""
-    trust = " --trust" if has_address(config.scene) else ""
+    trust = " --trust" if config.outside else ""
     lines = [
         f"Pictures: {folder / 'gait.png'} (the gait) and {folder / 'learning_curve.png'}",
         f"Other files in {folder}: model.zip, learning_curve.csv, evaluation.csv, evaluation.txt",

@@ -18,7 +18,7 @@ from gym_passive_walker import GaitNotFound
 from gym_passive_walker._tools.arguments import unknown, whole
 from gym_passive_walker._tools.console import cut
 from gym_passive_walker._tools.files import replacing
-from gym_passive_walker.apps.cli.arguments import A_SCENE, Parser, a_scene
+from gym_passive_walker.apps.cli.arguments import A_SCENE, OF_SCENE, Parser
 from gym_passive_walker.envs.policies import READERS, load_policy, shipped_policies
 from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.baselines import BASELINES
@@ -121,7 +121,7 @@ def show_gait(arguments: Sequence[str]) -> int:
     add = parser.add_argument
     known = ", ".join([*BASELINES, *shipped_policies()])
     add("policy", help=f"folder of a run, or one of {known}")
-    add("--scene", type=a_scene, metavar="SCENE", help="scene (a learned policy's own; else "
+    add("--scene", **OF_SCENE, help="scene (a learned policy's own; else "
         f"level): {A_SCENE}")  # fmt: skip
     add("--trust", action="store_true", help=TRUST)
     add(

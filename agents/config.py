@@ -14,7 +14,7 @@ import yaml
 
 from gym_passive_walker._tools.arguments import unknown, whole
 from gym_passive_walker._tools.loading import has_address, read_content, reason, untrusted
-from gym_passive_walker.gaits.scenes.named import named_scene, source_of
+from gym_passive_walker.gaits.scenes.named import named_scene, outside, source_of, task_arguments
 from gym_passive_walker.gaits.scenes.scene import kept_argument
 
 ALGORITHMS = ("ppo", "ppo-fast", "sac", "shac", "shac-learned")
@@ -49,7 +49,8 @@ class Config:
 
     Attributes:
         algo: One of `ALGORITHMS`.
-        scene: Name of the scene; "module:function" for one of the user's own.
+        scene: Name of the scene; "module:function" for one of the user's own. Arguments of a file
+            are in `env`.
         env: Arguments of the environment that differ from the scene's own.
         n_envs: Number of parallel environments.
         steps: Environment steps to train for, summed over the environments.
@@ -159,9 +160,15 @@ class Config:
         Raises:
             ConfigError: if the scene is the user's own, and `trust` is False.
         """
-        if has_address(self.scene) and not trust:
-            raise ConfigError(untrusted(f"the scene {self.scene!r}"))
+        if not trust:
+            for address, what in self.outside.items():
+                raise ConfigError(untrusted(f"the {what} {address!r}"))
         return self
+
+    @property
+    def outside(self) -> dict[str, str]:
+        """What the scene names outside the package, by its "module:name"."""
+        return outside(self.scene, self.env)
 
     def differences(self, other: Config, *, ignore: tuple[str, ...] = ()) -> list[str]:
         """Values in which another configuration differs, one line each."""
@@ -213,8 +220,9 @@ def configure(
 
     Args:
         algo: One of `ALGORITHMS`.
-        scene: Name of the scene; or "module:function" for a function of the user's own that
-            returns a `Scene` or its arguments.
+        scene: Name of the scene; "module:function" for a function of the user's own that returns a
+            `Scene` or its arguments; or a JSON, YAML or TOML file of its arguments, which the run
+            stores as `env`.
         env: Arguments of the environment that differ from the scene's own. `control` selects the
             preset of that control. A walker or a terrain may be a file; the run stores the file's
             content.
@@ -230,6 +238,12 @@ def configure(
     Raises:
         ConfigError: if a name or a number is out of range.
     """
+    try:
+        given = task_arguments(scene)
+    except (ImportError, ValueError) as error:
+        raise ConfigError(str(error)) from None
+    if isinstance(given, dict):
+        scene, env = DEFAULT_SCENE, given | (env or {})
     env = {name: _kept(name, value) for name, value in (env or {}).items() if value is not None}
     preset = preset_of(algo, scene, env)
     count: int = preset.pop("n_envs")
@@ -247,7 +261,7 @@ def configure(
         episode_steps = (wrapper or {}).get(_TIME_LIMIT, {}).get("max_episode_steps")
     exploration = _exploration(algo, callback)
     try:
-        source = source_of(scene)
+        source = source_of(*outside(scene, env))
     except ValueError as error:
         raise ConfigError(str(error)) from None
     if start is not None:

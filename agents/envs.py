@@ -25,7 +25,7 @@ def scene_of(config: Config, **changes: Any) -> Scene:
             since the run began.
     """
     try:
-        check_source(config.scene, config.source)
+        check_source(config.outside, config.source)
         return named_scene(config.scene, trust=True, **config.env | changes)
     except (TypeError, ValueError) as error:
         raise ConfigError(str(error)) from None

@@ -8,10 +8,11 @@ parameter that is annotated with a dataclass stands for all of the dataclass's f
 from __future__ import annotations
 
 import re
+import sys
 from argparse import Action, ArgumentError, ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, is_dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from inspect import Parameter, signature
 from pathlib import Path
 from types import NoneType
@@ -21,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import unknown
+from gym_passive_walker._tools.loading import is_file
 from gym_passive_walker.apps.cli.report import PLAIN, SI
 from gym_passive_walker.envs.policies import load_policy, shipped_policies
 from gym_passive_walker.gaits.actuation import Actuation
@@ -49,8 +51,12 @@ class Parser(ArgumentParser):
         """Print the message, and exit."""
         self.exit(2, f"error: {message} (see {self.prog} --help)\n")
 
+    trusts = False
+    """Whether --trust is among the arguments."""
+
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse arguments; options that this parser does not have are an error."""
+        self.trusts = "--trust" in (sys.argv[1:] if args is None else args)
         found, rest = super().parse_known_args(args, namespace)
         strange = [word for word in rest if re.match("-+[a-z]", word)]
         known = [name for name in self._option_string_actions if name.startswith("--")]
@@ -158,7 +164,7 @@ A_WALKER = (
 
 A_SCENE = (
     f"{', '.join(SCENES)}; or module:function, a function of yours that returns a scene or its "
-    "arguments"
+    "arguments; or a JSON, YAML or TOML file of its arguments"
 )
 """Help text of an argument that names a scene."""
 
@@ -168,10 +174,22 @@ A_POLICY = "the path of an exported folder, an ONNX file or a stable-baselines3 
 CONTROLLERS = f"{', '.join([*shipped_policies(), *BASELINES])}, or {A_POLICY}"
 """Help text of an argument that names a controller."""
 
-a_scene = _read_by(partial(named_scene, trust=True))
-"""Parses a scene."""
 
-OF_SCENE = {"type": a_scene, "metavar": "SCENE"}
+class _SceneAction(Action):
+    """Reads a scene; a file that names code needs --trust, for it may be another person's."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option_string: Any = None) -> None:
+        """Store the scene, or raise the error of the argument."""
+        try:
+            found = named_scene(values, trust=not is_file(values) or parser.trusts)
+        except (ValueError, ImportError) as error:
+            raise ArgumentError(self, str(error)) from None
+        setattr(namespace, self.dest, found)
+
+
+OF_SCENE: dict[str, Any] = {"type": str, "action": _SceneAction, "metavar": "SCENE"}
+"""Settings of an argument that names a scene."""
+
 AScene = Annotated[Any, A_SCENE, OF_SCENE]
 AWalker = Annotated[Any, A_WALKER, {"type": _read_by(named_walker), "metavar": "WALKER"}]
 ATerrain = Annotated[
@@ -186,7 +204,8 @@ Kind = Annotated[Literal["long", "short"], "long-step or short-step gait"]
 Strides = Annotated[int, "largest number of strides"]
 Trust = Annotated[
     bool,
-    "permit a policy with a scene of its own, module:function; such code runs with your rights",
+    "permit the code, module:function, that a file of a scene or a policy names; it runs with your "
+    "rights",
 ]
 _HELD = "{} in {}, equal in each stride"
 
@@ -304,9 +323,5 @@ class Walk:
 
 
 def read_policy(name: str, trust: bool) -> Any:
-    """Return a controller by its name; a trained policy is read here if `trust` is True.
-
-    Raises:
-        ValueError: if `trust` is True and the name is not one of a trained policy.
-    """
-    return load_policy(name, trust=True) if trust else name
+    """Return a controller by its name; a trained policy is read here if `trust` is True."""
+    return load_policy(name, trust=True) if trust and name not in BASELINES else name

@@ -99,7 +99,7 @@ def export(
     return Report(text, data, {out: read.to_onnx})
 
 
-def scene(scene: AScene) -> Report:
+def scene(scene: AScene, *, trust: Trust = False) -> Report:
     """Explain a scene: observations, actions, reward and termination reasons.
 
     passive-walker scene level

@@ -14,6 +14,7 @@ import numpy as np
 
 from gym_passive_walker._tools.arguments import number, unknown, whole
 from gym_passive_walker._tools.loading import has_address, is_file, read_content
+from gym_passive_walker.gaits.scenes.named import outside, task_arguments
 from gym_passive_walker.gaits.scenes.scene import kept_argument
 from gym_passive_walker.models.model import Model
 
@@ -38,7 +39,8 @@ class Description:
             ones, and so on; "sobol" or "latin-hypercube" for a random sample of the box.
         given: Arguments that are equal in all tasks, by name. A walker or a terrain may be a file
             here and in `over`; the description stores the content of the file. A `System` is
-            "module:NAME", and a scene of your own "module:function".
+            "module:NAME", and a scene of your own "module:function" or a JSON, YAML or TOML file
+            of its arguments, of which the content is kept.
         samples: Number of points of a random sample; a power of two balances Sobol's.
         seed: Seed of the sample, and of each task without a seed of its own.
         time_out: Seconds after which a task is given up; None waits forever.
@@ -64,7 +66,7 @@ class Description:
         for name in ("over", "given"):
             if not isinstance(getattr(self, name), Mapping):
                 raise ValueError(f"{name} must name values, as in slope: [0.02, 0.03]")
-        kept = {name: kept_argument(name, value) for name, value in self.given.items()}
+        kept = {name: _kept_one(name, value) for name, value in self.given.items()}
         object.__setattr__(self, "given", kept)
         over = {name: _kept(name, values) for name, values in self.over.items()}
         object.__setattr__(self, "over", over)
@@ -133,7 +135,11 @@ class Description:
         named = [("analysis", self.analysis)]
         for name in ("walker", "scene"):
             named += [(name, value) for value in (self.given.get(name), *self.over.get(name, ()))]
-        return {value: name for name, value in named if has_address(value)}
+        found = {value: name for name, value in named if has_address(value)}
+        for name, value in named:
+            if name == "scene":
+                found |= outside(value)
+        return found
 
     @cached_property
     def digest(self) -> str:
@@ -160,11 +166,16 @@ class Description:
                                       default=_plain)) for row in rows]  # fmt: skip
 
 
+def _kept_one(name: str, value: Any) -> Any:
+    """Return an argument with the content of its file, if it names one."""
+    if name != "scene" or not is_file(value):
+        return kept_argument(name, value)
+    return {each: kept_argument(each, part) for each, part in task_arguments(value).items()}
+
+
 def _kept(name: str, values: Any) -> Any:
     return (
-        [kept_argument(name, value) for value in values]
-        if isinstance(values, list | tuple)
-        else values
+        [_kept_one(name, value) for value in values] if isinstance(values, list | tuple) else values
     )
 
 

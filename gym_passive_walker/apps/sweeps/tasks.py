@@ -251,7 +251,8 @@ def task(analysis: str, given: Mapping[str, Any]) -> Callable[[], Any]:
     called, rest = function(analysis), dict(given)
     takes = signature(called).parameters
     anything = any(each.kind is Parameter.VAR_KEYWORD for each in takes.values())
-    if has_address(rest.get("scene")) and "scene" in takes:
+    own = has_address(rest.get("scene")) or isinstance(rest.get("scene"), Mapping)
+    if own and "scene" in takes:
         rest["scene"] = named_scene(rest["scene"], trust=True)
     numbers = _WALKER
     if "walker" in takes or "changes" in takes:

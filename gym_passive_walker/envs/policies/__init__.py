@@ -21,7 +21,7 @@ from gym_passive_walker.envs.policies.network import Network
 from gym_passive_walker.envs.policies.onnx_file import OnnxPolicy, write_onnx
 from gym_passive_walker.envs.policies.sb3_file import Sb3Policy
 from gym_passive_walker.envs.policies.tensors import PolicyError, read_tensors, reading
-from gym_passive_walker.gaits.scenes.named import check_source, named_scene
+from gym_passive_walker.gaits.scenes.named import check_source, named_scene, outside
 from gym_passive_walker.gaits.scenes.scene import Scene
 
 TENSORS, DESCRIPTION = "policy.safetensors", "policy.json"
@@ -49,7 +49,7 @@ class TrainedPolicy(Network):
             name, env = self._trained_in
             self.trained: dict[str, Any] = _names(description.get("trained", {}), "trained")
             if trust:
-                check_source(name, self.trained.get("source"))
+                check_source(outside(name, env), self.trained.get("source"))
             self.scene: Scene = named_scene(name, trust=trust, **env)
             super().__init__(read_tensors(folder / TENSORS), **acting)
 

@@ -1,39 +1,130 @@
-"""Scenes and walkers by name: those of the package, and a user's own as "module:name"."""
+"""Scenes and walkers by name: those of the package, a user's own as "module:name", and files."""
 
 from __future__ import annotations
 
 import inspect
 import sys
 from ast import parse, unparse
+from collections.abc import Collection, Mapping
 from itertools import zip_longest
 from types import ModuleType
 from typing import Any
 from weakref import WeakKeyDictionary
 
 from gym_passive_walker._tools.arguments import shown
-from gym_passive_walker._tools.loading import found_at, function_at, has_address, untrusted
+from gym_passive_walker._tools.loading import (
+    found_at,
+    function_at,
+    has_address,
+    is_file,
+    read_content,
+    untrusted,
+)
+from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, make_scene
 from gym_passive_walker.models.model import Model
 from gym_passive_walker.models.walkers import Walker, WalkerError, as_walker
 
 
+def task_arguments(name: Any) -> Any:
+    """Return the arguments of a scene that a JSON, YAML or TOML file has; other names as they are.
+
+    Raises:
+        SceneError: if the file cannot be read, or has no arguments of a scene.
+        ImportError: if the file is YAML and pyyaml is not installed.
+    """
+    if not is_file(name):
+        return name
+    try:
+        content = read_content(name)
+    except ValueError as error:
+        raise SceneError(str(error)) from None
+    if not isinstance(content, dict):
+        raise SceneError(
+            f"{name} must map arguments of a scene to values, as in slope: 0.02, not "
+            f"{shown(content)}"
+        )
+    return content
+
+
+def outside(name: Any, arguments: Mapping[str, Any] | None = None) -> dict[str, str]:
+    """Return what a scene names outside the package, by "module:name".
+
+    Args:
+        name: The scene: a name, a file, or a mapping of arguments.
+        arguments: Further arguments of the scene.
+    """
+    name = task_arguments(name)
+    found = {name: "scene"} if has_address(name) else {}
+    for part in (name, arguments or {}):
+        if isinstance(part, Mapping):
+            named = {each: part.get(each) for each in _CODE}
+            found |= {value: each for each, value in named.items() if has_address(value)}
+    return found
+
+
 def named_scene(name: Any, *, trust: bool, **changes: Any) -> Scene:
     """Return a scene by its name, with changes.
 
+    A file's walker or system may be "module:NAME", its reward, observation and termination
+    "module:function".
+
     Args:
-        name: A scene in a form that `make_scene` takes; or "module:function" for a function of the
-            user's own without arguments, which returns such a scene.
-        trust: Whether to import that module. A name that a user writes is trusted; one in a file
+        name: A scene in a form that `make_scene` takes; a JSON, YAML or TOML file of its arguments;
+            or "module:function" for a function of the user's own without arguments, which returns
+            such a scene.
+        trust: Whether to import such modules. A name that a user writes is trusted; one in a file
             can be another person's.
         **changes: Arguments of `Scene` that replace the scene's own.
 
     Raises:
-        SceneError: if there is no such scene, or its function is not trusted.
+        SceneError: if there is no such scene, or its code is not trusted.
+        ImportError: if the file is YAML and pyyaml is not installed.
     """
+    given = task_arguments(name)
+    if not trust:
+        for address, what in outside(given, changes).items():
+            raise SceneError(untrusted(f"the {what} {address!r}"))
+    if isinstance(given, Mapping):
+        given = _with_code(given)
+    changes = _with_code(changes)
+    try:
+        return _made(given, changes)
+    except SceneError as error:
+        if is_file(name):
+            raise SceneError(f"{name}: {error}") from None
+        raise
+
+
+_CODE = ("walker", "system", *FUNCTIONS)
+"""Arguments of a scene that can be code of the user's."""
+
+
+def _with_code(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return arguments of a scene with what they name in modules; these are imported.
+
+    Raises:
+        SceneError: if there is no such function.
+        WalkerError: if there is no such system.
+    """
+    found = dict(arguments)
+    for name in _CODE:
+        if not has_address(found.get(name)):
+            continue
+        if name in FUNCTIONS:
+            try:
+                found[name] = function_at(found[name], f"the {name}")
+            except ValueError as error:
+                raise SceneError(str(error)) from None
+        else:
+            found[name] = named_walker(found[name])
+    return found
+
+
+def _made(name: Any, changes: Mapping[str, Any]) -> Scene:
+    """Return the scene of `named_scene`, of which the code is trusted."""
     if not has_address(name):
         return make_scene(name, **changes)
-    if not trust:
-        raise SceneError(untrusted(f"the scene {name!r}"))
     try:
         found = function_at(name, "the scene")()
     except ValueError as error:
@@ -71,39 +162,49 @@ _SOURCES: WeakKeyDictionary[ModuleType, str] = WeakKeyDictionary()
 """Sources as they were when first asked for: a file may be edited while a training runs."""
 
 
-def source_of(name: str) -> str | None:
-    """Return the source of the module of a scene's function; None for one of the package."""
-    if not has_address(name):
+def source_of(*names: str) -> str | None:
+    """Return the sources of the modules of "module:name", one after another; None without any.
+
+    Raises:
+        SceneError: if there is no such function, or its module has no source.
+    """
+    if not names:
         return None
-    function_at(name, "the scene")
-    module = sys.modules[name.partition(":")[0]]
-    try:
-        if module not in _SOURCES:
-            _SOURCES[module] = inspect.getsource(module)
-        return _SOURCES[module]
-    except (OSError, TypeError):
-        raise SceneError(f"the scene {name!r} has no source: write its module as a file") from None
+    found: dict[str, str] = {}
+    for name in sorted(names):
+        found_at(name, "the scene")
+        module = sys.modules[name.partition(":")[0]]
+        try:
+            if module not in _SOURCES:
+                _SOURCES[module] = inspect.getsource(module)
+            found[module.__name__] = _SOURCES[module]
+        except (OSError, TypeError):
+            raise SceneError(
+                f"the scene {name!r} has no source: write its module as a file"
+            ) from None
+    return "\n".join(found.values())
 
 
-def check_source(name: str, kept: str | None) -> None:
-    """Check that the module of a scene has the code that it had before.
+def check_source(names: Collection[str], kept: str | None) -> None:
+    """Check that the modules of a scene have the code that they had before.
 
     Comments and line breaks may differ; both texts are compared as Python reads them.
 
     Args:
-        name: The scene's name.
+        names: What the scene names outside the package, as in `outside`.
         kept: What `source_of` returned before.
 
     Raises:
         SceneError: if the code differs; the message quotes the first line that does.
     """
-    now = source_of(name)
+    now = source_of(*names)
     if now is None or kept is None or now == kept:
         return
     lines = (unparse(parse(text)).splitlines() for text in (now, kept))
     for here, there in zip_longest(*lines, fillvalue=""):
         if here != there:
             raise SceneError(
-                f"the scene {name!r} has changed: its module has the line {here.strip()!r} where "
-                f"it had {there.strip()!r}; put it back, or give the new scene another name"
+                f"the scene {', '.join(names)!r} has changed: its module has the line "
+                f"{here.strip()!r} where it had {there.strip()!r}; put it back, or give the new "
+                "scene another name"
             )

@@ -1,0 +1,147 @@
+"""A scene in a file of its arguments: explained, trained and resumed as the same scene by name."""
+
+import sys
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+import train
+from agents import envs
+from agents.config import Config, ConfigError, configure
+from agents.training import Run
+from gym_passive_walker.apps.cli import main as passive_walker
+from gym_passive_walker.apps.sweeps.description import Description
+from gym_passive_walker.apps.sweeps.tasks import task
+from gym_passive_walker.envs.scene import make_scene, named_scene
+from tests.agents.runs import short_arena, small, weights
+
+CODE = """
+from examples.five_links import FIVE_LINKS
+
+WEIGHT = 2.0
+
+
+def reward(step):
+    return step.distance - WEIGHT * step.energy
+"""
+TASKS = {
+    "plain.yaml": "slope: [0.01, 0.02]\nwalker: {preset: C, hip_mass: 0.4}\n",
+    "plain.toml": 'slope = [0.01, 0.02]\n[walker]\npreset = "C"\nhip_mass = 0.4\n',
+    "own.yaml": "slope: 0.02\nreward: mytask:reward\n",
+    "system.yaml": "system: mytask:FIVE_LINKS\nslope: 0.05\ncontrol: stride\n",
+    "level.yaml": "slope: 0.0\n",
+    "list.yaml": "- slope\n",
+    "wrong.yaml": "slop: 0.02\n",
+    "far.yaml": "slope: 9\n",
+    "nowhere.yaml": "reward: mytask:nothing\n",
+}
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """The present folder has tasks and a module of the user's."""
+    for name, text in TASKS.items():
+        (tmp_path / name).write_text(text)
+    (tmp_path / "mytask.py").write_text(CODE)
+    monkeypatch.chdir(tmp_path)
+    yield tmp_path
+    sys.modules.pop("mytask", None)
+
+
+@pytest.mark.parametrize("name", ["plain.yaml", "plain.toml"])
+def test_a_file_of_arguments_is_the_scene_of_these_arguments(name):
+    same = make_scene(walker={"preset": "C", "hip_mass": 0.4}, slope=(0.01, 0.02))
+    assert named_scene(name, trust=False) == same
+    assert named_scene(name, trust=False, tick=0.2) == make_scene(same, tick=0.2)
+
+
+def test_functions_and_systems_are_named_by_their_modules():
+    scene = named_scene("own.yaml", trust=True)
+    assert scene.reward is sys.modules["mytask"].reward and scene.slope == 0.02
+    assert named_scene("system.yaml", trust=True).walker is sys.modules["mytask"].FIVE_LINKS
+
+
+@pytest.mark.parametrize("name", ["own.yaml", "system.yaml"])
+def test_a_file_that_names_code_is_refused_without_trust(name, capsys):
+    with pytest.raises(ValueError, match=r"'mytask:.*' is code .* add --trust"):
+        named_scene(name, trust=False)
+    for line in (["scene", name], ["evaluate", "passive", "--scene", name]):
+        with pytest.raises(SystemExit):
+            passive_walker(line)
+        assert "add --trust" in capsys.readouterr().err
+    assert train.main(["--scene", name]) == 2
+    assert "add --trust" in capsys.readouterr().err
+    assert "mytask" not in sys.modules
+    assert passive_walker(["scene", name, "--trust"]) == 0 and "mytask" in sys.modules
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("list.yaml", "list.yaml must map arguments of a scene to values"),
+     ("wrong.yaml", r"wrong.yaml: a scene has no slop \(slope\?\)"),
+     ("far.yaml", "far.yaml: slope must be an angle"),
+     ("absent.yaml", "absent.yaml cannot be read"),
+     ("nowhere.yaml", "the reward 'mytask:nothing' cannot be found")],
+)  # fmt: skip
+def test_a_file_that_is_no_scene_is_refused_in_one_sentence(name, said):
+    with pytest.raises(ValueError, match=said):
+        named_scene(name, trust=True)
+
+
+def test_a_file_trains_as_the_same_scene_by_name(tmp_path, monkeypatch):
+    """Both runs have the same weights, bit for bit."""
+    monkeypatch.setattr(envs, "arena", short_arena)
+    found = []
+    for scene in ("level.yaml", "level"):
+        run = Run(small(scene=scene), tmp_path / scene.replace(".", ""))
+        assert run.train(progress=False)
+        found.append(weights(run.model))
+    np.testing.assert_array_equal(*found)
+
+
+def test_a_run_keeps_the_content_of_its_file(folder):
+    config = configure("ppo", "plain.yaml")
+    config.save(folder / "config.yml")
+    before = envs.scene_of(config)
+    (folder / "plain.yaml").unlink()
+    assert envs.scene_of(Config.load(folder / "config.yml")) == before
+
+
+def test_a_run_refuses_a_file_and_a_function_that_changed(folder):
+    config = configure("ppo", "own.yaml")
+    config.save(folder / "config.yml")
+    (folder / "own.yaml").write_text("slope: 0.03\nreward: mytask:reward\n")
+    (line,) = config.differences(configure("ppo", "own.yaml"))
+    assert "'slope': 0.02" in line and "'slope': 0.03" in line
+    with pytest.raises(ConfigError, match="add --trust"):
+        Config.load(folder / "config.yml")
+    kept = Config.load(folder / "config.yml", trust=True)
+    assert envs.scene_of(kept).slope == 0.02
+    (folder / "mytask.py").write_text(CODE.replace("WEIGHT = 2.0", "WEIGHT = 3.25"))
+    sys.modules.pop("mytask")
+    with pytest.raises(ConfigError, match=r"has the line 'WEIGHT = 3.25' where it had"):
+        envs.scene_of(kept)
+
+
+def test_a_sweep_keeps_the_content_of_a_scene_s_file_and_asks_for_trust():
+    def described(scene):
+        given = {"controller": "passive", "scene": scene, "episodes": 1}
+        return Description(analysis="evaluation", over={"slope": [0.02]}, given=given)
+
+    plain, own = described("plain.yaml"), described("own.yaml")
+    assert plain.given["scene"]["slope"] == [0.01, 0.02] and not plain.outside
+    assert own.outside == {"mytask:reward": "reward"}
+    row = task("evaluation", {**plain.tasks[0], "seed": 0})()
+    assert row["strides"] == task("evaluation", {
+        "controller": "passive", "episodes": 1, "slope": 0.02, "seed": 0,
+        "scene": {"walker": {"preset": "C", "hip_mass": 0.4}},
+    })()["strides"]  # fmt: skip
+
+
+def test_an_evaluation_takes_the_scene_of_a_file():
+    found = gpw.evaluate(
+        "passive", named_scene("own.yaml", trust=True), episodes=1, max_episode_steps=9,
+        beside=(), time_limit=0,
+    )  # fmt: skip
+    assert found.scene.reward.__name__ == "reward"
