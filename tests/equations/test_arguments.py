@@ -194,8 +194,8 @@ def test_units_are_those_of_leg_mass_and_gravity(name):
         assert units.unit_of(walker, parameter) == pytest.approx(kinds[kind], rel=1e-14), parameter
     symbols = {"angle": "rad", "length": "l", "mass": "m", "gravity": "g", "time": "√(l/g)",
                "speed": "√(g l)", "torque": "(m g l)", "energy": "(m g l)",
-               "friction": "(m l √(g l))", "impulse": "(m √(g l))", "force": "(m g)", "power": "(m g √(g l))",
-               "rate": "√(g/l)", "twist": "(m l √(g l))"}  # fmt: skip
+               "friction": "(m l √(g l))", "impulse": "(m √(g l))", "force": "(m g)",
+               "power": "(m g √(g l))", "rate": "√(g/l)", "twist": "(m l √(g l))"}  # fmt: skip
     assert {kind: symbol for kind, (symbol, _) in units.UNITS.items()} == symbols
 
 
