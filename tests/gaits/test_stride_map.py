@@ -268,3 +268,11 @@ def test_a_gait_is_a_point_of_its_map():
     ends = gait.stride_map.apply(point).ends
     np.testing.assert_array_equal(ends, gait.stride_map.apply(point.values).ends)
     np.testing.assert_allclose(gait.stride_map.at(ends).search, point.search, rtol=1e-9)
+
+
+@pytest.mark.parametrize("part", ["thigh", "shank"])
+def test_a_state_with_a_bent_leg_is_not_on_the_section(part):
+    state = [0.2, -0.2, -0.2, -1.0, -0.5, -0.5]
+    state[("stance", "thigh", "shank").index(part)] -= 1e-3
+    with pytest.raises(ValueError, match=r"angles of thigh and shank are its opposite"):
+        StrideMap.of("lab").points(state)
