@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 import gym_passive_walker as gpw
 from examples.potential_shaping import COMPASS
 from examples.rimless_wheel import RIMLESS_WHEEL, closed_form
+from examples.virtual_constraints import BIPED, before_impact
 from gym_passive_walker import WALKERS, Gait
 from validation.rows import Row, claim, number
 from validation.walks import Kind, gait
@@ -191,6 +192,21 @@ def compass() -> Iterator[Row]:
             f"Drake 1.58 | CompassGait at 0.0525, g = 9.81: {name} | {printed}", value,
             within=1e-12, digits=13, remark="Runge-Kutta of fifth order, error 1e-12.",
         )  # fmt: skip
+
+
+def virtual_constraints() -> Iterator[Row]:
+    """A biped of three links of which an angle defines the impact, on level ground."""
+    walks = gait(BIPED, 0.0)
+    said, why = (
+        "Recomputed | three links of Grizzle et al. 2001, torso held at π/6, impacts at π/8:",
+        "Hybrid zero dynamics by quadrature, with an impact of five coordinates: another program.",
+    )
+    for name, value, printed in (
+        ("rate before an impact, g = 9.8 (rad/s)", math.sqrt(9.8) * before_impact(walks),
+         "1.60525398538"),
+        ("momentum kept in an impact", math.sqrt(walks.multipliers[0].real), "0.748641468577"),
+    ):  # fmt: skip
+        yield number(f"{said} {name} | {printed}", value, within=1e-11, digits=12, remark=why)
 
 
 def _energy(walks: Gait) -> float:

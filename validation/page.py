@@ -88,6 +88,7 @@ _LITERATURE = (
     Section("Other publications: the simplest walker", literature.simplest_walker),
     Section("Other publications: the simplest walker's way to chaos", literature.chaos),
     Section("Other publications: the compass walker", literature.compass),
+    Section("Other publications: virtual constraints", literature.virtual_constraints),
     Section("Other publications: wheels and round feet", literature.wheels_and_round_feet),
     Section("Rough ground: the rimless wheel, and point feet", wheel.rough_ground),
     Section("Controllers: push-off (Kuo)", controllers.push_off,
@@ -150,6 +151,8 @@ _SOURCES = """## Sources
 - P. G. Adamczyk, S. H. Collins, A. D. Kuo, *The advantages of a rolling foot in human walking*,
   J. Experimental Biology 209 (2006) 3953–3963.
 - P. A. Bhounsule, passivewalker.m, a program of 2009: github.com/pab47/pab47.github.io.
+- J. W. Grizzle, G. Abba, F. Plestan, *Asymptotically stable walking for biped robots: analysis via
+  systems with impulse effects*, IEEE Trans. Automatic Control 46 (2001) 51–64.
 - R. Tedrake and others, Drake 1.58, `pydrake.examples`: drake.mit.edu.
 - Recomputed: by another program than this package, as the remark says.
 - K. Byl, R. Tedrake, *Metastable walking machines*, Int. J. Robotics Research 28 (2009) 1040–1064.

@@ -35,10 +35,10 @@ from tests.own import statements
 from tests.own.statements import COMPASS, DRIVEN
 
 RESULTS = set(
-    "Basin BifurcationDiagram BifurcationLocus Cascade Design TimedExtremum FootVelocity Gait "
+    "Basin BifurcationDiagram BifurcationLocus Cascade Design Evaluation FootVelocity Gait "
     "GaitFamily Gauntlet GaitNotFound Impulse OptimalGait Outcome PolicyError RealityCheck "
     "Robustness StatementError Stride SweepResult TrainedPolicy Trajectory Transition TuningErrors "
-    "VelocityPerturbations WalkerError".split()
+    "TimedExtremum VelocityPerturbations WalkerError".split()
 )
 """Classes of results, which users do not construct; the tests of functions cover their content."""
 
