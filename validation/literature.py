@@ -13,7 +13,7 @@ from examples.potential_shaping import COMPASS
 from examples.rimless_wheel import RIMLESS_WHEEL, closed_form
 from examples.virtual_constraints import BIPED, before_impact
 from gym_passive_walker import WALKERS, Gait
-from validation.rows import Row, claim, number
+from validation.rows import Row, claim, listed, number
 from validation.walks import Kind, gait
 
 _SIMPLEST = "Garcia et al. 1998"
@@ -192,6 +192,29 @@ def compass() -> Iterator[Row]:
             f"Drake 1.58 | CompassGait at 0.0525, g = 9.81: {name} | {printed}", value,
             within=1e-12, digits=13, remark="Runge-Kutta of fifth order, error 1e-12.",
         )  # fmt: skip
+
+
+def known_gaits() -> Iterator[Row]:
+    """Ends of stability of walker A, and the optimal gait of walker C on level ground."""
+    family = gpw.gait_family("A", 1e-4, 0.1)
+    yield number(
+        "Recomputed | walker A as printed: slope of the fold at which its gaits begin | "
+        "0.000103533897517", family.folds[0], within=1e-14, digits=12,
+    )  # fmt: skip
+    counts = [len(gpw.find_gaits("A", slope)) for slope in (1.03e-4, 1.05e-4)]
+    yield claim(
+        "Recomputed | its gaits at 1.03e-4 and at 1.05e-4 | 0, 2", listed(counts), counts == [0, 2]
+    )
+    yield number(
+        "Recomputed | slope where its period doubles | 0.06576317542618",
+        family.period_doublings[0], within=1e-13, digits=13,
+    )  # fmt: skip
+    best = gpw.optimal_gait("level", 0.1).dimensionless
+    said = "IPOPT (CasADi 3.8) | walker C on level ground at 0.1 √(g l):"
+    why = "Of an independent Lagrangian, 0.003183456."
+    yield number(f"{said} least cost | 0.00318345", best.motor_cost, digits=7, remark=why)
+    yield number(f"{said} step period | 2.84420", best.step_period, digits=6)
+    yield number(f"{said} time of kneestrike | 1.54357", best.mean.kneestrike_time, digits=6)
 
 
 def virtual_constraints() -> Iterator[Row]:

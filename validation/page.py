@@ -88,6 +88,7 @@ _LITERATURE = (
     Section("Other publications: the simplest walker", literature.simplest_walker),
     Section("Other publications: the simplest walker's way to chaos", literature.chaos),
     Section("Other publications: the compass walker", literature.compass),
+    Section("Other publications: walkers A and C", literature.known_gaits),
     Section("Other publications: virtual constraints", literature.virtual_constraints),
     Section("Other publications: wheels and round feet", literature.wheels_and_round_feet),
     Section("Rough ground: the rimless wheel, and point feet", wheel.rough_ground),
