@@ -276,18 +276,23 @@ def correction_to(history, event, strike, h, options):
     return late, speed, close or abs(late) <= options.landing * max(h, 1e-3)
 
 
-def accepted_event(tiles, history, lane, event):
-    """Return the event that a step has ended on; 0, with a next step, if it does not count.
-
-    Tangents at the event are those at its own time, which varies. The accelerations there, in which
-    the next step begins, are evaluated again with their tangents.
-    """
+def accepted_event(tile, history, lane, event):
+    """Return the event that a step has ended on; 0, with a next step, if it does not count."""
     if history.counted > 0.0:
         return event
-    if len(tiles) > 1:
-        tiles[0].fresh[lane] = 1.0
-    set_next_step(tiles[0], lane)
+    set_next_step(tile, lane)
     return 0
+
+
+def with_tangents(tiles, lane, event):
+    """Return the event that a step has ended on; 0 if it does not count.
+
+    Tangents at the event are those at its own time, which varies. The accelerations there, in which
+    the next step begins, are then evaluated again with their tangents.
+    """
+    if len(tiles) > 1 and event == 0:
+        tiles[0].fresh[lane] = 1.0
+    return event
 
 
 def approach_event(tiles, histories, phase, lane, options):
@@ -325,7 +330,7 @@ def approach_event(tiles, histories, phase, lane, options):
         retry_at_event(tile, lane, other, root(quintic(history, other - 1, h)), h)
         return 0
     accept(tiles, histories, phase, lane, float(event if close else -event), correction)
-    return accepted_event(tiles, history, lane, event)
+    return with_tangents(tiles, lane, accepted_event(tile, history, lane, event))
 
 
 def move_to_impact(tiles, histories, phase, lane, options):
@@ -391,7 +396,7 @@ def process_events(tiles, histories, phase, lane, options):
     near = near and phase.strike > 0
     if near and earliest(phase, history, h, scuff, phase.strike)[1] == 0:
         if move_to_impact(tiles, histories, phase, lane, options):
-            return accepted_event(tiles, history, lane, phase.strike)
+            return with_tangents(tiles, lane, accepted_event(tile, history, lane, phase.strike))
     first, event = earliest(phase, history, h, scuff, 0)
     if event < 0:  # end the step between two possible roots
         tile.next[lane] = h

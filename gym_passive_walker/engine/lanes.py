@@ -86,7 +86,8 @@ def integrate_phase(records, bodies, phase, number, tiles, histories, options):
             if tiles[0].verdict[lane] == PLAIN or owner[lane] < 0:
                 continue
             event = finish_sweep(tiles, histories, phase, lane, options)
-            fresh = fresh or tiles[0].fresh[lane] > 0.0
+            if tangents > 0:  # with values alone, accelerations at a step's end are known
+                fresh = fresh or tiles[0].fresh[lane] > 0.0
             if event != 0:
                 i = owner[lane]
                 body = bodies[0 if alike else i]

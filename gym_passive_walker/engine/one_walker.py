@@ -15,8 +15,9 @@ def integrate_phase(records, bodies, phase, number, tiles, histories, options):
     scuff = float(options.scuff)
     jit.call(phase.load_constants, tile, jit.address(bodies[0]), 0, tangents, 0.0, 0.0)
     jit.call(phase.load, tile, jit.address(records[0]), 0, tangents, options.first_step, 0.0)
+    jit.call(phase.first, tile, tile, 0, tangents, 0.0, 0.0)
     while event == 0:
-        if tiles[0].fresh[0] > 0.0:
+        if tangents > 0 and tiles[0].fresh[0] > 0.0:
             jit.call(phase.first, tile, tile, 0, tangents, 0.0, 0.0)
         jit.call(phase.sweep, tile, tile, 0, tangents, options.fineness, scuff)
         event = finish_sweep(tiles, histories, phase, 0, options)
