@@ -54,8 +54,8 @@ class Share(NamedTuple):
         spread = _QUANTILE**2 / n
         middle = share + 0.5 * spread
         half = math.sqrt(spread * (share * (1.0 - share) + 0.25 * spread))
-        ends = ((middle + sign * half) / (1.0 + spread) for sign in (-1.0, 1.0))
-        return cls(share, *(min(max(end, 0.0), 1.0) for end in ends))
+        low, high = ((middle + sign * half) / (1.0 + spread) for sign in (-1.0, 1.0))
+        return cls(share, min(low, share), max(high, share))  # exactly 0 and 1 where all are alike
 
     def __str__(self) -> str:
         return f"{self.value:.0%} ({self.low:.0%} to {self.high:.0%})"
