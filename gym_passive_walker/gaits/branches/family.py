@@ -124,7 +124,7 @@ class GaitFamily(InUnits, Table):
         return self.walker.units_with(**{self.parameter: self.value} if varied else {})
 
     @property
-    def kind(self) -> NDArray[np.str_]:
+    def kind(self) -> NDArray[Any]:
         """Kind of each gait, "long" or "short", as that of a `Gait`, (n,)."""
         times = np.broadcast_to(self.units.time, len(self))
         periods, kinds = self.step_period / times, []

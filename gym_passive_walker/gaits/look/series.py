@@ -67,7 +67,7 @@ class Strikes(InUnits, Table):
     walker: Walker
     times: NDArray[np.float64]
     stride_index: NDArray[np.int64]
-    kinds: NDArray[np.str_]
+    kinds: NDArray[Any]
     normal_impulse: NDArray[np.float64]
     tangential_impulse: NDArray[np.float64]
     stance_knee_impulse: NDArray[np.float64]
