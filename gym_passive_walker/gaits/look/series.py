@@ -93,8 +93,9 @@ class Strikes(InUnits, Table):
         }
 
 
+@dataclass(frozen=True, repr=False)
 class OverTime(InUnits):
-    """Quantities of a walk at n instants."""
+    """Quantities of a walk at n instants; `Trajectory` says what the attributes are."""
 
     walker: Walker
     slope: float

@@ -21,17 +21,16 @@ from gym_passive_walker.gaits.actuation import Actuation, one_actuation, to_dime
 from gym_passive_walker.gaits.find.fixed_point import state_on
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.gaits.look.series import OverTime, look_at
-from gym_passive_walker.gaits.stride import Stride, stride, together
+from gym_passive_walker.gaits.stride import stride, together
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import (
-    Terrain,
     TerrainLike,
     contacts,
     ground_of,
     terrain_from,
 )
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.walkers import Walker, name_of
+from gym_passive_walker.models.walkers import name_of
 
 COARSEST_SAMPLES = 1e-4
 """Largest tolerance at which samples just before an impact differ from the impact itself."""
@@ -66,21 +65,6 @@ class Trajectory(OverTime, Table):
         terrain: Terrain; None for smooth ground.
         terrain_seed: Seed of the terrain.
     """
-
-    walker: Walker
-    slope: float
-    times: NDArray[np.float64]
-    states: NDArray[np.float64]
-    contact_x: NDArray[np.float64]
-    contact_y: NDArray[np.float64]
-    tilts: NDArray[np.float64]
-    stride_index: NDArray[np.int64]
-    phases: NDArray[np.int64]
-    torques: NDArray[np.float64]
-    taken: Stride
-    terrain: Terrain | None
-    terrain_seed: int
-    _map: StrideMap
 
     def __len__(self) -> int:
         return len(self.times)
