@@ -14,8 +14,8 @@ import yaml
 
 from gym_passive_walker._tools.arguments import unknown, whole
 from gym_passive_walker._tools.loading import has_address, read_content, reason, untrusted
-from gym_passive_walker.gaits.scenes.named import named_scene, outside, source_of, task_arguments
-from gym_passive_walker.gaits.scenes.scene import kept_argument
+from gym_passive_walker.gaits.scenes.named import outside, source_of, task_arguments
+from gym_passive_walker.gaits.scenes.scene import kept_argument, make_scene
 
 ALGORITHMS = ("ppo", "ppo-fast", "sac", "shac", "shac-learned")
 DEFAULT_SCENE = "level"
@@ -171,12 +171,18 @@ class Config:
         return outside(self.scene, self.env)
 
     def differences(self, other: Config, *, ignore: tuple[str, ...] = ()) -> list[str]:
-        """Values in which another configuration differs, one line each."""
-        return [
-            f"{name}: {getattr(self, name)!r} here, {getattr(other, name)!r} asked for"
-            for name in (f.name for f in fields(self))
-            if name not in ignore and getattr(self, name) != getattr(other, name)
-        ]
+        """Values in which another configuration differs, one line each; of mappings, their own."""
+        found: list[str] = []
+        for name in (f.name for f in fields(self) if f.name not in ignore):
+            here, there = getattr(self, name), getattr(other, name)
+            if here == there:
+                continue
+            if isinstance(here, dict) and isinstance(there, dict):
+                lines = ((f"{name}.{key}", here.get(key), there.get(key)) for key in here | there)
+            else:
+                lines = iter([(name, here, there)])
+            found += [f"{line}: {a!r} here, {b!r} asked for" for line, a, b in lines if a != b]
+        return found
 
 
 @cache
@@ -196,7 +202,7 @@ def preset_of(algo: str, scene: str, env: dict[str, Any]) -> dict[str, Any]:
     name = env.get("control", scene)
     if has_address(name):
         try:
-            name = named_scene(scene, trust=True, **env).control
+            name = make_scene(scene, trust=True, **env).control
         except (TypeError, ValueError) as error:
             raise ConfigError(str(error)) from None
     if name not in of_algo:

@@ -10,8 +10,8 @@ from agents.config import Config, ConfigError
 from gym_passive_walker.apps.build import compile_for
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
-from gym_passive_walker.gaits.scenes.named import check_source, named_scene
-from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.gaits.scenes.named import check_source
+from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.models.walkers import name_of
 
 ID = "PassiveWalker-v0"
@@ -26,7 +26,7 @@ def scene_of(config: Config, **changes: Any) -> Scene:
     """
     try:
         check_source(config.outside, config.source)
-        return named_scene(config.scene, trust=True, **config.env | changes)
+        return make_scene(config.scene, trust=True, **config.env | changes)
     except (TypeError, ValueError) as error:
         raise ConfigError(str(error)) from None
 

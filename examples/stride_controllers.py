@@ -50,7 +50,7 @@ class OnceAStride:
     A subclass defines `actuation`. All that takes a controller calls `plan`.
 
     Args:
-        scene: A `Scene`, its name, or a mapping of its arguments: the walker, its actuators and
+        scene: A scene in a form that `make_scene` takes: the walker, its actuators and
             their limits. Actions are held for a stride; the scene's `control` is ignored.
         **changes: Arguments of the scene that replace its own.
 
@@ -91,7 +91,7 @@ class ActuationFeedback(OnceAStride):
     and in one stride with two actions: two directions of its Poincaré section survive a stride.
 
     Args:
-        scene: A `Scene`, its name, or a mapping of its arguments; its walker is replaced by the
+        scene: A scene in a form that `make_scene` takes; its walker is replaced by the
             gait's.
         gait: The gait to hold, passive or under an `Actuation`.
         method: "deadbeat" or "lqr"; see `control.feedback.gains`.
@@ -201,7 +201,7 @@ class SpeedControl(OnceAStride):
     weak, the speed is as near to that as it permits.
 
     Args:
-        scene: A `Scene`, its name, or a mapping of its arguments; its one action is "push_off" or
+        scene: A scene in a form that `make_scene` takes; its one action is "push_off" or
             "hip".
         speed: Wanted speed at mid-stance over sqrt(g l); see `midstance_speed`.
         decay: At least 0, which removes the deviation in one stride, and less than 1.

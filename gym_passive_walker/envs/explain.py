@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
@@ -110,7 +111,7 @@ def as_rows(env: Any = "level") -> dict[str, Rows]:
 
 def _parts(env: Any) -> tuple[Scene, Batch | None, float | None]:
     """Return a scene, its walkers during an episode, and its limit of steps."""
-    if isinstance(env, Scene | str | Mapping):
+    if isinstance(env, Scene | str | os.PathLike | Mapping):
         return make_scene(env), None, MAX_EPISODE_STEPS
     inner = getattr(env, "envs", getattr(env, "unwrapped", env))
     batch: Any = getattr(inner, "batch", None)

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
@@ -35,7 +35,7 @@ from gym_passive_walker.envs.one_thread import one_thread
 from gym_passive_walker.envs.registration import ID, MAX_EPISODE_STEPS
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
-from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike
 from gym_passive_walker.models.walkers import Walker, WalkerLike
 
 with extra("train"):
@@ -226,7 +226,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
     def __init__(
         self,
         num_envs: int = 1,
-        scene: Scene | str | Mapping[str, Any] = "level",
+        scene: SceneLike = "level",
         *,
         seed: int | Sequence[int | None] | None = None,
         max_episode_steps: int | None = MAX_EPISODE_STEPS,

@@ -1,6 +1,5 @@
 """Public names of `gaits.scenes`: named tasks, and tasks of one's own."""
 
-from gym_passive_walker.gaits.scenes.named import named_scene
 from gym_passive_walker.gaits.scenes.scene import (
     CONTROLS,
     SCENES,
@@ -9,4 +8,4 @@ from gym_passive_walker.gaits.scenes.scene import (
     make_scene,
 )
 
-__all__ = ["CONTROLS", "SCENES", "Scene", "SceneError", "make_scene", "named_scene"]
+__all__ = ["CONTROLS", "SCENES", "Scene", "SceneError", "make_scene"]

@@ -20,7 +20,7 @@ from gym_passive_walker.envs.frames import frame
 from gym_passive_walker.envs.infos import Infos
 from gym_passive_walker.envs.one_thread import one_thread, refuse_second
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
-from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.scenes.scene import SceneLike, make_scene
 from gym_passive_walker.models.walkers import Walker, WalkerLike, as_walker
 
 _OUTCOMES = np.array(interface.OUTCOMES, object)
@@ -58,7 +58,7 @@ class PassiveWalkerVectorEnv(
     def __init__(
         self,
         num_envs: int = 1,
-        scene: Scene | str | Mapping[str, Any] = "level",
+        scene: SceneLike = "level",
         *,
         max_episode_steps: int | None = MAX_EPISODE_STEPS,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
@@ -235,9 +235,7 @@ class PassiveWalkerVectorEnv(
         return observations, rewards, terminated, truncated, infos
 
     @one_thread
-    def set_scene(
-        self, scene: Scene | str | Mapping[str, Any] | None = None, **changes: Any
-    ) -> None:
+    def set_scene(self, scene: SceneLike | None = None, **changes: Any) -> None:
         """Change the scene of all environments, for example in a curriculum.
 
         The next step truncates all episodes. Later episodes use the new scene.

@@ -17,7 +17,7 @@ from gym_passive_walker.envs.batch import RESET_OPTIONS, Batch
 from gym_passive_walker.envs.frames import frame
 from gym_passive_walker.envs.interface import NO_STRIDE
 from gym_passive_walker.envs.one_thread import one_thread, refuse_second
-from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.scenes.scene import SceneLike, make_scene
 from gym_passive_walker.models.walkers import Walker
 
 
@@ -264,7 +264,7 @@ class PassiveWalkerEnv(
 
     def __init__(
         self,
-        scene: Scene | str | Mapping[str, Any] = "level",
+        scene: SceneLike = "level",
         *,
         render_mode: str | None = None,
         **changes: Any,
@@ -449,9 +449,7 @@ class PassiveWalkerEnv(
         return observation
 
     @one_thread
-    def set_scene(
-        self, scene: Scene | str | Mapping[str, Any] | None = None, **changes: Any
-    ) -> None:
+    def set_scene(self, scene: SceneLike | None = None, **changes: Any) -> None:
         """Change the scene, for example in a curriculum.
 
         The present episode ends; call `reset`.

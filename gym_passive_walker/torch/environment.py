@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -14,7 +14,7 @@ from torch import Tensor
 from gym_passive_walker.envs import interface
 from gym_passive_walker.envs.infos import Infos
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.gaits.scenes.scene import SceneLike
 
 
 class PassiveWalkerTorchEnv(interface.Adapter):
@@ -45,7 +45,7 @@ class PassiveWalkerTorchEnv(interface.Adapter):
     def __init__(
         self,
         num_envs: int = 1,
-        scene: Scene | str | Mapping[str, Any] = "level",
+        scene: SceneLike = "level",
         *,
         device: torch.device | str = "cpu",
         autoreset_mode: str | AutoresetMode = AutoresetMode.SAME_STEP,

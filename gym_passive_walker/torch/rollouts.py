@@ -22,7 +22,7 @@ from gym_passive_walker.envs.vector_env import seed_randoms
 from gym_passive_walker.gaits.flow import states_in
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, rule_of
-from gym_passive_walker.gaits.scenes.scene import Scene, make_scene, undisturbed
+from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike, make_scene, undisturbed
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.systems import UNEVEN
 from gym_passive_walker.models.model import check_heights_only
@@ -119,7 +119,7 @@ class Rollout(NamedTuple):
 
 
 def initial_state(
-    scene: Scene | str | Mapping[str, Any],
+    scene: SceneLike,
     count: int = 16,
     *,
     seed: int | None = None,
@@ -220,7 +220,7 @@ def _differentiable(scene: Scene) -> Scene:
 
 def rollout(
     policy: Callable[[Tensor], Tensor],
-    scene: Scene | str | Mapping[str, Any],
+    scene: SceneLike,
     horizon: int,
     *,
     count: int = 16,

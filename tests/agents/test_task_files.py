@@ -1,7 +1,9 @@
 """A scene in a file of its arguments: explained, trained and resumed as the same scene by name."""
 
 import sys
+from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from agents.training import Run
 from gym_passive_walker.apps.cli import main as passive_walker
 from gym_passive_walker.apps.sweeps.description import Description
 from gym_passive_walker.apps.sweeps.tasks import task
-from gym_passive_walker.envs.scene import make_scene, named_scene
+from gym_passive_walker.envs.scene import make_scene
 from tests.agents.runs import short_arena, small, weights
 
 CODE = """
@@ -24,6 +26,10 @@ WEIGHT = 2.0
 
 def reward(step):
     return step.distance - WEIGHT * step.energy
+
+
+def plain():
+    return {"slope": (0.01, 0.02), "walker": {"preset": "C", "hip_mass": 0.4}}
 """
 TASKS = {
     "plain.yaml": "slope: [0.01, 0.02]\nwalker: {preset: C, hip_mass: 0.4}\n",
@@ -52,20 +58,20 @@ def folder(tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", ["plain.yaml", "plain.toml"])
 def test_a_file_of_arguments_is_the_scene_of_these_arguments(name):
     same = make_scene(walker={"preset": "C", "hip_mass": 0.4}, slope=(0.01, 0.02))
-    assert named_scene(name, trust=False) == same
-    assert named_scene(name, trust=False, tick=0.2) == make_scene(same, tick=0.2)
+    assert make_scene(name, trust=False) == same
+    assert make_scene(name, trust=False, tick=0.2) == make_scene(same, tick=0.2)
 
 
 def test_functions_and_systems_are_named_by_their_modules():
-    scene = named_scene("own.yaml", trust=True)
+    scene = make_scene("own.yaml", trust=True)
     assert scene.reward is sys.modules["mytask"].reward and scene.slope == 0.02
-    assert named_scene("system.yaml", trust=True).walker is sys.modules["mytask"].FIVE_LINKS
+    assert make_scene("system.yaml", trust=True).walker is sys.modules["mytask"].FIVE_LINKS
 
 
 @pytest.mark.parametrize("name", ["own.yaml", "system.yaml"])
 def test_a_file_that_names_code_is_refused_without_trust(name, capsys):
     with pytest.raises(ValueError, match=r"'mytask:.*' is code .* add --trust"):
-        named_scene(name, trust=False)
+        make_scene(name, trust=False)
     for line in (["scene", name], ["evaluate", "passive", "--scene", name]):
         with pytest.raises(SystemExit):
             passive_walker(line)
@@ -86,15 +92,16 @@ def test_a_file_that_names_code_is_refused_without_trust(name, capsys):
 )  # fmt: skip
 def test_a_file_that_is_no_scene_is_refused_in_one_sentence(name, said):
     with pytest.raises(ValueError, match=said):
-        named_scene(name, trust=True)
+        make_scene(name, trust=True)
 
 
-def test_a_file_trains_as_the_same_scene_by_name(tmp_path, monkeypatch):
+@pytest.mark.parametrize("algo", ["ppo", "ppo-fast"])
+def test_a_file_trains_as_the_same_scene_by_name(tmp_path, monkeypatch, algo):
     """Both runs have the same weights, bit for bit."""
     monkeypatch.setattr(envs, "arena", short_arena)
     found = []
     for scene in ("level.yaml", "level"):
-        run = Run(small(scene=scene), tmp_path / scene.replace(".", ""))
+        run = Run(small(algo, scene=scene), tmp_path / scene.replace(".", ""))
         assert run.train(progress=False)
         found.append(weights(run.model))
     np.testing.assert_array_equal(*found)
@@ -112,8 +119,8 @@ def test_a_run_refuses_a_file_and_a_function_that_changed(folder):
     config = configure("ppo", "own.yaml")
     config.save(folder / "config.yml")
     (folder / "own.yaml").write_text("slope: 0.03\nreward: mytask:reward\n")
-    (line,) = config.differences(configure("ppo", "own.yaml"))
-    assert "'slope': 0.02" in line and "'slope': 0.03" in line
+    changed = config.differences(configure("ppo", "own.yaml"))
+    assert changed == ["env.slope: 0.02 here, 0.03 asked for"]
     with pytest.raises(ConfigError, match="add --trust"):
         Config.load(folder / "config.yml")
     kept = Config.load(folder / "config.yml", trust=True)
@@ -139,9 +146,26 @@ def test_a_sweep_keeps_the_content_of_a_scene_s_file_and_asks_for_trust():
     })()["strides"]  # fmt: skip
 
 
-def test_an_evaluation_takes_the_scene_of_a_file():
-    found = gpw.evaluate(
-        "passive", named_scene("own.yaml", trust=True), episodes=1, max_episode_steps=9,
-        beside=(), time_limit=0,
-    )  # fmt: skip
-    assert found.scene.reward.__name__ == "reward"
+@pytest.mark.parametrize("name", ["plain.yaml", Path("plain.toml"), "mytask:plain"])
+def test_a_scene_is_named_alike_wherever_python_takes_one(name):
+    same, brief = make_scene("plain.yaml"), {"episodes": 1, "max_episode_steps": 9, "beside": ()}
+    assert make_scene(name) == same
+    assert gym.make("PassiveWalker-v0", scene=name).unwrapped.scene == same
+    assert gym.make_vec("PassiveWalker-v0", num_envs=2, scene=name).scene == same
+    assert gpw.evaluate("passive", name, time_limit=0, **brief).scene == same
+    assert gpw.gauntlet("passive", name, walkers=1).scene == same
+    assert str(gpw.explain(name)) == str(gpw.explain(same))
+
+
+def test_code_that_a_file_names_needs_trust_in_python_too():
+    for call in (make_scene, lambda name: gpw.evaluate("passive", name),
+                 lambda name: gym.make("PassiveWalker-v0", scene=name)):  # fmt: skip
+        with pytest.raises(ValueError, match=r"'mytask:reward' is code .* trust=True"):
+            call("own.yaml")
+    with pytest.raises(ValueError, match="is code"):
+        make_scene({"reward": "mytask:reward"})
+    with pytest.raises(ValueError, match="is code"):
+        make_scene("mytask:plain", trust=False)
+    assert "mytask" not in sys.modules
+    env = gym.make("PassiveWalker-v0", scene="own.yaml", trust=True)
+    assert env.unwrapped.scene.reward is sys.modules["mytask"].reward

@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import unknown
-from gym_passive_walker._tools.loading import is_file
 from gym_passive_walker.apps.cli.report import PLAIN, SI
 from gym_passive_walker.envs.policies import load_policy, shipped_policies
 from gym_passive_walker.gaits.actuation import Actuation
@@ -30,8 +29,8 @@ from gym_passive_walker.gaits.control.baselines import BASELINES
 from gym_passive_walker.gaits.control.maps import stride_map
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
-from gym_passive_walker.gaits.scenes.named import named_scene, named_walker
-from gym_passive_walker.gaits.scenes.scene import SCENES
+from gym_passive_walker.gaits.scenes.named import named_walker
+from gym_passive_walker.gaits.scenes.scene import SCENES, make_scene
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import EXAMPLES, terrain_from
 from gym_passive_walker.models.walkers import WALKERS, describe, tune
@@ -181,7 +180,7 @@ class _SceneAction(Action):
     def __call__(self, parser: Any, namespace: Any, values: Any, option_string: Any = None) -> None:
         """Store the scene, or raise the error of the argument."""
         try:
-            found = named_scene(values, trust=not is_file(values) or parser.trusts)
+            found = make_scene(values, trust=parser.trusts or None)
         except (ValueError, ImportError) as error:
             raise ArgumentError(self, str(error)) from None
         setattr(namespace, self.dest, found)

@@ -26,8 +26,8 @@ from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.look.reality import reality_check
 from gym_passive_walker.gaits.robust.basin import basin_of_attraction
-from gym_passive_walker.gaits.scenes.named import named_scene, named_walker
-from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.gaits.scenes.named import named_walker
+from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.models.walkers import Walker
 
 Row = dict[str, Any]
@@ -253,7 +253,7 @@ def task(analysis: str, given: Mapping[str, Any]) -> Callable[[], Any]:
     anything = any(each.kind is Parameter.VAR_KEYWORD for each in takes.values())
     own = has_address(rest.get("scene")) or isinstance(rest.get("scene"), Mapping)
     if own and "scene" in takes:
-        rest["scene"] = named_scene(rest["scene"], trust=True)
+        rest["scene"] = make_scene(rest["scene"], trust=True)
     numbers = _WALKER
     if "walker" in takes or "changes" in takes:
         if "walker" in rest:

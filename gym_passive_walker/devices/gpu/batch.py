@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -27,7 +27,7 @@ from gym_passive_walker.envs.batch import observed_bodies, radii_of, rules_of, s
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.disturbances import Disturbances, disturbed
-from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, make_scene
+from gym_passive_walker.gaits.scenes.scene import SceneError, SceneLike, make_scene
 from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.models.equations.systems import SYSTEMS
 from gym_passive_walker.models.model import bodies
@@ -88,7 +88,7 @@ class DeviceBatch:
     def __init__(
         self,
         count: int,
-        scene: Scene | str | Mapping[str, Any] = "level",
+        scene: SceneLike = "level",
         *,
         step_limit: float = math.inf,
         seed: int = 0,

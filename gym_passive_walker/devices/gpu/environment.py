@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.one_thread import Token, one_thread
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.transitions import TIMED_OUT
-from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.gaits.scenes.scene import SceneLike
 
 with extra("train"):
     import torch
@@ -47,7 +47,7 @@ class PassiveWalkerGpuEnv:
     def __init__(
         self,
         num_envs: int = 1,
-        scene: Scene | str | Mapping[str, Any] = "level",
+        scene: SceneLike = "level",
         *,
         max_episode_steps: int | None = MAX_EPISODE_STEPS,
         seed: int = 0,

@@ -25,11 +25,11 @@ from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.control.baselines import BASELINES
-from gym_passive_walker.gaits.control.controllers import ControllerLike, SceneLike, acting
+from gym_passive_walker.gaits.control.controllers import ControllerLike, acting
 from gym_passive_walker.gaits.control.optimal import least_cost
 from gym_passive_walker.gaits.control.policy import Policy, StridePlan, policy_name
 from gym_passive_walker.gaits.gait import GaitNotFound
-from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike, make_scene
 from gym_passive_walker.models.walkers import describe, name_of
 
 FEEDBACK, FEEDBACKS = "feedback", ("lqr", "deadbeat", "optimal")
@@ -172,7 +172,7 @@ def evaluate(
 
     Args:
         controller: Any controller of `stride_map`; it acts deterministically.
-        scene: A `Scene`, its name, or a mapping of its arguments; the controller's own if None.
+        scene: A scene in a form that `make_scene` takes; the controller's own if None.
         episodes: Number of episodes of each controller.
         seed: Seed of the first episode, the next ones follow. All controllers have the same
             initial states and slopes.

@@ -17,11 +17,10 @@ from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Share, Walks, s
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.control.controllers import (
     ControllerLike,
-    SceneLike,
     acting,
 )
 from gym_passive_walker.gaits.control.policy import policy_name
-from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike, make_scene
 from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import name_of
 

@@ -19,7 +19,7 @@ from gym_passive_walker._tools.shown import Table
 from gym_passive_walker.envs.evaluation.steps import steps
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.control.baselines import Passive
-from gym_passive_walker.gaits.control.controllers import ControllerLike, SceneLike, acting
+from gym_passive_walker.gaits.control.controllers import ControllerLike, acting
 from gym_passive_walker.gaits.control.maps import acting_as, map_in
 from gym_passive_walker.gaits.control.policy import Policy, policy_name
 from gym_passive_walker.gaits.flow import Walkers
@@ -27,7 +27,7 @@ from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.robust.basin import narrowed
 from gym_passive_walker.gaits.robust.first_passage import SETTLING as FORGETTING
 from gym_passive_walker.gaits.robust.first_passage import FirstPassage, survivors
-from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike, make_scene
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, rough

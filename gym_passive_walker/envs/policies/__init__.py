@@ -21,8 +21,8 @@ from gym_passive_walker.envs.policies.network import Network
 from gym_passive_walker.envs.policies.onnx_file import OnnxPolicy, write_onnx
 from gym_passive_walker.envs.policies.sb3_file import Sb3Policy
 from gym_passive_walker.envs.policies.tensors import PolicyError, read_tensors, reading
-from gym_passive_walker.gaits.scenes.named import check_source, named_scene, outside
-from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.gaits.scenes.named import check_source, outside
+from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 
 TENSORS, DESCRIPTION = "policy.safetensors", "policy.json"
 _SHIPPED = Path(__file__).parent
@@ -50,7 +50,7 @@ class TrainedPolicy(Network):
             self.trained: dict[str, Any] = _names(description.get("trained", {}), "trained")
             if trust:
                 check_source(outside(name, env), self.trained.get("source"))
-            self.scene: Scene = named_scene(name, trust=trust, **env)
+            self.scene: Scene = make_scene(name, trust=trust, **env)
             super().__init__(read_tensors(folder / TENSORS), **acting)
 
     def __repr__(self) -> str:

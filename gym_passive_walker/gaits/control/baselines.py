@@ -38,7 +38,7 @@ class ConstantTorque:
 
     Args:
         torque: Torque in units of m g l.
-        scene: A `Scene`, its name, or a mapping of its arguments; gives what action 1 stands for.
+        scene: A scene in a form that `make_scene` takes; gives what action 1 stands for.
     """
 
     name = "constant torque"
@@ -68,7 +68,7 @@ class Passive(ConstantTorque):
     """No torque: passive walking, as McGeer's machines walk.
 
     Args:
-        scene: A `Scene`, its name, or a mapping of its arguments; gives the number of actions. One
+        scene: A scene in a form that `make_scene` takes; gives the number of actions. One
             when None.
     """
 
@@ -117,7 +117,7 @@ class Held(StrideFeedback):
     """Torques and a push-off that are equal in each stride.
 
     Args:
-        scene: A `Scene`, its name, or a mapping of its arguments.
+        scene: A scene in a form that `make_scene` takes.
         held: An `Actuation`, or a mapping of a walker's controls to values, in the walker's units.
 
     Raises:
@@ -185,7 +185,7 @@ class Schedule(StrideFeedback):
     """The torques and the push-off of an optimal gait, played in each stride without feedback.
 
     Args:
-        scene: A `Scene`, its name, or a mapping of its arguments; the one that the gait is of.
+        scene: A scene in a form that `make_scene` takes; the one that the gait is of.
         gait: The gait.
     """
 
@@ -203,7 +203,7 @@ class LinearFeedback(StrideFeedback):
     Of a `System` it is feedback by the scene's controls, once a stride, of its passive gait.
 
     Args:
-        scene: A `Scene`, its name, or a mapping of its arguments; of a range of slopes, the gains
+        scene: A scene in a form that `make_scene` takes; of a range of slopes, the gains
             belong to the gait at its middle.
         method: "lqr" or "deadbeat".
         pieces: Torques a stride: 1, or 2 for its halves where torques are held for ticks.
@@ -281,7 +281,7 @@ class Optimal(StrideFeedback):
     changes them at its start, whether or not the gait is stable by itself.
 
     Args:
-        scene: A `Scene`, its name, or a mapping of its arguments.
+        scene: A scene in a form that `make_scene` takes.
         gait: The gait; None is the stored one that earns the scene's reward fastest.
         torque_weight: See `feedback.gains`.
 

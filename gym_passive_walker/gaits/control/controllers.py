@@ -23,15 +23,13 @@ from gym_passive_walker.gaits.control.policy import (
     method_of,
     policy_name,
 )
-from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike, make_scene
 
 ControllerLike: TypeAlias = (
     Policy | Planner | Callable[..., Any] | str | PathLike[str]
     | Actuation | Mapping[str, Any] | OptimalGait
 )  # fmt: skip
 """Type of controller arguments; see `acting`."""
-
-SceneLike: TypeAlias = Scene | str | Mapping[str, Any]
 
 
 def acting(
@@ -50,7 +48,7 @@ def acting(
             function, from observations (n, size) to actions (n, actions); an `Actuation`, or a
             mapping of names of a walker's controls to values, equal in each stride; or an
             `OptimalGait`, of which torques and push-off are applied without feedback.
-        scene: A `Scene`, its name, or a mapping of its arguments. None is the controller's own
+        scene: A scene in a form that `make_scene` takes. None is the controller's own
             scene, or "level" for a baseline.
         usual: Scene of a controller without a scene; None refuses it.
         **changes: Arguments of `Scene` that replace the scene's own.

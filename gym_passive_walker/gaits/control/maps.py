@@ -12,11 +12,17 @@ from gym_passive_walker._tools.arguments import check_tolerance, one_slope, show
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.control.baselines import held_by, holding
 from gym_passive_walker.gaits.control.controlled import ControlledMap
-from gym_passive_walker.gaits.control.controllers import ControllerLike, SceneLike, acting
+from gym_passive_walker.gaits.control.controllers import ControllerLike, acting
 from gym_passive_walker.gaits.control.policy import Policy
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
-from gym_passive_walker.gaits.scenes.scene import UNDISTURBED, Scene, make_scene, undisturbed
+from gym_passive_walker.gaits.scenes.scene import (
+    UNDISTURBED,
+    Scene,
+    SceneLike,
+    make_scene,
+    undisturbed,
+)
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, terrain_from
 from gym_passive_walker.models.model import check_heights_only
@@ -138,7 +144,7 @@ def closed_loop_gait(
 
     Args:
         policy: A baseline, a trained policy, or any other controller of `stride_map`.
-        scene: A `Scene`, its name, or a mapping of its arguments. None is the policy's own, or
+        scene: A scene in a form that `make_scene` takes. None is the policy's own, or
             "level" for one without a scene.
         slope: Slope in rad; the scene's, or the middle of its range, if None.
         period: Strides until the gait repeats.

@@ -58,7 +58,7 @@ def optimal_gait(
     does not, the toe may stub: `stubs` of the gait says so.
 
     Args:
-        scene: A `Scene`, its name, or a mapping of its arguments, of one slope: says which torques
+        scene: A scene in a form that `make_scene` takes, of one slope: says which torques
             there are, for how long they are held and how the motor is charged.
         speed: Speed over sqrt(g l); of a `System`, in its own units.
         start: A gait at a neighbouring speed; None is the nearest of those stored for the scene if

@@ -1,4 +1,4 @@
-"""Scenes and walkers by name: those of the package, a user's own as "module:name", and files."""
+"""Arguments of scenes from files, and scenes, walkers and functions of one's own: "module:name"."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from gym_passive_walker._tools.loading import (
     read_content,
     untrusted,
 )
+from gym_passive_walker.gaits.scenes.checks import SceneError
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS
-from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, make_scene
 from gym_passive_walker.models.model import Model
 from gym_passive_walker.models.walkers import Walker, WalkerError, as_walker
 
@@ -63,41 +63,46 @@ def outside(name: Any, arguments: Mapping[str, Any] | None = None) -> dict[str, 
     return found
 
 
-def named_scene(name: Any, *, trust: bool, **changes: Any) -> Scene:
-    """Return a scene by its name, with changes.
-
-    A file's walker or system may be "module:NAME", its reward, observation and termination
-    "module:function".
+def loaded(scene: Any, changes: Mapping[str, Any], trust: bool | None) -> tuple[Any, dict]:
+    """Return a scene of a file or of a user's module, and changes, with what they name in modules.
 
     Args:
-        name: A scene in a form that `make_scene` takes; a JSON, YAML or TOML file of its arguments;
-            or "module:function" for a function of the user's own without arguments, which returns
-            such a scene.
-        trust: Whether to import such modules. A name that a user writes is trusted; one in a file
-            can be another person's.
-        **changes: Arguments of `Scene` that replace the scene's own.
+        scene: A scene in a form that `make_scene` takes.
+        changes: Arguments that replace the scene's own.
+        trust: As in `make_scene`.
 
     Raises:
-        SceneError: if there is no such scene, or its code is not trusted.
+        SceneError: if a file or a function does not give a scene, or code is not trusted.
+        WalkerError: if there is no such system.
         ImportError: if the file is YAML and pyyaml is not installed.
     """
-    given = task_arguments(name)
-    if not trust:
-        for address, what in outside(given, changes).items():
+    given = task_arguments(scene)
+    for address, what in outside(given, changes).items() if not trust else ():
+        if trust is False or what != "scene":
             raise SceneError(untrusted(f"the {what} {address!r}"))
-    if isinstance(given, Mapping):
-        given = _with_code(given)
-    changes = _with_code(changes)
-    try:
-        return _made(given, changes)
-    except SceneError as error:
-        if is_file(name):
-            raise SceneError(f"{name}: {error}") from None
-        raise
+    if has_address(given):
+        given = _returned(given)
+    return (_with_code(given) if isinstance(given, Mapping) else given), _with_code(changes)
 
 
 _CODE = ("walker", "system", *FUNCTIONS)
 """Arguments of a scene that can be code of the user's."""
+
+
+def _returned(address: str) -> Any:
+    """Return what the function at "module:function" returns, a scene or its arguments."""
+    try:
+        found = function_at(address, "the scene")()
+    except ValueError as error:
+        raise SceneError(str(error)) from None
+    except Exception as error:
+        raise SceneError(f"the scene {address!r} fails: {type(error).__name__}: {error}") from error
+    if has_address(found):
+        raise SceneError(
+            f"the scene {address!r} must return a Scene, its arguments or the name of one of the "
+            f"package, not {found!r}"
+        )
+    return found
 
 
 def _with_code(arguments: Mapping[str, Any]) -> dict[str, Any]:
@@ -119,24 +124,6 @@ def _with_code(arguments: Mapping[str, Any]) -> dict[str, Any]:
         else:
             found[name] = named_walker(found[name])
     return found
-
-
-def _made(name: Any, changes: Mapping[str, Any]) -> Scene:
-    """Return the scene of `named_scene`, of which the code is trusted."""
-    if not has_address(name):
-        return make_scene(name, **changes)
-    try:
-        found = function_at(name, "the scene")()
-    except ValueError as error:
-        raise SceneError(str(error)) from None
-    except Exception as error:
-        raise SceneError(f"the scene {name!r} fails: {type(error).__name__}: {error}") from error
-    if has_address(found):
-        raise SceneError(
-            f"the scene {name!r} must return a Scene, its arguments or the name of one of the "
-            f"package, not {found!r}"
-        )
-    return make_scene(found, **changes)
 
 
 def named_walker(name: Any) -> Walker:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from gym_passive_walker._tools.arguments import (
     unknown,
     whole,
 )
+from gym_passive_walker._tools.console import cut
 from gym_passive_walker._tools.loading import is_file
 from gym_passive_walker.gaits.scenes.checks import (
     SceneError,
@@ -30,6 +32,7 @@ from gym_passive_walker.gaits.scenes.checks import (
     several,
     spread,
 )
+from gym_passive_walker.gaits.scenes.named import loaded
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, checked_rule
 from gym_passive_walker.gaits.scenes.rules import ENERGIES
 from gym_passive_walker.gaits.terrain import Terrain, terrain_from
@@ -439,19 +442,38 @@ def undisturbed(scene: Scene, subject: str, calm: Mapping[str, Any] = CALM) -> S
     return scene
 
 
-def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any) -> Scene:
+SceneLike: TypeAlias = Scene | str | os.PathLike[str] | Mapping[str, Any]
+"""Type of scene arguments; see `make_scene`."""
+
+
+def make_scene(scene: SceneLike = "level", *, trust: bool | None = None, **changes: Any) -> Scene:
     """Return a scene: a given one, a named one, or one from its arguments, with changes.
 
     Args:
-        scene: A `Scene`, one of `SCENES`, or a mapping of a scene's arguments.
+        scene: A `Scene`, one of `SCENES`, a mapping of a scene's arguments, or a JSON, YAML or TOML
+            file of them; or "module:function" for a function without arguments that returns one.
+        trust: Whether to import modules of the user's. In a mapping or a file, the walker may be
+            "module:NAME", and reward, observation and termination "module:function". None imports
+            only the module of the scene itself, since others may have written the mapping.
         **changes: Arguments of `Scene` that replace the scene's own; "system", a `System` of the
             user's own, is another name of "walker".
 
     Raises:
-        SceneError: if the scene is unknown, or an argument is invalid. For an unknown argument it
-            is a `TypeError` as well.
+        SceneError: if the scene is unknown, an argument is invalid, or its code is not trusted. For
+            an unknown argument it is a `TypeError` as well.
         WalkerError: if the walker is invalid.
+        ImportError: if the file is YAML and pyyaml is not installed.
     """
+    try:
+        return _made(*loaded(scene, changes, trust))
+    except SceneError as error:
+        if is_file(scene) and not isinstance(error, UnknownArgumentError):
+            raise SceneError(f"{cut(os.fsdecode(scene))}: {error}") from None
+        raise
+
+
+def _made(scene: Scene | str | Mapping[str, Any], changes: dict[str, Any]) -> Scene:
+    """Return the scene of `make_scene`, after its modules have been imported."""
     known = [f.name for f in fields(Scene)]
     if isinstance(scene, Scene):
         arguments = {name: getattr(scene, name) for name in known}
@@ -465,7 +487,7 @@ def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any)
         )
     else:
         raise SceneError(
-            f"no scene {shown(scene)}{near(scene, SCENES)}: give a Scene, or one of "
+            f"no scene {shown(scene)}{near(scene, SCENES)}: give a Scene, a file, or one of "
             f"{', '.join(SCENES)}"
         )
     for given in (arguments, changes):
