@@ -55,7 +55,7 @@ def untrusted(what: str) -> str:
     """Return the sentence that refuses code of a module that is not trusted."""
     return (
         f"{what} is code that is not the package's, and could do anything: if you trust it, add "
-        "--trust (trust=True in Python)"
+        "--trust, or in Python trust=True where the file is read, as make_scene(file, trust=True)"
     )
 
 

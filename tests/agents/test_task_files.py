@@ -160,7 +160,9 @@ def test_a_scene_is_named_alike_wherever_python_takes_one(name):
 def test_code_that_a_file_names_needs_trust_in_python_too():
     for call in (make_scene, lambda name: gpw.evaluate("passive", name),
                  lambda name: gym.make("PassiveWalker-v0", scene=name)):  # fmt: skip
-        with pytest.raises(ValueError, match=r"'mytask:reward' is code .* trust=True"):
+        with pytest.raises(
+            ValueError, match=r"'mytask:reward' is code .* make_scene\(file, trust=True\)"
+        ):
             call("own.yaml")
     with pytest.raises(ValueError, match="is code"):
         make_scene({"reward": "mytask:reward"})
