@@ -316,6 +316,11 @@ def cells(notebook: Path) -> list[tuple[str, str]]:
     return [(kind, part) for kind, part in both if part]
 
 
+def _is_timed(output: dict) -> bool:
+    widget = "application/vnd.jupyter.widget-view+json"
+    return output.get("name") == "stderr" or widget in output.get("data", {})
+
+
 def run(notebook: Path) -> str:
     """Execute a notebook; returns it as .ipynb with outputs."""
     import nbformat
@@ -331,13 +336,16 @@ def run(notebook: Path) -> str:
         "language_info": {"name": "python"},
     }
     where = {"metadata": {"path": str(notebook.parent)}}
-    # When a cell's text comes in pieces depends on the machine, and so does what stderr has: times.
-    client = NotebookClient(book, timeout=600, resources=where, coalesce_streams=True)
+    # When a cell's text comes in pieces depends on the machine, and so do times: those on stderr,
+    # and those of progress bars, which are widgets.
+    client = NotebookClient(
+        book, timeout=600, resources=where, coalesce_streams=True, store_widget_state=False
+    )
     client.execute()
     for cell in book.cells:
         cell.metadata.clear()
         if "outputs" in cell:
-            cell.outputs = [each for each in cell.outputs if each.get("name") != "stderr"]
+            cell.outputs = [each for each in cell.outputs if not _is_timed(each)]
         for output in cell.get("outputs", ()):
             if "image/png" in (data := output.get("data", {})):
                 data.pop("text/html", None)  # the picture is enough

@@ -1,7 +1,8 @@
 """Progress reports of long work."""
 
 import io
-import os
+import re
+import sys
 import time
 from types import SimpleNamespace
 
@@ -14,7 +15,7 @@ from gym_passive_walker._tools.progress import compiling, progress
 
 
 class Terminal(io.StringIO):
-    """Standard error that claims to be a terminal, or not."""
+    """Standard error that claims to be a terminal."""
 
     def isatty(self):
         """Whether this is a terminal."""
@@ -27,79 +28,175 @@ def _compiled():
     gpw.gait_family("D", 0.005, 0.01)
 
 
+@pytest.fixture(autouse=True)
+def _alone(monkeypatch):
+    """No work but that of a test."""
+    monkeypatch.setattr(module, "_STATE", module._State())
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that is set by hand."""
+    now = SimpleNamespace(seconds=100.0)
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now.seconds))
+    return now
+
+
 @pytest.fixture
 def terminal(monkeypatch):
     """A terminal on which each bar appears at once."""
     seen = Terminal()
-    monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=seen))
+    monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=seen, modules={}))
     monkeypatch.setattr(module, "_UNSEEN", 0.0)
     monkeypatch.setattr(module, "_PACE", 0.0)
     return seen
 
 
-def pictures(seen):
-    """Successive contents of the line."""
-    return [text.rstrip() for text in seen.getvalue().split("\r")[1:]]
+def bars(seen):
+    """Successive bars, without their time: texts between returns of the cursor."""
+    texts = re.split(r"\r|\n|\x1b\[A", seen.getvalue())
+    return [text.partition(" [")[0] for text in texts if text.strip()]
 
 
 def test_a_bar_grows_and_goes(terminal):
     with progress("strides", 4) as taken:
         for _ in range(4):
             taken()
-    *bars, last, home = pictures(terminal)
-    assert [bar.split(",")[0] for bar in bars] == [
-        f"strides [{'#' * 5 * n:-<20}] {n}/4" for n in (1, 2, 3, 4)
+    shown = [bar.split("|") for bar in bars(terminal)]
+    assert [(name, count) for name, _, count in shown] == [
+        ("strides: ", f" {n}/4") for n in range(5)
     ]
-    assert last == home == ""
+    lengths = [len(bar.strip(" ")) for _, bar, _ in shown]
+    assert lengths[0] == 0 and np.all(np.diff(lengths) > 0)
+    assert terminal.getvalue().rpartition("[")[2].partition("\r")[2].strip() == ""
 
 
-def test_work_within_work_stands_on_the_same_line(terminal):
+def test_work_within_work_has_a_bar_of_its_own(terminal):
     with progress("figures", 2) as drawn:
         with progress("gaits") as followed:
             followed(3)
         drawn()
-    assert pictures(terminal)[0].startswith(f"figures [{'-' * 20}] 0/2, gaits 3, ")
+    named = [bar.partition("|")[0] for bar in bars(terminal)]
+    assert named == ["figures: ", "gaits: 0", "figures: ", "gaits: 3", "figures: "]
 
 
-def test_work_that_fails_leaves_nothing_on_the_line(terminal):
+def test_work_that_fails_leaves_no_bar(terminal):
     with pytest.raises(KeyError), progress("strides", 2) as taken:
         taken()
         raise KeyError
+    before = len(terminal.getvalue())
     with progress("others", 2) as taken:
         taken()
-    assert "strides" not in pictures(terminal)[-3]
+    assert "strides" not in terminal.getvalue()[before:]
 
 
-def test_short_work_shows_nothing(terminal, monkeypatch):
-    monkeypatch.setattr(module, "_UNSEEN", 60.0)
-    gpw.gait_family("D", 0.005, 0.01)
-    assert terminal.getvalue() == ""
+def test_a_bar_has_notes_and_counts_parts_of_the_work(terminal, clock):
+    with progress("tasks", 4) as done:
+        done(2.5, note="3/s, 1 failed")
+        clock.seconds += 61.0  # no line is written beside it
+        done(3)
+    assert "| 2.5/4 [00:00, 3/s, 1 failed]" in terminal.getvalue()
+    assert bars(terminal)[-1].endswith(" 5.5/4") and "61 s" not in terminal.getvalue()
+
+
+def test_work_of_one_part_has_no_bar_beside_others(terminal):
+    with progress("one", 1) as alone:
+        alone(0.0)
+        assert terminal.getvalue() == ""
+        with progress("many", 3) as inner:
+            inner()
+    assert bars(terminal)[0].startswith("many: ") and "one" not in terminal.getvalue()
 
 
 def test_long_work_shows_how_far_it_is(terminal):
     gpw.gait_family("D", 0.005, 0.01)
     gpw.bifurcation_diagram("D", [0.005, 0.01], n_transient=5, n_recorded=40)
-    said = terminal.getvalue()
-    assert "gaits along a curve" in said and "strides [" in said and "strides kept [" in said
+    names = {bar.partition(":")[0] for bar in bars(terminal)}
+    assert {"gaits along a curve", "strides", "strides kept"} <= names
 
 
-def test_without_a_terminal_there_are_no_bars(monkeypatch, capfd):
-    monkeypatch.setattr(module, "_UNSEEN", 0.0)
-    monkeypatch.setattr(module, "_PACE", 0.0)
-    gpw.gait_family("D", 0.005, 0.01)
-    assert capfd.readouterr() == ("", "")
+def test_short_work_shows_nothing(terminal, monkeypatch):
+    monkeypatch.setattr(module, "_UNSEEN", 60.0)
+    with progress("outer", 2) as outer, progress("inner", 2) as inner:
+        inner()
+        outer()
+    assert terminal.getvalue() == ""
 
 
-def test_without_a_terminal_long_work_writes_a_line_every_minute(monkeypatch):
-    log, clock = io.StringIO(), iter(np.arange(200.0))
-    monkeypatch.setattr(module, "_LINE", module._Line())
-    monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=log))
-    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: next(clock)))
-    with progress("tasks", 150) as done:
+@pytest.mark.parametrize("hushed", ["by another's terminal", "without standard error"])
+def test_no_bar_is_drawn_where_none_can_be_seen(hushed, terminal, clock, monkeypatch):
+    if hushed == "without standard error":
+        monkeypatch.setattr(module.sys, "stderr", None)
+    else:
+        module.disable_progress()
+    with progress("tasks", 4) as done:
+        clock.seconds += 100.0
+        done()
+    assert terminal.getvalue() == ""
+    module._tell("")
+
+
+@pytest.mark.parametrize("reason", ["log", "no tqdm", "notebook without widgets"])
+def test_without_bars_long_work_writes_a_line_every_minute(reason, clock, monkeypatch):
+    seen = Terminal() if reason == "no tqdm" else io.StringIO()
+    modules = {"ipykernel.zmqshell": None} if "notebook" in reason else {}
+    monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=seen, modules=modules))
+    monkeypatch.setattr(module, "find_spec", lambda _: None)
+    if reason == "no tqdm":
+        monkeypatch.setitem(sys.modules, "tqdm.auto", None)
+    with progress("one", 1), progress("tasks", 150) as done:
         for _ in range(150):
+            clock.seconds += 1.0
             done(note="1/s")
-    lines = log.getvalue().splitlines()
-    assert [line.split("] ")[1] for line in lines] == ["60/150, 1/s, 60 s", "120/150, 1/s, 120 s"]
+        with progress("others") as others:
+            clock.seconds += 31.0
+            others(2.5)
+    assert seen.getvalue().splitlines() == [
+        "tasks 60/150, 1/s, 60 s",
+        "tasks 120/150, 1/s, 120 s",
+        "tasks 150/150, 1/s, others 2.5, 181 s",
+    ]
+
+
+def test_while_others_work_the_line_is_written_again(clock, monkeypatch):
+    monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=(log := io.StringIO()), modules={}))
+    with progress("tasks", 5) as done:
+        done(2)
+        for _ in range(3):
+            clock.seconds += 31.0
+            module.show()
+    module.show()  # no work, no line
+    assert log.getvalue() == "tasks 2/5, 62 s\n"
+
+
+def test_a_later_work_in_a_log_is_reported_a_minute_after_it_began(clock, monkeypatch):
+    monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=(log := io.StringIO()), modules={}))
+    for name in ("first", "second"):
+        with progress(name, 5) as done:
+            for _ in range(13):
+                clock.seconds += 5.0
+                done(0.25)
+        clock.seconds += 500.0
+    assert log.getvalue() == "first 3/5, 60 s\nsecond 3/5, 60 s\n"
+
+
+IN_A_NOTEBOOK = """
+from gym_passive_walker._tools import progress as module
+module._UNSEEN, module._PACE = 1e-9, 0.0  # seconds
+with module.progress("tasks", 3) as done:
+    done(note="one")
+    bar = module._STATE.works[0].bar
+print(type(bar.container).__name__, bar.container.children[2].value, bar.container.comm)
+"""
+
+
+def test_a_notebook_has_a_bar_that_goes_although_its_work_ends_early():
+    nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
+    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(IN_A_NOTEBOOK)])
+    nbclient.NotebookClient(book, kernel_name="python3").execute()
+    bar, printed = book.cells[0].outputs
+    assert "application/vnd.jupyter.widget-view+json" in bar.data
+    assert printed.text.replace("\u2007", " ") == "TqdmHBox  1/3 [00:00, one] None\n"
 
 
 def test_long_compiling_is_announced_once_with_its_seconds(monkeypatch, capsys):
@@ -111,123 +208,21 @@ def test_long_compiling_is_announced_once_with_its_seconds(monkeypatch, capsys):
     assert 0.2 < float(said.split()[-2]) < 5.0
 
 
+def test_a_notice_takes_the_place_of_bars(terminal, monkeypatch):
+    monkeypatch.setattr(module, "_UNSAID", 0.05)
+    with progress("outer", 2), progress("inner", 2) as inner:
+        with compiling("the kernel advance"):
+            time.sleep(0.3)
+        inner()
+    before, notice, after = terminal.getvalue().partition("gym_passive_walker compiles")
+    assert re.search(r"\r +\r\n\r +\r\x1b\[A\Z", before) and "0.3 s\n" in notice + after
+    assert "outer: " in after and "inner: " in after
+
+
 def test_quick_compiling_is_not_announced(capsys):
     with compiling("the kernel advance"):
         pass
     assert capsys.readouterr().err == ""
-
-
-def test_a_bar_says_how_it_goes_and_none_where_the_terminal_is_anothers(terminal, monkeypatch):
-    with progress("tasks", 4) as advance:
-        advance(note="3/s, 1 failed")
-    assert any("1/4, 3/s, 1 failed, " in text for text in pictures(terminal))
-    before = terminal.getvalue()
-    monkeypatch.setattr(module._LINE, "hushed", False)
-    module.disable_progress()
-    with progress("tasks", 4) as advance:
-        advance()
-    assert terminal.getvalue() == before
-
-
-def test_work_of_one_part_has_no_bar_beside_others(terminal):
-    with progress("one", 1) as alone:
-        alone(0.0)
-        assert terminal.getvalue() == ""
-        with progress("many", 3) as inner:
-            inner()
-    assert pictures(terminal)[0].startswith("many [") and "one" not in terminal.getvalue()
-
-
-def test_a_bar_is_full_at_most_and_counts_what_was_done(terminal):
-    with progress("tasks", 4) as done:
-        done(2.5)
-        done(3)
-    first, second, *_ = pictures(terminal)
-    assert first.startswith("tasks [############--------] 2.5/4, ")
-    assert second.startswith(f"tasks [{'#' * 20}] 5.5/4, ")
-
-
-def test_a_bar_is_no_longer_than_the_terminal(terminal, monkeypatch):
-    monkeypatch.setattr(
-        module.shutil, "get_terminal_size", lambda *_, **__: os.terminal_size((30, 24))
-    )
-    with progress("a name that is much longer than the line", 4) as done:
-        done()
-        shorter = len(terminal.getvalue())
-        done(note="a note")
-    lines = terminal.getvalue().split("\r")[1:]
-    assert all(len(line) in (0, 29) for line in lines) and shorter == 30
-    assert lines[0] == "a name that is much longer than the line"[:29]
-
-
-@pytest.fixture
-def clock(monkeypatch):
-    """A clock that is set by hand, and a line of its own."""
-    now = SimpleNamespace(seconds=100.0)
-    monkeypatch.setattr(module, "_LINE", module._Line())
-    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: now.seconds))
-    return now
-
-
-def test_a_bar_appears_two_seconds_after_the_outermost_work_began(clock, monkeypatch):
-    seen = Terminal()
-    monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=seen))
-    with progress("outer", 3) as outer:
-        clock.seconds += 1.99
-        outer()
-        assert seen.getvalue() == ""
-        with progress("inner", 9) as inner:
-            clock.seconds += 0.02
-            inner()
-            assert pictures(seen)[0].startswith("outer [") and ", inner [" in pictures(seen)[0]
-            assert pictures(seen)[0].endswith(", 2 s")
-            before = seen.getvalue()
-            clock.seconds += 0.05  # too soon for another
-            inner()
-            assert seen.getvalue() == before
-            clock.seconds += 0.06
-            inner()
-            assert "] 3/9, 2 s" in pictures(seen)[-1]
-            before = seen.getvalue()
-        assert seen.getvalue() == before  # the outer work goes on
-    assert pictures(seen)[-2:] == ["", ""]
-
-
-@pytest.mark.parametrize("terminal_or_log", ["terminal", "log"])
-def test_while_others_work_the_line_is_shown_anew(terminal_or_log, clock, monkeypatch):
-    seen = Terminal() if terminal_or_log == "terminal" else io.StringIO()
-    monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=seen))
-    with progress("tasks", 5) as done:
-        done(2)
-        clock.seconds += 61.0
-        module.show()
-        assert "] 2/5, 61 s" in seen.getvalue()
-        length = len(seen.getvalue())
-        clock.seconds += 30.0
-        module.show()
-        assert (len(seen.getvalue()) > length) == (terminal_or_log == "terminal")
-    module.show()  # no work, no line
-
-
-def test_a_later_work_in_a_log_is_reported_a_minute_after_it_began(clock, monkeypatch):
-    log = io.StringIO()
-    monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=log))
-    for name in ("first", "second"):
-        with progress(name, 5) as done:
-            for _ in range(13):
-                clock.seconds += 5.0
-                done(0.25)
-        clock.seconds += 500.0
-    assert [line.split(" [")[0] for line in log.getvalue().splitlines()] == ["first", "second"]
-    assert all(line.endswith("3/5, 60 s") for line in log.getvalue().splitlines())
-
-
-def test_without_standard_error_nothing_is_shown(clock, monkeypatch):
-    monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=None))
-    with progress("tasks", 5) as done:
-        clock.seconds += 100.0
-        done()
-    module._tell("nothing")
 
 
 def test_one_compilation_within_another_is_reported_once(monkeypatch):

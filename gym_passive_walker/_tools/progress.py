@@ -1,92 +1,97 @@
 """Progress of long work, on standard error.
 
-Compilation is always reported, since a minute without output looks like a fault. A progress bar is
-drawn only on a terminal, and only after two seconds. Elsewhere, in a log or a notebook, long work
-writes a line every minute.
+Compilation is always reported, since a minute without output looks like a fault. On a terminal and
+in a notebook, work of more than two seconds has a bar of tqdm, if tqdm is installed. Elsewhere, as
+in a log, long work writes a line every minute.
 """
 
 from __future__ import annotations
 
-import shutil
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
+from importlib.util import find_spec
+from typing import Any
 
 _UNSAID = 1.0  # seconds of work before a notice
 _UNSEEN = 2.0  # seconds of work before a bar
 _PACE = 0.1  # seconds between two updates of a bar
-_REPORT = 60.0  # seconds between two lines where there is no terminal
-_CELLS = 20
+_REPORT = 60.0  # seconds between two lines where there are no bars
 
 
-class _Bar:
+_LOCK = threading.RLock()  # of all bars; tqdm's own is a semaphore of the system
+
+
+class _Work:
     """Progress of one piece of work."""
 
     def __init__(self, what: str, total: float | None) -> None:
         self.what, self.total, self.done, self.note = what, total, 0.0, ""
-        self.began = time.monotonic()
+        self.began, self.bar = time.monotonic(), _bar(what, total)
 
     def advance(self, amount: float = 1.0, *, note: str = "") -> None:
         """Add an amount of finished work; the note appears behind the bar."""
         self.done, self.note = self.done + amount, note
-        _LINE.show()
+        show()
 
     def __str__(self) -> str:
-        if self.total is None:
-            return f"{self.what} {self.done:g}"
-        full = round(_CELLS * min(self.done / self.total, 1.0))
-        bar = f"{self.what} [{'#' * full:-<{_CELLS}}] {self.done:g}/{self.total:g}"
-        return f"{bar}, {self.note}" if self.note else bar
+        of = "" if self.total is None else f"/{self.total:g}"
+        return f"{self.what} {self.done:g}{of}{self.note and f', {self.note}'}"
 
 
-class _Line:
-    """The terminal's last line: bars of all present work, the outermost first."""
+class _State:
+    """Progress of all present work in this process."""
 
     def __init__(self) -> None:
-        self.bars: list[_Bar] = []
+        self.works: list[_Work] = []  # the outermost first
         self.hushed = self.silent = False
         self.compilations = 0  # that have begun, one within another
-        self._drawn = False
-        self._shown = self._reported = -_REPORT
+        self.reported = -_REPORT
 
-    def show(self) -> None:
-        """Draw the line, or write it where there is no terminal, if it is due."""
-        bars, now = tuple(self.bars), time.monotonic()
-        if not bars or now - bars[0].began < _UNSEEN or now - self._shown < _PACE:
-            return
-        self._shown = now
-        parts = [str(bar) for bar in bars if bar.total != 1]  # work of one part shows no progress
-        if not parts or self.hushed or sys.stderr is None:
-            return
-        text = f"{', '.join(parts)}, {now - bars[0].began:.0f} s"
-        if sys.stderr.isatty():
-            self._write(text)
-            self._drawn = True
-        elif now - max(bars[0].began, self._reported) >= _REPORT:
-            self._reported = now
-            _tell(f"{text}\n")
-
-    def wipe(self) -> None:
-        """Erase the line."""
-        if self._drawn:
-            self._write("")
-            sys.stderr.write("\r")
-            self._drawn = False
-
-    def _write(self, text: str) -> None:
-        columns = shutil.get_terminal_size().columns - 1
-        sys.stderr.write("\r" + text[:columns].ljust(columns))
-        sys.stderr.flush()
+    @property
+    def bars(self) -> list[Any]:
+        return [work.bar for work in self.works if work.bar is not None]
 
 
-_LINE = _Line()
+_STATE = _State()
+
+
+def _bar(what: str, total: float | None) -> Any:
+    """Return a bar; None if it cannot be seen or shows nothing, and without tqdm."""
+    if _STATE.hushed or sys.stderr is None or total == 1:
+        return None
+    notebook = "ipykernel.zmqshell" in sys.modules and find_spec("ipywidgets") is not None
+    if not (notebook or sys.stderr.isatty()):
+        return None
+    try:
+        from tqdm.auto import tqdm
+    except ImportError:
+        return None
+    # No thread that monitors bars: it would make a later fork of the process unsafe.
+    bars: Any = type("Bar", (tqdm,), {"monitor_interval": 0})
+    bars.set_lock(_LOCK)
+    count = "{n:g}" if total is None else f"|{{bar}}| {{n:g}}/{total:g}"
+    shown = {"bar_format": f"{{desc}}: {count} [{{elapsed}}{{postfix}}]", "dynamic_ncols": True}
+    due = {"delay": _UNSEEN, "mininterval": _PACE, "miniters": 0}
+    return bars(desc=what, total=total, file=sys.stderr, leave=False, **shown, **due)
 
 
 def show() -> None:
-    """Update the progress line while this process waits for others."""
-    _LINE.show()
+    """Update progress, also while this process waits for others."""
+    works = [work for work in _STATE.works if work.total != 1]  # one part shows no progress
+    for work in works:
+        if work.bar is not None:
+            work.bar.n = work.done
+            work.bar.set_postfix_str(work.note, refresh=False)
+            work.bar.update(0)
+    if not works or _STATE.bars or _STATE.hushed:
+        return
+    began, now = _STATE.works[0].began, time.monotonic()
+    if now - max(began, _STATE.reported) >= _REPORT:
+        _STATE.reported = now
+        _tell(f"{', '.join(map(str, works))}, {now - began:.0f} s\n")
 
 
 def disable_progress(*, notices: bool = False) -> None:
@@ -95,14 +100,12 @@ def disable_progress(*, notices: bool = False) -> None:
     Args:
         notices: Whether to disable notices of compilation too.
     """
-    _LINE.hushed, _LINE.silent = True, notices
+    _STATE.hushed, _STATE.silent = True, notices
 
 
 @contextmanager
 def progress(what: str, total: float | None = None) -> Iterator[Callable[..., None]]:
-    """Show a progress bar for the enclosed work; a line every minute where there is no terminal.
-
-    Bars of nested work follow on the same line.
+    """Show a progress bar for the enclosed work; a line every minute where there are no bars.
 
     Args:
         what: Name of the work.
@@ -112,14 +115,15 @@ def progress(what: str, total: float | None = None) -> Iterator[Callable[..., No
         A function that adds an amount of finished work, 1 by default. Its argument `note` is text
         behind the bar.
     """
-    bar = _Bar(what, total)
-    _LINE.bars.append(bar)
+    work = _Work(what, total)
+    _STATE.works.append(work)
     try:
-        yield bar.advance
+        yield work.advance
     finally:
-        _LINE.bars.remove(bar)
-        if not _LINE.bars:
-            _LINE.wipe()
+        _STATE.works.remove(work)
+        if work.bar is not None:
+            work.bar.total = None  # in a notebook, a bar that ends early stays, in red
+            work.bar.close()
 
 
 @contextmanager
@@ -133,7 +137,8 @@ def said(what: str) -> Iterator[None]:
 
     def say() -> None:
         heard.set()
-        _LINE.wipe()
+        for bar in _STATE.bars:
+            bar.clear()
         _tell(f"{what} ...")
 
     timer = threading.Timer(_UNSAID, say)
@@ -156,19 +161,19 @@ def compiling(what: str) -> Iterator[None]:
         what: Name of what is compiled.
     """
     notice = f"gym_passive_walker compiles {what}, this once"
-    with nullcontext() if _LINE.silent else said(notice):
-        _LINE.compilations += 1
+    with nullcontext() if _STATE.silent else said(notice):
+        _STATE.compilations += 1
         _report_compilation(1)
         try:
             yield
         finally:
-            _LINE.compilations -= 1
+            _STATE.compilations -= 1
             _report_compilation(0)
 
 
 def _report_compilation(outermost: int) -> None:
     """Call what waits for compilations, when the outermost of them begins or has ended."""
-    if _LINE.compilations == outermost:
+    if _STATE.compilations == outermost:
         for called in COMPILING:
             called(bool(outermost))
 
