@@ -189,12 +189,6 @@ def test_two_neighbouring_walks_part_as_the_exponent_says():
 
 
 @pytest.mark.slow
-def test_walking_ends_in_a_crisis():
-    # "the chaotic gait is at about 0.019".
-    assert crisis("D", 0.0185, 0.02) == pytest.approx(0.01905, abs=3e-5)
-
-
-@pytest.mark.slow
 def test_the_cascade_of_the_tuned_kneed_walker_is_universal_too():
     cascade = doubling_cascade(tune(WALKERS["C"]), 0.06, 0.12, doublings=6)
     assert cascade.periods == (1, 2, 4, 8, 16, 32)

@@ -169,4 +169,4 @@ def test_bounds_with_walkers_that_have_no_gait_are_named():
     with pytest.raises(
         gpw.GaitNotFound, match="came to values of leg with which no gait of system"
     ):
-        gpw.optimize_walker(TORSO, "speed", ("leg",), [(-0.05, 0.15)], slope=0.03, iterations=40)
+        gpw.optimize_walker(TORSO, "speed", ("leg",), [(-0.2, 0.15)], slope=0.03, iterations=40)

@@ -283,6 +283,8 @@ def test_an_option_of_a_command_is_heard(name, option, tmp_path, monkeypatch):
         from gym_passive_walker.pictures import figures
 
         monkeypatch.setattr(figures, "draw", noted)
+    if name == "evaluate":  # of short episodes
+        monkeypatch.setitem(gpw.evaluate.__kwdefaults__, "max_episode_steps", 300)
     base, other = TABLE[name]
     base, changed = other[option] if isinstance(other[option], tuple) else (base, other[option])
     before, after = (

@@ -500,12 +500,16 @@ def test_every_argument_of_every_public_object_is_tested():
     assert not missing(OPTIONS, public() | found | of_functions)
 
 
+@cache
+def shown_by(name):
+    return SHOWN[name][0]()
+
+
 @pytest.mark.parametrize("name", SHOWN)
 def test_what_a_picture_is_asked_for_is_drawn(name):
     from matplotlib.figure import Figure
 
-    make, options = SHOWN[name]
-    shown = make()
+    shown, options = shown_by(name), SHOWN[name][1]
     into = Call(lambda **asked: shown.plot(OWN, **asked), {}, options)
     for option in options:
         check(into, option)
@@ -516,7 +520,7 @@ def test_what_a_picture_is_asked_for_is_drawn(name):
 @pytest.mark.parametrize("name", SHOWN)
 def test_each_plot_without_axes_is_a_new_figure(name):
     pyplot = pytest.importorskip("matplotlib.pyplot")
-    shown, (figure, own) = SHOWN[name][0](), pyplot.subplots()
+    shown, (figure, own) = shown_by(name), pyplot.subplots()
     empty = pyplot.figure()  # current, and not used
     made = [np.ravel(shown.plot())[0].get_figure(root=True) for _ in range(2)]
     assert len({figure.number, empty.number, *(each.number for each in made)}) == 4

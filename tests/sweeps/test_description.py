@@ -2,13 +2,12 @@
 
 import json
 
-import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.apps.sweeps.description import Description
 from gym_passive_walker.apps.sweeps.run import _described
-from gym_passive_walker.apps.sweeps.tasks import ANALYSES, flat, task
+from gym_passive_walker.apps.sweeps.tasks import task
 
 
 def test_a_grid_is_every_combination_and_a_list_goes_row_by_row():
@@ -71,26 +70,6 @@ def test_what_an_analysis_does_not_take_is_refused_in_a_sentence(analysis, given
         task(analysis, given)
 
 
-LAB = {"walker": "C", "seed": 0}
-SMALL = {
-    "gait": {**LAB, "slope": 0.03},
-    "family": {**LAB, "slope_min": 0.03, "slope_max": 0.04},
-    "bifurcation": {**LAB, "slope": 0.03, "n_transient": 100},
-    "basin": {**LAB, "slope": 0.03, "resolution": 8},
-    "robustness": {**LAB, "slope": 0.03, "walkers": 20, "strides": 10, "starts": 8},
-    "check": {**LAB, "slope": 0.03},
-    "optimal": {"scene": "lab", "control": "stride", "slope": 0.03, "speed": 0.16},
-    "evaluation": {"controller": "level-ppo", "episodes": 2, "slope": 0.001},
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ANALYSES)
-def test_each_analysis_gives_the_same_row_whenever_it_is_asked(name):
-    rows = [flat(task(name, SMALL[name])()) for _ in range(2)]
-    assert repr(rows[0]) == repr(rows[1]) and len(rows[0]) >= 3
-
-
 def test_a_controller_that_is_swept_is_that_of_the_stride_map():
     of_policy = {"controller": "steep-ppo", "slope": 0.111}
     found = gpw.find_gait(gpw.stride_map(controller="steep-ppo"), 0.111)
@@ -98,14 +77,6 @@ def test_a_controller_that_is_swept_is_that_of_the_stride_map():
     assert row["found"] and row["multiplier"] == pytest.approx(abs(found.multipliers[0]))
     with pytest.raises(ValueError, match="steep-ppo determines the actuation"):
         task("gait", {**of_policy, "hip_torque": 0.01})()
-
-
-def test_a_swept_gait_is_the_gait():
-    row = flat(task("gait", {"walker": "lab", "foot_radius": 0.22, "slope": 0.036})())
-    walker = gpw.find_gait("lab", 0.036).walker
-    gait = gpw.find_gait(gpw.Walker(**{**vars(walker), "foot_radius": 0.22}), 0.036)
-    assert row["stance_angle"] == gait.stance_angle and row["stable"] == gait.stable
-    assert row["multiplier"] == np.abs(gait.multipliers[0])
 
 
 def test_a_seed_that_is_given_to_all_tasks_is_theirs_and_the_sweep_s_draws_the_sample():

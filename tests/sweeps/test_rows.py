@@ -145,13 +145,17 @@ def test_a_row_is_written_to_a_file_after_a_time_also_if_rows_are_few(tmp_path, 
 
 @pytest.mark.parametrize("retry", [False, True])
 @pytest.mark.parametrize("failed", [FAILED, TIMED_OUT])
-def test_what_failed_in_any_way_is_left_for_another_try_alone(failed, retry, tmp_path, monkeypatch):
+@pytest.mark.parametrize("kept_in", ["rows", "journal"])
+def test_what_failed_in_any_way_is_left_for_another_try_alone(
+    kept_in, failed, retry, tmp_path, monkeypatch
+):
     description = Description(analysis="a:b", over={"x": [1, 2]})
     first = Store(tmp_path / "out", description, "1")
     for task, status in enumerate((failed, DONE)):
         row = {"task": task, "x": task + 1, "seed": 0, "status": status, "seconds": 1.0}
         first.add({**row, "error": None}, {"y": 1} if status == DONE else {})
-    first.flush(last=True)
+    if kept_in == "rows":
+        first.flush(last=True)
     first.close()
     if retry:  # and is killed before the other rows are in a file again
         with monkeypatch.context() as patch:

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 from collections import Counter, deque
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -158,23 +157,6 @@ def test_what_failed_is_done_once_more_if_that_is_asked_for_and_nothing_else(odd
     np.testing.assert_array_equal(before["seconds"][others], after["seconds"][others])
 
 
-@pytest.mark.parametrize("retry", [False, True])
-def test_what_failed_before_a_sweep_was_stopped_is_done_again_on_request(odd, monkeypatch, retry):
-    """Rows of a sweep that was stopped are in its journal, not in the dataset."""
-    given = {"times": 2, "folder": str(odd)}
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, "write_bytes", on_a_full_disk)
-        with pytest.raises(OSError, match="free some space"):
-            odd_sweep("dies", odd / "out", 8, given=given)
-    journal = (odd / "out" / "journal.jsonl").read_text().splitlines()
-    kept = {row["task"]: row for row in map(json.loads, journal)}
-    assert kept[5]["status"] == FAILED and len(kept) == 8
-    columns = odd_sweep("dies", odd / "out", 8, given=given, retry=retry).columns()
-    assert [*columns["status"]] == [DONE if retry or x != 5 else FAILED for x in range(8)]
-    again = [columns["seconds"][task] != row["seconds"] for task, row in kept.items()]
-    assert np.flatnonzero(again).tolist() == [5] * retry
-
-
 def test_a_full_disk_loses_nothing_finished(odd, monkeypatch):
     given = {"folder": str(odd)}
     with monkeypatch.context() as patch:
@@ -218,24 +200,6 @@ def test_gaits_are_the_same_by_one_worker_and_by_two(tmp_path):
     same(*found)
     assert all(each.failures == 0 for each in found)
     assert found[0].columns()["stance_angle"][2] == gpw.find_gait("C", 0.03).stance_angle
-
-
-def test_a_picture_is_in_the_units_that_it_says_whatever_the_size_of_a_walker(tmp_path):
-    pytest.importorskip("matplotlib")
-    small = gpw.WALKERS["lab-straight"]
-    ends = ("length", "offset", "gyration", "com", "radius")
-    large = replace(small, **{n: 2.0 * v for n, v in vars(small).items() if n.endswith(ends)})
-    found = gpw.sweep(
-        "gait", tmp_path / "out", over={"walker": [small, large]}, given={"slope": 0.03}, workers=1
-    )
-    ax = found.plot(x="step_length", y="step_period", by="multiplier")
-    bar = ax.figure.axes[1]
-    one, other = ax.collections[0].get_offsets()
-    length = found.columns()["step_length"]
-    assert length[1] == pytest.approx(2.0 * length[0])
-    np.testing.assert_allclose(one, other, rtol=1e-9)
-    assert ax.get_xlabel() == "step length / l" and ax.get_ylabel() == "step period / √(l/g)"
-    assert bar.get_ylabel() == "modulus of the largest multiplier"
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 import inspect
 import math
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -29,11 +30,14 @@ def expect(of_sweep, /, **expected):
         assert found == value or (math.isnan(value) and math.isnan(found)), name
 
 
-@pytest.mark.parametrize(("kind", "slope"), [("long", 0.036), ("short", 0.05)])
-def test_a_gait_has_its_measures(kind, slope):
-    gait = gpw.find_gait("lab", slope, kind)
+@pytest.mark.parametrize(
+    ("kind", "slope", "changes"),
+    [("long", 0.036, {}), ("short", 0.05, {}), ("long", 0.036, {"foot_radius": 0.22})],
+)
+def test_a_gait_has_its_measures(kind, slope, changes):
+    gait = gpw.find_gait(replace(gpw.WALKERS["lab"], **changes), slope, kind)
     expect(
-        row("gait", walker="lab", slope=slope, kind=kind),
+        row("gait", walker="lab", slope=slope, kind=kind, **changes),
         found=True,
         stable=gait.stable,
         multiplier=abs(gait.multipliers[0]),
@@ -126,6 +130,8 @@ def test_a_check_has_its_items_and_hears_the_friction():
         items = {name.replace(" ", "_"): holds for name, holds in check.passed.items()}
         expect(row("check", **LAB, friction=friction), holds=check.holds, **items)
     assert not items["friction"]
+    one, other = (row("check", controller="lqr", scene=scene) for scene in ("steep", "lab"))
+    assert one != other
 
 
 def test_robustness_has_the_weakest_push_of_each_direction():
