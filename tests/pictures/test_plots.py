@@ -4,7 +4,6 @@ import csv
 import sys
 from dataclasses import asdict, replace
 
-import matplotlib.figure
 import numpy as np
 import pytest
 
@@ -97,18 +96,6 @@ def test_each_is_a_small_table_in_a_notebook(shown):
         assert html.startswith("<table>") and html.count("<tr>") == len(one.facts())
 
 
-def test_each_draws_in_a_figure_of_its_own_or_on_given_axes(shown):
-    for one in shown:
-        plt.close("all")
-        axes = one.plot()
-        assert plt.get_fignums() == [1] and plt.gcf().axes[: np.size(axes)] == [*np.ravel(axes)]
-        assert np.ravel(axes)[0].has_data()
-        left, right = matplotlib.figure.Figure().subplots(1, 2)
-        assert one.plot(ax=right) is right
-        assert right.has_data() and not left.has_data()
-        assert plt.get_fignums() == [1]
-
-
 def test_pictures_of_walks_are_figures_of_their_own(gait):
     _, current = plt.subplots()
     figures = {strobe(gait).figure, phase_portrait(gait, samples=9)[0].figure, current.figure}
@@ -162,26 +149,15 @@ def test_a_walker_s_line_makes_it_again():
         assert eval(repr(walker), {"Walker": gpw.Walker}) == walker
 
 
-def test_a_family_is_heavy_exactly_where_it_is_stable(family):
+def test_a_family_is_heavy_exactly_where_it_is_stable_and_has_its_doublings_marked(family):
     ax = family.plot()
     light, heavy = ax.lines[:2]
     np.testing.assert_array_equal(light.get_ydata(), family.stance_angle)
     drawn = heavy.get_ydata()[np.isfinite(heavy.get_ydata())]
     assert np.isin(family.stance_angle[family.stable], drawn).all()
     assert not np.isin(family.stance_angle[~family.stable], drawn).any()
-
-
-def test_a_family_s_period_doublings_are_marked_where_they_are(family):
-    ax = family.plot()
     marks = [line for line in ax.lines if line.get_marker() == "d" and len(line.get_xdata())]
     np.testing.assert_allclose(marks[0].get_xdata(), family.period_doublings, rtol=1e-12)
-
-
-def test_a_family_says_why_it_ends(family):
-    ax = family.plot()
-    said = {text.get_text() for text in ax.get_legend().get_texts()}
-    for end in family.ends:
-        assert f"end: {end.reason.split(';')[0]}" in said
 
 
 def test_a_family_is_drawn_by_what_it_has(family):
@@ -237,6 +213,8 @@ def test_each_end_of_a_family_is_marked_for_its_own_reason(family):
             if len(line.get_xdata()) == 1 and (line.get_xdata()[0], line.get_ydata()[0]) == place
         }
         assert markers == {plots._ENDS[end.reason.split(";")[0]]}, end.reason
+        said = [text.get_text() for text in ax.get_legend().get_texts()]
+        assert f"end: {end.reason.split(';')[0]}" in said
     assert family.ends[0].reason != family.ends[1].reason
     plt.close(figure)
 

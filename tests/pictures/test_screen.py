@@ -178,21 +178,6 @@ def test_a_system_taller_than_its_legs_is_drawn_whole(no_display):
     assert 10 < top < 60  # the torso's end, of 450 rows
 
 
-def test_notes_stand_in_the_corners_and_a_warning_in_its_colour(no_display):
-    plain = Screen("lab").draw(GAIT, SLOPE)
-    reported = Screen("lab").draw(GAIT, SLOPE, notes=(["a"], ["b"]), warning="fell forward")
-    changed = (plain != reported).any(axis=-1)
-    assert changed[:100, :200].any() and changed[:100, 600:].any()
-    assert not changed[200:].any() and mask(reported, colours.WARNING)[:100, :200].sum() > 20
-
-
-def test_tiles_are_frames_side_by_side():
-    frames = [np.full((2, 4, 3), i, np.uint8) for i in range(5)]
-    picture = tiled(frames)
-    assert picture.shape == (4, 12, 3)
-    np.testing.assert_array_equal(picture[::2, ::4, 0], [[0, 1, 2], [3, 4, colours.SKY[0]]])
-
-
 def test_nothing_and_frames_of_two_shapes_are_no_picture():
     for frames in ([], [np.zeros((2, 4, 3), np.uint8), np.zeros((2, 2, 3), np.uint8)]):
         with pytest.raises(ValueError, match="one shape"):

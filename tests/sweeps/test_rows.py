@@ -287,19 +287,14 @@ def test_a_failed_task_is_drawn_where_its_parameters_are(tmp_path):
     np.testing.assert_allclose(failed.get_offsets(), [(0.25, 0.02)])
 
 
-def test_a_picture_without_axes_is_a_new_figure(tmp_path):
-    pyplot = pytest.importorskip("matplotlib.pyplot")
-    _, current = pyplot.subplots()
-    first, second = (pictured(tmp_path / f"{i}", "found") for i in range(2))
-    assert len({ax.figure.number for ax in (current, first, second)}) == 3
-
-
-def test_a_picture_goes_on_the_axes_that_are_given(tmp_path):
+def test_a_picture_goes_on_the_axes_that_are_given_or_in_a_new_figure(tmp_path):
     pyplot = pytest.importorskip("matplotlib.pyplot")
     _, (first, second) = pyplot.subplots(1, 2)
     found = written(tmp_path / "out", FOUR, FOUND)
     assert found.plot(first, x="slope", y="step_length", by="found") is first
     assert len(first.collections) == 3 and not second.collections
+    own = [found.plot(x="slope", y="step_length", by="found").figure.number for _ in range(2)]
+    assert len({first.figure.number, *own}) == 3
     for name in ("x", "y", "by"):
         asked = {"x": "slope", "y": "step_length", "by": "found"} | {name: "slop"}
         with pytest.raises(ValueError, match=r"slop \(slope\?\)"):
