@@ -63,7 +63,7 @@ def outside(name: Any, arguments: Mapping[str, Any] | None = None) -> dict[str, 
     return found
 
 
-def loaded(scene: Any, changes: Mapping[str, Any], trust: bool | None) -> tuple[Any, dict]:
+def resolved(scene: Any, changes: Mapping[str, Any], trust: bool | None) -> tuple[Any, dict]:
     """Return a scene of a file or of a user's module, and changes, with what they name in modules.
 
     Args:

@@ -32,7 +32,7 @@ from gym_passive_walker.gaits.scenes.checks import (
     several,
     spread,
 )
-from gym_passive_walker.gaits.scenes.named import loaded
+from gym_passive_walker.gaits.scenes.named import resolved
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, checked_rule
 from gym_passive_walker.gaits.scenes.rules import ENERGIES
 from gym_passive_walker.gaits.terrain import Terrain, terrain_from
@@ -465,7 +465,7 @@ def make_scene(scene: SceneLike = "level", *, trust: bool | None = None, **chang
         ImportError: if the file is YAML and pyyaml is not installed.
     """
     try:
-        return _made(*loaded(scene, changes, trust))
+        return _made(*resolved(scene, changes, trust))
     except SceneError as error:
         if is_file(scene) and not isinstance(error, UnknownArgumentError):
             raise SceneError(f"{cut(os.fsdecode(scene))}: {error}") from None
