@@ -12,6 +12,7 @@ where it stopped.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import time
 from collections import Counter
@@ -23,7 +24,6 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 import gym_passive_walker as gpw
@@ -37,7 +37,7 @@ from gym_passive_walker.gaits.control.optimum import OptimalGait
 from gym_passive_walker.gaits.control.policy import Policy
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
-from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts
+from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.models.model import bodies
 
 POOLS = (10, 100, 1000, 10_000, 0)
@@ -54,8 +54,6 @@ BODIES, LIMIT = 1000, 4000
 _NEAREST = 5  # known gaits from which the search of an optimum starts
 _TURN = 25  # bodies of one policy, before those of the next
 _SLOPE, _SPEED = 100.0, 30.0  # of slope and speed, in the distance between two gaits
-_DRAWS = DRAWS + len(make_scene("anywhere").domain_randomization) + 1  # the last is a key
-_MANY = 100_000  # resets of an environment
 _RESAMPLES = 10_000  # of the bodies, for an interval
 _KEPT = 128  # control steps at the end of a walk that hold its last stride
 
@@ -317,29 +315,18 @@ def interval(gaps: NDArray, percent: float) -> str:
 def bodies_drawn(run: Path) -> int:
     """Return the number of bodies that a training without a pool drew, from its last checkpoint.
 
-    Each reset takes `_DRAWS` random numbers from the generator of its environment.
+    A state of its environments has the number of episodes of each.
     """
-    from agents.config import Config
-
-    newest, first = max((run / "checkpoints").iterdir()), Config.load(run / "config.yml").seed
-    states = json.loads((newest / "envs.json").read_text(encoding="utf-8"))["random"]
-    resets = 0
-    for seed, state in enumerate(states, first):
-        generator: Any = seeding.np_random(seed)[0].bit_generator
-        for count in range(_MANY):
-            if generator.state["state"] == state["state"]:
-                resets += count
-                break
-            generator.advance(_DRAWS)
-        else:
-            raise ValueError(f"{run} has been seeded otherwise, or its walkers are of a pool")
-    return resets
+    newest = max((run / "checkpoints").iterdir())
+    with np.load(newest / "envs.npz") as arrays:
+        return int(arrays["draw_episodes"].sum())
 
 
 def drawing() -> float:
     """Seconds in which a new body is drawn and the constants of its equations are computed."""
-    starts, random = Starts(make_scene("anywhere")), np.random.default_rng(0)
-    return seconds(lambda: bodies(starts.varied(random)))
+    drawing, keys = Starts(make_scene("anywhere")).randomization, itertools.count()
+    assert drawing is not None
+    return seconds(lambda: bodies(drawing.draw(next(keys)).walker))
 
 
 def draw(curve: list[tuple[str, float, float]]) -> None:

@@ -22,6 +22,7 @@ from gym_passive_walker.envs.custom import Custom, is_custom
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
 from gym_passive_walker.envs.interface import observation_space, refuse
 from gym_passive_walker.envs.one_thread import Token
+from gym_passive_walker.envs.randomized import Randomized
 from gym_passive_walker.gaits.scenes.rules import ENERGIES, KNEE_LOCK, proportion
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError
 from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts, as_recorded
@@ -52,7 +53,7 @@ def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
     rules["energy_weight"] = scene.energy_weight
     rules["charged"] = ENERGIES.index(scene.energy)
     rules["step_limit"] = step_limit
-    rules["reset_noise_scale"] = scene.reset_noise_scale
+    rules["reset_noise_scale"] = scene.ends("reset_noise_scale")[1]
     rules["weight"] = scene.walker.weight / scene.walker.units.force
     rules["works"][0, : len(system.works)] = np.divide(system.works, rules["weight"])
     rules["works"][0, -1] = 1.0
@@ -65,7 +66,7 @@ def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
 def system_in(scene: Scene, *walkers: Walker) -> System:
     """Return the system of equations of walkers of one kind in a scene."""
     fitted = {name for name in FITTINGS for walker in walkers if getattr(walker, name, 0.0)}
-    using = {*fitted, *scene.domain_randomization, *scene.actions}
+    using = {*fitted, *scene.randomized, *scene.actions}
     return walkers[0].equations({*using, *(UNEVEN if scene.terrain else ())})
 
 
@@ -107,6 +108,8 @@ class Batch:
         custom: The user's own functions; None without them.
         disturbances: Disturbances; None in a scene without them.
         token: Token that the calling thread holds; see `one_thread`.
+        randomized: Draws of domain randomization; None without it.
+        scene_infos: Whether `info` has entries that depend on the scene.
         unfinished: Whether all walkers must be reset: they have not begun, or an error or an
             interrupt has ended the last step or reset before it was complete.
 
@@ -154,12 +157,14 @@ class Batch:
         own = self.custom is not None and (self._shown or not self.custom.native)
         self._apart = bool(own or scene.observe_body)  # a step is more than one compiled call
         self._alike_starts = len(shared) == 1
-        self._alike = walkers is None and not scene.domain_randomization
+        self.randomized = Randomized(scene, self._starts) if scene.domain_randomization else None
+        self._alike = walkers is None and not self.randomized
         self._alike &= scene.walker.legs_alike  # else each exchanges its own
         self.disturbances: Disturbances | None = None
         if disturbed(scene):
             self.disturbances = Disturbances(scene, self.system.name, count)
         shown = self.walkers[:1] if self._alike and not self.disturbances else self.walkers
+        self.scene_infos = bool(self.disturbances or self.randomized or scene.reward_terms)
         self.bodies = bodies(*shown)
         if self.disturbances:
             self.bodies = np.pad(self.bodies, ((0, 0), (0, 0), (0, ROOM)))
@@ -190,19 +195,22 @@ class Batch:
 
     def become(self, fresh: Batch) -> None:
         """Become the batch that `changed` returned, with the random generators of this batch."""
+        if fresh.randomized:
+            fresh.randomized.follow(self.randomized)
         self.__dict__ = fresh.__dict__ | {"randoms": self.randoms, "token": self.token}
 
     @property
     def starts_alike(self) -> bool:
         """Whether compiled code can begin episodes: all start alike, and all rules are compiled."""
-        alike = self._alike_starts and not self.scene.domain_randomization
+        alike = self._alike_starts and not self.randomized
         return alike and (not self.custom or self.custom.native)
 
     def _connect(self) -> None:
         """Make the arrays that are not there, set compiled code in them, and the entry point."""
         name, scene = self.system.name, self.scene  # `system` registers its name
         lengths = {
-            "walkers": self.count, "channels": len(scene.actions), "delay": scene.action_delay,
+            "walkers": self.count, "channels": len(scene.actions),
+            "delay": int(scene.ends("action_delay")[1]),
             "seen": observation_space(scene).shape[0],
         }  # fmt: skip
         parts = {"disturbed": self.disturbances, "custom": self.custom}
@@ -263,10 +271,22 @@ class Batch:
             return
         states, asked = self._asked(options) if options else (None, None)
         draws = self.drawn(where)
-        varied = {}
-        if self.scene.domain_randomization:
-            varied = {i: self._starts[i].varied(self.randoms[i]) for i in where.tolist()}
-        slopes = self._slopes(where, draws[:, 0]) if asked is None else asked[where]
+        varied, drawn = {}, None
+        if self.randomized:
+            walkers = self.randomized.draw(where, self.randoms)
+            varied, drawn = (
+                dict(zip(where.tolist(), walkers, strict=True)),
+                self.randomized.settled(where),
+            )
+            draws[:, 1:] = 0.5 + drawn["noise"][:, None] * (draws[:, 1:] - 0.5)
+        if asked is not None:
+            slopes = asked[where]
+            if self.randomized:
+                self.randomized.replace("slope", where, slopes)
+        elif drawn is not None and "slope" in self.randomized.names:
+            slopes = drawn["slope"].copy()
+        else:
+            slopes = self._slopes(where, draws[:, 0])
         if states is None:
             gaits = self._gaits(where, slopes, asked=asked is not None)
         else:
@@ -282,6 +302,8 @@ class Batch:
             self._embody(where, list(varied.values()))
         given = where, slopes, gaits, draws, keys, plain
         self.entry_point.kernels.begin(self.entry_point.address, *given)
+        if self.disturbances and drawn is not None:
+            self.disturbances.settle(where, drawn)
         self._write_proportions(plain)
         self._write_observations(observations, where)
 
@@ -445,16 +467,20 @@ class Batch:
         if self.custom and self._shown:
             self.custom.observe(observations, slice(None) if lanes is None else lanes)
 
-    def info_values(self, stepped: NDArray[np.bool_] | None = None) -> dict[str, NDArray]:
+    def info_values(self, stepped: NDArray[np.bool_] | None = None) -> dict[str, Any]:
         """Return copies of the entries of `info` that depend on the scene, each (count,).
+
+        "randomized" has the drawn values, a dictionary of such arrays.
 
         Args:
             stepped: Whether each walker has made a step, (count,): the others have no reward.
         """
-        found: dict[str, NDArray] = {}
+        found: dict[str, Any] = {}
         if self.disturbances:
             values = self.disturbances.info_values(self.bodies)
             found = {name: column.copy() for name, column in values.items()}
+        if self.randomized:
+            found["randomized"] = self.randomized.info_values()
         if self.scene.reward_terms:
             for name, term in self.reward_terms().items():
                 found[f"reward_{name}"] = term if stepped is None else np.where(stepped, term, 0.0)
@@ -598,7 +624,9 @@ class Batch:
     def saved_arrays(self) -> dict[str, NDArray]:
         """Arrays of a saved state, by name."""
         arrays = self.arrays.items()
-        return {name: array for name, array in arrays if memory.ARRAYS[name].limits is not None}
+        drawn = self.randomized.saved_arrays if self.randomized else {}
+        found = {name: array for name, array in arrays if memory.ARRAYS[name].limits is not None}
+        return found | drawn
 
     def get_state(self) -> dict[str, Any]:
         """Return a copy of everything that determines later steps."""
@@ -638,8 +666,9 @@ class Batch:
         found |= {name: saved.flags(given[name], name, shape) for name, shape in flags.items()}
         begun = all(found[name] for name, shape in flags.items() if shape == ())
         saved.check_arrays(found, self._limits, begun=begun)
-        bases, shares = [s.walker for s in self._starts], self.scene.domain_randomization
-        found["walkers"] = saved.check_walkers(given["walkers"], self.walkers, bases, shares)
+        if self.randomized:
+            self.randomized.check(found, begun=begun)
+        found["walkers"] = saved.check_walkers(given["walkers"], self.walkers, self._starts)
         kind = type(self.randoms[0].bit_generator) if self.randoms else np.random.PCG64
         found["random"] = saved.check_randoms(given["random"], self.count, kind)
         return found
@@ -653,3 +682,5 @@ class Batch:
             self._embody(np.arange(self.count), found["walkers"])
         for random, state in zip(self.randoms, found["random"], strict=False):
             random.bit_generator.state = state
+        if self.randomized:
+            self.randomized.put_back(self.randoms)

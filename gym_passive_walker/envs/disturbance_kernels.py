@@ -54,6 +54,10 @@ DISTURBANCE = np.dtype([
     ("y", "f8"),  # its height above the mean slope
     ("passed", "f8", (PASSED, 2)),  # x and y of previous strides, latest first
     ("impulse", "f8"),  # sum of the pushes in this step
+    # Of domain randomization; else those of the scene.
+    ("delay", "i8"),  # control steps between an action and its effect
+    ("friction", "f8"),  # coefficient
+    ("strength", "f8", (WIDE.controls + 1,)),  # of each action, over its largest value
 ])  # fmt: skip
 """Disturbance state of a walker."""
 
@@ -69,7 +73,7 @@ SETTINGS = np.dtype([
     ("uneven", "i8"),  # whether there is terrain
     ("terrain_lookahead", "i8"),  # number of footholds ahead that are observed
     ("interval", "f8"),  # time between checks of a walker; infinite without checks
-    ("friction", "f8"),
+    ("friction", "f8"),  # coefficient, where it is not drawn
     ("knee_latch", "f8"),
     ("scuff_depth", "f8"),
     ("ends", "i8", (len(CHECKS),)),  # whether a check ends the episode
@@ -171,6 +175,9 @@ def begin(here, i, key):
     disturbance.slope = here.ledger[i].slope
     disturbance.tilt, disturbance.x, disturbance.y = 0.0, 0.0, 0.0
     disturbance.known, disturbance.extra_height = 0.0, 0.0
+    disturbance.delay, disturbance.friction = here.pending.shape[1], settings.friction
+    for j in range(len(disturbance.strength)):
+        disturbance.strength[j] = 1.0
     if settings.uneven:
         lay_ground(here, i)
     add_observation_noise(here, i)
@@ -179,10 +186,10 @@ def begin(here, i, key):
 @jitted
 def disturb_actions(here, first, last):
     """Apply delay and noise to actions; the results are in `acted`."""
-    late, count = here.pending.shape[1], here.rules[0].actions
-    noise = here.settings[0].action_noise
+    count, noise = here.rules[0].actions, here.settings[0].action_noise
     for i in range(first, last):
         disturbance, step = here.disturbances[i], here.ledger[i].steps
+        late = disturbance.delay
         for j in range(count):
             share = clip(here.actions[i * count + j], -1.0, 1.0)
             if late > 0:
@@ -190,7 +197,7 @@ def disturb_actions(here, first, last):
                 share = sent
             if noise > 0.0:
                 share += noise * normal(disturbance.key, step * count + j, _MOTOR)
-            here.acted[i * count + j] = share
+            here.acted[i * count + j] = clip(share, -1.0, 1.0) * disturbance.strength[j]
 
 
 @jitted
@@ -258,7 +265,7 @@ def apply_later_events(here, first, last):
 
 
 @jitted
-def violated_constraint(notes, settings):
+def violated_constraint(notes, settings, friction):
     """Return the outcome of the first violated constraint that ends the episode, or 0."""
     for check in range(len(settings.ends)):
         if not settings.ends[check]:
@@ -266,7 +273,7 @@ def violated_constraint(notes, settings):
         if check == _CONTACT:
             holds = notes[0] >= 0.0 and notes[1] >= 0.0
         elif check == _FRICTION:
-            holds = notes[2] <= settings.friction
+            holds = notes[2] <= friction
         elif check == _KNEE:
             holds = notes[3] >= -settings.knee_latch and notes[4] >= -settings.knee_latch
         else:
@@ -285,7 +292,8 @@ def check_step(here, i):
         call(look, address(here.records[i]), address(here.bodies[i]), 0, 0, 0.0, 0.0)
     struck = record.outcome == _HEELSTRIKE
     if record.outcome == 0 or struck:
-        row.violated = violated_constraint(here.bodies[i, 0, -_ROOM:], here.settings[0])
+        friction = here.disturbances[i].friction
+        row.violated = violated_constraint(here.bodies[i, 0, -_ROOM:], here.settings[0], friction)
     if struck:
         here.disturbances[i].due -= record.time
         if row.violated != 0:  # the record already has the legs exchanged

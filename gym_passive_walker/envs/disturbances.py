@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.envs import constraints, disturbance_kernels
 from gym_passive_walker.gaits.scenes.checks import CHECKS
+from gym_passive_walker.gaits.scenes.randomization import OF_STEPS
 from gym_passive_walker.gaits.scenes.scene import UNDISTURBED, Scene
 from gym_passive_walker.gaits.terrain import Terrain
 
@@ -34,8 +35,11 @@ _OF_PUSHES = ("pushes", "push_work", "episode_push_work")
 
 def disturbed(scene: Scene) -> bool:
     """Return whether a scene has any disturbance of `disturbance_kernels`."""
-    return scene.command is not None or any(
-        getattr(scene, n) != calm for n, calm in UNDISTURBED.items()
+    drawn = not set(OF_STEPS).isdisjoint(scene.randomized)
+    return (
+        drawn
+        or scene.command is not None
+        or any(getattr(scene, n) != calm for n, calm in UNDISTURBED.items())
     )
 
 
@@ -70,6 +74,11 @@ class Disturbances:
         table, spread = self.terrain
         found = {"disturbances": self.states, "settings": self.settings}
         return found | {"table": table, "spread": spread}
+
+    def settle(self, lanes: NDArray[np.int64], drawn: NDArray) -> None:
+        """Set what domain randomization drew for some walkers, (lanes,) of `SETTLED`."""
+        for name in ("delay", "friction", "strength"):
+            self.states[name][lanes] = drawn[name]
 
     def set_slopes(
         self, slopes: NDArray[np.float64], lanes: NDArray[np.bool_]

@@ -17,6 +17,7 @@ from gym_passive_walker.envs.custom import Custom, is_custom
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.gaits.scenes.rewards import ABOUT_TERMS
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.models.model import Model
 from gym_passive_walker.models.walkers import describe
@@ -79,8 +80,9 @@ def as_text(env: Any = "level") -> str:
 def as_rows(env: Any = "level") -> dict[str, Rows]:
     """Return the rows of the tables of a scene or an environment, by title.
 
-    The titles are "observation", "action", "reward", "episode end", and "scene" for the arguments
-    in which the scene differs from the default one. Tables without rows are left out.
+    The titles are "observation", "action", "reward", "episode end", "domain randomization", and
+    "scene" for the arguments in which the scene differs from the default one. Tables without rows
+    are left out.
     """
     scene, batch, limit = _parts(env)
     seen: Rows = [{"number": i, **row} for i, row in enumerate(_observed(scene))]
@@ -99,14 +101,24 @@ def as_rows(env: Any = "level") -> dict[str, Rows]:
             "action": scene.actuator(name).about,
             "min": scene.least(name),
             "max": 1.0,
-            "action 1 is": f"{scene.largest(name):g} {scene.actuator(name).unit}".rstrip(),
+            "action 1 is": f"{_largest(scene, name)} {scene.actuator(name).unit}".rstrip(),
         }
         for i, name in enumerate(scene.actions)
     ]
     ends = _ends(scene, limit)
     tables = {"observation": seen, "action": acts, "reward": paid, "episode end": ends}
+    tables["domain randomization"] = _drawn(scene, batch)
     tables["scene"] = _differences(scene)
     return {title: rows for title, rows in tables.items() if rows}
+
+
+def _largest(scene: Scene, channel: str) -> str:
+    """Return what the action 1 is in a channel: a number, or its range if it is drawn."""
+    limit, most = scene.actuator(channel).limit, scene.largest(channel)
+    if limit not in scene.randomized:
+        return f"{most:g}"
+    low, high = scene.ends(str(limit))
+    return f"{most * low / high:g} to {most:g}"
 
 
 def _parts(env: Any) -> tuple[Scene, Batch | None, float | None]:
@@ -183,6 +195,26 @@ def _ends(scene: Scene, limit: float | None) -> Rows:
     rows = [{"outcome": name, "when": when, "kind": "terminated"} for name, when in found.items()]
     if limit is not None:
         rows.append({"outcome": "", "when": f"{limit:g} steps", "kind": "truncated"})
+    return rows
+
+
+def _drawn(scene: Scene, batch: Batch | None) -> Rows:
+    """Return the parameters that each reset draws, with their values in the walker's own units."""
+    drawing, rows = Starts(scene).randomization, []
+    if drawing is None:
+        return []
+    now = batch.randomized.info_values() if batch is not None and batch.randomized else {}
+    for entry in drawing.entries:
+        for name in entry.names:
+            low, high = entry.ends(drawing.nominal[name])
+            row: dict[str, Any] = {"parameter": name, "scene": drawing.nominal[name]}
+            row |= {"drawn": entry.about(), "min": low, "max": high}
+            if len(entry.names) > 1:
+                others = [other for other in entry.names if other != name]
+                row["drawn"] += f", with {' and '.join(others)}"
+            rows.append(row | ({"now": float(now[name][0])} if now else {}))
+    if drawing.curriculum:
+        rows[0]["drawn"] += f"; all grow over {drawing.curriculum:,} episodes"
     return rows
 
 

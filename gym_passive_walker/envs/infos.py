@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any
+
+
+def lane_values(values: Mapping[str, Any], lane: int) -> dict[str, Any]:
+    """Return the entries of one walker from arrays (count,), or dictionaries of them, by name."""
+    return {
+        name: lane_values(x, lane) if isinstance(x, Mapping) else x[lane]
+        for name, x in values.items()
+    }
 
 
 class Infos(dict[str, Any]):

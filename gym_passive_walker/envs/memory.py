@@ -84,6 +84,7 @@ ARRAYS = {
     "own": BatchArray(USER_RULES, "1", "custom"),
     "disturbances": BatchArray(DISTURBANCE, "walkers", "disturbed", {
         "pushes": COUNTER, "idle": (0, 1), "command": ("slowest", "fastest"), "due": (-inf, inf),
+        "delay": (0, "delay"), "strength": (0.0, 1.0),
     }),
     "pending": BatchArray("f8", "walkers delay channels", "disturbed", {"pending": (-1.0, 1.0)}),
     "acted": BatchArray("f8", "walkers*channels", "disturbed"),  # delayed actions with noise

@@ -20,12 +20,14 @@ from gym_passive_walker._tools.loading import parse_json, reason
 from gym_passive_walker.envs.memory import ARRAYS, COUNTER, FINITE
 from gym_passive_walker.envs.transitions import STOPPED
 from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.model import Model
 from gym_passive_walker.models.walkers import Walker, name_of
 
 _LATE = 1e-6  # largest delay of a push that is due, in sqrt(l/g)
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
+"""Relative error of numbers in a saved state."""
 
 
 class StateError(ValueError):
@@ -143,36 +145,35 @@ def check_scene(given: Any, own: str) -> None:
         )
 
 
-def check_walkers(
-    given: Any, own: Sequence[Walker], bases: Sequence[Walker], shares: Mapping[str, float]
-) -> list[Walker]:
+def check_walkers(given: Any, own: Sequence[Walker], starts: Sequence[Starts]) -> list[Walker]:
     """Return the walkers of a state after a check that the batch permits them.
 
     Args:
         given: Walkers in the state, in the form of `kept`.
         own: Walkers of the batch, (count,).
-        bases: Nominal walkers of the domain randomization, (count,).
-        shares: Largest relative deviation of each parameter, by name.
+        starts: Starts of each walker, with its nominal one and the draws, (count,).
 
     Raises:
         StateError: if the batch does not permit one of the walkers.
     """
     row = list(given) if isinstance(given, Sequence) else []
-    found = [_restored(entry, base) for entry, base in zip(row, bases, strict=False)]
+    found = [_restored(entry, each.walker) for entry, each in zip(row, starts, strict=False)]
     if len(row) != len(own) or None in found:
         raise StateError(
             f"the state's 'walkers' must be a row of {len(own)} walkers of this environment's "
             f"kind, not {type(given).__name__} of {len(row)}"
         )
-    for i, (walker, here, base) in enumerate(zip(found, own, bases, strict=True)):
+    for i, (walker, here, each) in enumerate(zip(found, own, starts, strict=True)):
         if walker == here or (values := _parameters(walker)) == _parameters(here):
             continue
-        off = [
-            name
-            for name, value in _parameters(base).items()
-            if not abs(values[name] - value) <= (shares.get(name, 0.0) + _ROUNDING) * abs(value)
-        ]
-        if not shares or off:
+        drawing = each.randomization
+        off = []
+        for name, value in _parameters(each.walker).items():
+            low, high = drawing.ends(name) if drawing and name != "knees" else (value, value)
+            room = ROUNDING * max(abs(low), abs(high))
+            if not low - room <= values[name] <= high + room:
+                off.append(name)
+        if drawing is None or off:
             raise StateError(
                 f"this state is of another walker than that of environment {i}: its "
                 f"{', '.join(off) or 'parameters'} cannot be here"
@@ -275,7 +276,10 @@ def limits_of(batch: Any) -> list[Limits]:
     }  # fmt: skip
     if batch.disturbances:
         bounds["slowest"], bounds["fastest"] = arrays["settings"]["command"][0]
+        bounds["delay"] = arrays["pending"].shape[1]
     for array, own in batch.saved_arrays.items():
+        if array not in ARRAYS:
+            continue
         row = own.dtype if own.dtype.names else np.dtype([(array, own.dtype, own.shape[1:])])
         low, high, given = np.zeros(1, row), np.zeros(1, row), ARRAYS[array].limits or {}
         words = [name for name in row.names or () for _ in range(row[name].itemsize // 8)]
@@ -321,7 +325,7 @@ def check_arrays(found: Mapping[str, NDArray], limits: Sequence[Limits], *, begu
     require("records['outcome']", moves | ~going, "0 or 1 while the episode goes on")
     slope = ledger["slope"][:, None]
     off = np.abs(here["ground"][:, :2] - np.concatenate([np.sin(slope), np.cos(slope)], axis=1))
-    fits = (off <= _ROUNDING) | ~going[:, None]
+    fits = (off <= ROUNDING) | ~going[:, None]
     require("records['ground']", fits, "sine and cosine of the slope in the ledger")
     if "disturbances" in found:
         # Due pushes are applied one by one, so a time far in the past would take very long.

@@ -344,6 +344,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         """Return the info of each environment; `stepped` as for `Batch.reported`."""
         steps, (strides, outcomes), ended, measures = self.batch.reported(stepped)
         others = self.batch.info_values(stepped)
+        drawn = others.pop("randomized", None)
         columns = dict(zip(task.EVERY_STEP, (*steps, strides), strict=True)) | others
         blank: dict[str, Any] = dict.fromkeys((*task.EVERY_STEP, *task.EVERY_STRIDE, *others), 0.0)
         blank["outcome"] = ""
@@ -351,6 +352,9 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         for row in zip(*(column.tolist() for column in columns.values()), strict=True):
             infos.append(blank.copy())  # most have no other entries
             infos[-1].update(zip(columns, row, strict=True))
+        if drawn is not None:
+            for info, row in zip(infos, zip(*drawn.values(), strict=True), strict=True):
+                info["randomized"] = dict(zip(drawn, map(float, row), strict=True))
         for i in np.flatnonzero(outcomes).tolist():
             infos[i]["outcome"] = interface.OUTCOMES[outcomes[i]]
         for i, row in zip(ended.tolist(), measures.tolist(), strict=True):

@@ -337,12 +337,18 @@ class PassiveWalkerVectorEnv(
             strides[:, ended] = measures.T
             columns: dict[str, NDArray] = {}
             columns |= zip(names, (*steps, counts[0], *strides), strict=True)
+            drawn = others.pop("randomized", {})
             columns |= {name: np.where(mask, x, 0) for name, x in others.items()}
             columns["outcome"] = _OUTCOMES.take(counts[1])
             columns["outcome"][~mask] = None  # as Gymnasium fills it
             found = {}
             for name, column in columns.items():
                 found[name], found["_" + name] = column, mask
+            if drawn:
+                inner: dict[str, NDArray] = {}
+                for name, x in drawn.items():
+                    inner[name], inner["_" + name] = np.where(mask, x, 0), mask
+                found["randomized"], found["_randomized"] = inner, mask
             return found
 
         infos.make = content

@@ -15,6 +15,7 @@ from gym_passive_walker._tools.extras import need
 from gym_passive_walker.envs import interface, saved, task
 from gym_passive_walker.envs.batch import RESET_OPTIONS, Batch
 from gym_passive_walker.envs.frames import frame
+from gym_passive_walker.envs.infos import lane_values
 from gym_passive_walker.envs.interface import NO_STRIDE
 from gym_passive_walker.envs.one_thread import one_thread, refuse_second
 from gym_passive_walker.gaits.scenes.scene import SceneLike, make_scene
@@ -317,7 +318,7 @@ class PassiveWalkerEnv(
         if self.render_mode == "human":
             self._draw()
         info: dict[str, Any] = NO_STRIDE.copy()
-        if self.batch.disturbances or self.scene.reward_terms:
+        if self.batch.scene_infos:
             self._add_values(info, np.zeros(1, bool))
         return observation, info
 
@@ -361,7 +362,7 @@ class PassiveWalkerEnv(
                 info["strides"], info["outcome"] = strides, interface.OUTCOMES[outcome]
                 self._between["strides"] = strides
                 self._ready = not ended
-            if batch.disturbances or self.scene.reward_terms:
+            if batch.scene_infos:
                 self._add_values(info)
             batch.unfinished = False
             if self.render_mode == "human":
@@ -375,7 +376,7 @@ class PassiveWalkerEnv(
     def _add_values(self, info: dict[str, Any], stepped: NDArray[np.bool_] | None = None) -> None:
         """Add the entries that depend on the scene; `stepped` as for `Batch.info_values`."""
         outcome = info.pop("outcome")
-        info |= {name: column[0] for name, column in self.batch.info_values(stepped).items()}
+        info |= lane_values(self.batch.info_values(stepped), 0)
         info["outcome"] = outcome
 
     @one_thread

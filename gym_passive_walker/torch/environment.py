@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -15,6 +15,16 @@ from gym_passive_walker.envs import interface
 from gym_passive_walker.envs.infos import Infos
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.scenes.scene import SceneLike
+
+
+def _where(mask: np.ndarray, some: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
+    """Return infos that are of `some` where the mask holds, and else of `others`."""
+    return {
+        name: _where(mask, x, others[name])
+        if isinstance(x, Mapping)
+        else np.where(mask, x, others[name])
+        for name, x in some.items()
+    }
 
 
 class PassiveWalkerTorchEnv(interface.Adapter):
@@ -128,7 +138,7 @@ class PassiveWalkerTorchEnv(interface.Adapter):
                 last = observations.copy()
                 last[ended] = np.stack(results["final_obs"][ended])
                 final = results["final_info"]
-                results = {name: np.where(ended, x, results[name]) for name, x in final.items()}
+                results = _where(ended, final, results)
                 infos["distance"] = self._tensor(results["distance"])
             infos["final_obs"] = self._tensor(last)
         infos.make = partial(self._tensors, results)
@@ -151,8 +161,15 @@ class PassiveWalkerTorchEnv(interface.Adapter):
         numbers = np.zeros(self.num_envs, np.int8)
         for i in np.flatnonzero(infos["outcome"]):
             numbers[i] = interface.OUTCOMES.index(infos["outcome"][i])
-        columns = {**infos, "outcome": numbers}
-        return {name: self._tensor(x) for name, x in columns.items() if not name.startswith("_")}
+        return self._shown({**infos, "outcome": numbers})
+
+    def _shown(self, columns: Mapping[str, Any]) -> dict[str, Any]:
+        """Return columns, or dictionaries of them, as tensors without masks."""
+        return {
+            name: self._shown(x) if isinstance(x, Mapping) else self._tensor(x)
+            for name, x in columns.items()
+            if not name.startswith("_")
+        }
 
     def _tensor(self, array: np.ndarray) -> Tensor:
         return torch.from_numpy(array).to(self.device)

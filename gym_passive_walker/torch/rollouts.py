@@ -153,7 +153,8 @@ def initial_state(
     coordinates, parameters_of = scene.walker.coordinates, [w.parameters for w in batch.walkers]
     values = {
         name: torch.tensor([each[name] for each in parameters_of], dtype=torch.float64)
-        for name in {**scene.domain_randomization, **dict.fromkeys(_exchanged(scene))}
+        for name in dict.fromkeys((*scene.randomized, *_exchanged(scene)))
+        if name in parameters_of[0]
     }
     given = check_parameters(scene.walker, parameters)
     changes = torch.zeros((0, 2), dtype=torch.float64)

@@ -1,11 +1,13 @@
 """Episodes start near the passive gait."""
 
 from dataclasses import replace
+from zlib import crc32
 
 import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, WalkerError, find_gait
+from gym_passive_walker.engine.counter_rng import uniform, word
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.scenes import rules, starts
@@ -130,13 +132,14 @@ def test_a_named_scene_starts_without_a_search(monkeypatch):
         starts.Starts(make_scene(name)).states(np.array([0.0]))
 
 
-def drawn_by_hand(scene, rng):
-    """The first valid walker from rows of random parameters."""
-    shares = scene.domain_randomization
-    while True:
-        draws = rng.uniform(-1.0, 1.0, len(shares)).tolist()
-        factors = [1.0 + share * draw for share, draw in zip(shares.values(), draws, strict=True)]
-        changed = {n: getattr(scene.walker, n) * f for n, f in zip(shares, factors, strict=True)}
+def drawn_by_hand(scene, key):
+    """The first valid walker of a key's streams, one for each parameter."""
+    for attempt in range(100):
+        changed = {}
+        for name, share in scene.domain_randomization.items():
+            draw = uniform(key, attempt, crc32(name.encode()))
+            low, high = 1.0 - share, 1.0 + share
+            changed[name] = getattr(scene.walker, name) * (low + (high - low) * draw)
         try:
             return replace(scene.walker, **changed)
         except WalkerError:
@@ -155,17 +158,17 @@ def test_a_walker_that_cannot_be_is_drawn_again(walker):
     scene = Scene(walker=walker, start=(0.2, -0.2, -0.2, -0.3, -0.1, -0.4),
                   domain_randomization=shares)  # fmt: skip
     own = starts.Starts(scene)
-    for seed in range(30):
-        found = own.varied(np.random.default_rng(seed))
-        assert found == drawn_by_hand(scene, np.random.default_rng(seed))
+    for key in range(30):
+        assert own.randomization.draw(key).walker == drawn_by_hand(scene, key)
     assert own.walker == scene.walker  # the nominal one
 
 
 def test_a_pool_is_of_walkers_drawn_by_their_numbers():
     shares = {"foot_radius": 0.2, "shank_mass": 0.1}
     scene = Scene(slope=0.02, domain_randomization=shares, randomization_pool=3)
-    pool = [drawn_by_hand(scene, np.random.default_rng((1999, k))) for k in range(3)]
-    assert [starts.Starts(scene).pooled(k) for k in range(3)] == pool
+    pool = [drawn_by_hand(scene, word(word(1999, 201), k)) for k in range(3)]
+    drawing = starts.Starts(scene).randomization
+    assert [drawing.member(k).walker for k in range(3)] == pool
     walkers = begun(scene, 60).walkers
     counts = [walkers.count(each) for each in pool]
     assert sum(counts) == 60 and min(counts) > 8

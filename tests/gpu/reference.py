@@ -1,5 +1,7 @@
 """A batch on the CPU with the random numbers of a GPU's."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from gym_passive_walker.engine.counter_rng import uniform, word
@@ -13,6 +15,8 @@ class Drawn:
 
     def __init__(self, key):
         self.key, self.episode = np.uint64(key), 0
+        sequence = SimpleNamespace(entropy=key, spawn_key=())
+        self.bit_generator = SimpleNamespace(seed_seq=sequence)
 
     def random(self, size):
         """Return the numbers of a start, which come first in an episode."""

@@ -9,8 +9,9 @@ from gym_passive_walker._tools import progress
 from gym_passive_walker.devices.gpu import batch as device_batch
 from gym_passive_walker.devices.gpu import device
 from gym_passive_walker.devices.gpu.batch import DeviceBatch
-from gym_passive_walker.engine.counter_rng import uniform
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.envs.views import Shape
+from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
 from gym_passive_walker.gaits.scenes.starts import Starts
@@ -67,14 +68,9 @@ def test_random_walkers_are_drawn_and_walk_as_they_would_alone(monkeypatch):
         "tick": 0.5,
     }
     there = DeviceBatch(6, scene, seed=3, step_limit=8)
-    starts, random = Starts(make_scene(scene)), np.random.default_rng(0)
-    drawn = [starts.varied(random) for _ in range(16)]
-
-    def varied(self, own):
-        return drawn[int(uniform(own.now, 0, 201) * 16)]
-
-    monkeypatch.setattr(Starts, "varied", varied)
-    here = Reference(scene, 6, 3, 8)
+    assert there.scene.randomization_pool == 16
+    pool = [Starts(there.scene).randomization.member(k).walker for k in range(16)]
+    here, random = Reference(there.scene, 6, 3, 8), np.random.default_rng(0)
     there.reset()
     for _ in range(10):
         actions = random.uniform(-1.0, 1.0, 6)
@@ -83,7 +79,63 @@ def test_random_walkers_are_drawn_and_walk_as_they_would_alone(monkeypatch):
         assert same(there.arrays.rewards, here.step(actions)[0])
         assert same(there.arrays.shown, here.observations)
     assert len(np.unique(there.arrays.bodies[:, 0, 0])) > 3
-    assert set(there.arrays.bodies[:, 0, 0]) <= set(bodies(*drawn)[:, 0, 0])
+    assert set(there.arrays.bodies[:, 0, 0]) <= set(bodies(*pool)[:, 0, 0])
+
+
+DRAWN = {
+    "foot_radius": 0.2,
+    "thigh_mass, shank_mass": (0.8, 1.25),
+    "max_hip_torque": {"log_uniform": (0.5, 2.0)},
+    "action_delay": {"choices": (0, 1, 3), "operation": "abs"},
+    "friction": {"uniform": (0.1, 0.5), "operation": "abs"},
+    "reset_noise_scale": (0.1, 1.0),
+    "slope": {"normal": (0.02, 0.005), "clip": (0.01, 0.03), "operation": "abs"},
+}
+
+
+@pytest.mark.parametrize("curriculum", [{}, {"curriculum": 3}], ids=["at once", "by and by"])
+def test_draws_and_walks_are_those_of_the_cpu(curriculum, monkeypatch):
+    """All draws but those of the random start; delay, friction and strength act in each step."""
+    monkeypatch.setattr(device_batch, "DRAWN", 8)
+    scene = {
+        "domain_randomization": DRAWN | curriculum, "tick": 0.5, "start": (0.2,) + (-0.2,) * 5,
+        "constraints": {"friction": "end"}, "action_noise": 0.1,
+    }  # fmt: skip
+    there = DeviceBatch(5, scene, seed=7, step_limit=4)
+    here, random = Reference(there.scene, 5, 7, 4), np.random.default_rng(0)
+    there.reset()
+    found = []
+    for _ in range(14):
+        drawn = {name: x[there.arrays.drawn] for name, x in there.drawn.items()}
+        found.append(drawn)
+        for name, column in here.batch.randomized.info_values().items():
+            assert np.array_equal(drawn[name], column), name
+        actions = random.uniform(-1.0, 1.0, 5)
+        there.arrays.actions[:] = actions
+        there.step()
+        assert same(there.arrays.rewards, here.step(actions)[0])
+        assert same(there.arrays.shown, here.observations)
+    for name in there.drawn:
+        assert len(np.unique([each[name] for each in found])) > 1, name
+    slipped = np.array([each["friction"] for each in found])
+    if curriculum:  # the first episode is of the scene's own values
+        assert np.all(slipped[0] == 0.8) and np.all(slipped[-1] <= 0.5)
+
+
+def test_a_seed_draws_alike_on_every_device():
+    scene = {"domain_randomization": DRAWN, "constraints": {"friction": "end"}}
+    scene |= {"randomization_pool": 50}
+    there = DeviceBatch(3, scene, seed=11)
+    many, alone = PassiveWalkerVectorEnv(3, scene), PassiveWalkerEnv(scene)
+    for episode in range(3):
+        seed = {} if episode else {"seed": 11}
+        there.reset()
+        _, infos = many.reset(**seed)
+        _, info = alone.reset(**seed)
+        for name, known in there.drawn.items():
+            drawn = known[there.arrays.drawn]
+            assert np.array_equal(infos["randomized"][name], drawn)
+            assert info["randomized"][name] == drawn[0]
 
 
 def test_the_same_seed_is_the_same_walk_whatever_the_batch():

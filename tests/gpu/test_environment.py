@@ -11,7 +11,9 @@ torch = pytest.importorskip("torch")
 from gym_passive_walker.devices.gpu.environment import PassiveWalkerGpuEnv  # noqa: E402
 from gym_passive_walker.envs.explain import as_text  # noqa: E402
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv  # noqa: E402
+from gym_passive_walker.gaits.scenes.starts import Starts  # noqa: E402
 from gym_passive_walker.models.model import bodies  # noqa: E402
+from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv  # noqa: E402
 
 SCENE = {"slope": 0.03, "tick": 0.6, "command": (0.1, 0.2)}
 
@@ -57,12 +59,26 @@ def test_a_pool_has_the_walkers_of_the_other_environments():
     scene = SCENE | {"domain_randomization": {"foot_radius": 0.2}, "randomization_pool": 3}
     there, here = PassiveWalkerGpuEnv(2, scene), PassiveWalkerVectorEnv(64, scene)
     here.reset(seed=0)
-    walkers = there.batch._drawn()
+    pool = [Starts(there.batch.scene).randomization.member(k) for k in range(3)]
+    walkers = [each.walker for each in pool]
     assert len(walkers) == 3 and {*walkers} == {*here.batch.walkers}
     there.reset()
     constants = bodies(*walkers)[:, 0]  # readings of checks are behind them
     found = np.asarray(there.batch.arrays.bodies)[:, 0, : constants.shape[1]]
     assert all((own == constants).all(axis=1).any() for own in found)
+
+
+def test_infos_have_the_draws_of_the_step_s_own_episode():
+    scene = SCENE | {"domain_randomization": {"foot_radius": 0.2, "max_hip_torque": (0.5, 1.0)}}
+    there = PassiveWalkerGpuEnv(2, scene | {"randomization_pool": 9}, max_episode_steps=2, seed=4)
+    here = PassiveWalkerTorchEnv(2, there.batch.scene, max_episode_steps=2)
+    _, info = there.reset()
+    _, known = here.reset(seed=4)
+    for _ in range(5):
+        assert {*info["randomized"]} == {"foot_radius", "max_hip_torque"}
+        for name, x in info["randomized"].items():
+            assert torch.equal(x, known["randomized"][name])
+        info, known = (each.step(torch.zeros(2, 1))[4] for each in (there, here))
 
 
 def test_its_scene_is_explained():

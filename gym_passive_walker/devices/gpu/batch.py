@@ -27,15 +27,15 @@ from gym_passive_walker.envs.batch import observed_bodies, radii_of, rules_of, s
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.disturbances import Disturbances, disturbed
+from gym_passive_walker.envs.randomized import settled
+from gym_passive_walker.gaits.scenes.randomization import CURRICULUM, LEVELS, Drawn
 from gym_passive_walker.gaits.scenes.scene import SceneError, SceneLike, make_scene
 from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.models.equations.systems import SYSTEMS
 from gym_passive_walker.models.model import bodies
-from gym_passive_walker.models.walkers import Walker
 
 DRAWN = 4096
-"""Number of walkers that the episodes of a scene with `domain_randomization` draw from, if its
-`randomization_pool` has no fewer."""
+"""Largest `randomization_pool`, and that of scenes with `domain_randomization` that have none."""
 
 
 @lru_cache
@@ -46,6 +46,7 @@ def _kernels(here: DeviceCode, system: str, has_disturbances: bool) -> tuple[Any
         bound = bound.instead({
             disturbance_kernels.integrate_past_events: one_walker.integrate_past_events,
             episodes.begin_disturbances: disturbance_kernels.begin,
+            episodes.settle: episodes.own_settle,
             task.step: disturbance_kernels.step,
             episodes.note_disturbances: episodes.own_note,
         })  # fmt: skip
@@ -76,6 +77,9 @@ class DeviceBatch:
         **changes: Arguments of the scene to change; see `PassiveWalkerEnv`.
 
     Attributes:
+        scene: The scene; one with `domain_randomization` has a `randomization_pool` here.
+        drawn: Values that a scene with `domain_randomization` draws, by name, each (pool,): rows of
+            the arrays `drawn` and `reported_draw`.
         arrays: Arrays on the GPU; see `envs.memory` and `episodes.DEVICE_ARRAYS`. Fill `actions`
             before a step, which fills `shown` (observations), `rewards`, `terminated`, `truncated`.
         step_limit: Steps after which an episode is truncated.
@@ -95,7 +99,9 @@ class DeviceBatch:
         **changes: Any,
     ) -> None:
         device.need_device()
-        self.scene = make_scene(scene, **changes)
+        self.scene = made = make_scene(scene, **changes)
+        if made.domain_randomization and not (made.randomization_pool or DRAWN + 1) <= DRAWN:
+            self.scene = make_scene(made, randomization_pool=DRAWN)
         self.count = whole(count, "count")
         self.custom = Custom(self.scene, self.count)
         for name, rule in self.custom.rules.items():
@@ -117,18 +123,21 @@ class DeviceBatch:
         self.step_limit = step_limit
         self.arrays = self._arrays(here, seed, shown)
 
-    def _drawn(self) -> list[Walker]:
-        """Return the walkers that episodes draw from."""
-        starts, random = Starts(self.scene), np.random.default_rng(0)
-        pool = self.scene.randomization_pool
-        if pool is not None and pool <= DRAWN:
-            return [starts.pooled(index) for index in range(pool)]
-        count = DRAWN if self.scene.domain_randomization else 1
-        return [starts.varied(random) for _ in range(count)]
+    def _drawn(self, starts: Starts) -> list[Drawn]:
+        """Return what episodes draw, of each level of a curriculum one after another."""
+        drawing, pool = starts.randomization, self.scene.randomization_pool
+        if drawing is None or pool is None:
+            return [Drawn(self.scene.walker, ())]
+        levels = range(LEVELS + 1) if drawing.curriculum else (LEVELS,)
+        return [drawing.member(index, level) for level in levels for index in range(pool)]
 
     def _arrays(self, code: DeviceCode, seed: int, shown: int) -> Any:
         """Return the arrays on the GPU."""
-        scene, count, drawn, starts = self.scene, self.count, self._drawn(), Starts(self.scene)
+        scene, count, starts = self.scene, self.count, Starts(self.scene)
+        draws = self._drawn(starts)
+        drawn, names = [each.walker for each in draws], scene.randomized
+        values = np.array([each.values for each in draws]).reshape(len(draws), -1)
+        self.drawn = dict(zip(names, values.T, strict=True))
         pool, (nodes, states) = bodies(*drawn)[:, 0], starts.nodes
         if len(nodes) == 1:  # the same initial state for all slopes
             nodes, states = np.array([nodes[0], np.inf]), np.repeat(states, 2, axis=0)
@@ -138,6 +147,10 @@ class DeviceBatch:
             "rules": rules_of(scene, self._system, self.step_limit), "pool": pool,
             "slope_range": np.array([starts.low, starts.high]), "states": states,
             "proportions": observed_bodies(scene, drawn),
+            "settled": settled(scene, names, values),
+            "growth": np.array([
+                scene.randomization_pool or 1, scene.domain_randomization.get(CURRICULUM, 0)
+            ]),
         }  # fmt: skip
         features, width = [], pool.shape[1]
         if disturbed(scene):
@@ -151,7 +164,7 @@ class DeviceBatch:
             given |= {"bodies": pool[:, None], "radii": radii_of(drawn)}
         lengths = {
             "walkers": count, "rows": count, "constants": width, "seen": shown,
-            "channels": len(scene.actions), "delay": scene.action_delay,
+            "channels": len(scene.actions), "delay": int(scene.ends("action_delay")[1]),
             "shown": self.observation_size,
         }  # fmt: skip
         declared = memory.present(*features) | episodes.DEVICE_ARRAYS

@@ -26,7 +26,8 @@ class PassiveWalkerGpuEnv:
 
     A step transfers nothing to the CPU, and does not synchronize. The step that ends an episode
     begins the next one. The rules are those of `PassiveWalkerVectorEnv`. Random numbers differ:
-    they are functions of a walker's key.
+    they are functions of a walker's key. Draws of domain randomization are equal, with the pool of
+    `batch.scene`.
 
     Args:
         num_envs: Number of walkers.
@@ -60,8 +61,13 @@ class PassiveWalkerGpuEnv:
         self.observation_space = interface.observation_space(self.batch.scene, self.batch.custom)
         self.action_space = interface.action_space(self.batch.scene)
         here = self.batch.arrays
-        names = "actions", "shown", "last", "rewards", "terminated", "truncated"
+        names = (
+            "actions", "shown", "last", "rewards", "terminated", "truncated", "reported_draw",
+        )  # fmt: skip
         self._at = {name: _tensor(getattr(here, name)) for name in names}
+        self._draws = {
+            name: torch.as_tensor(x, device=self.device) for name, x in self.batch.drawn.items()
+        }
         self._reported, self._ledger = (
             _tensor(each.view(np.float64)).view(num_envs, -1)
             for each in (here.reported, here.ledger)
@@ -82,7 +88,10 @@ class PassiveWalkerGpuEnv:
         if seed is not None:
             self.batch.seed(seed)
         self.batch.reset(stream=_stream())
-        infos = {name: torch.zeros_like(x) for name, x in self._infos().items()}
+        infos = self._infos()
+        drawn = infos.pop("randomized", None)
+        infos = {name: torch.zeros_like(x) for name, x in infos.items()}
+        infos |= {} if drawn is None else {"randomized": drawn}
         infos["final_obs"] = self._rows("shown")
         return self._rows("shown"), infos
 
@@ -108,7 +117,7 @@ class PassiveWalkerGpuEnv:
         infos["outcome"] = torch.where(late & ~terminated, TIMED_OUT, infos["outcome"])
         return self._rows("shown"), rewards, terminated, late, infos
 
-    def _infos(self) -> dict[str, Tensor]:
+    def _infos(self) -> dict[str, Any]:
         """Return the infos of the last step; outcomes without the time limit."""
         reported = self._reported.clone()
         infos = {
@@ -117,6 +126,9 @@ class PassiveWalkerGpuEnv:
         whole = reported.view(torch.int64)
         infos |= {name: whole[:, _column(name)] for name in ("strides", "outcome")}
         infos["final_obs"] = self._rows("last")
+        if self._draws:
+            rows = self._at["reported_draw"]
+            infos["randomized"] = {name: x[rows] for name, x in self._draws.items()}
         return infos
 
     @one_thread

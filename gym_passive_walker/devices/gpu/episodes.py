@@ -17,10 +17,12 @@ from gym_passive_walker.engine.counter_rng import uniform, word
 from gym_passive_walker.engine.layout import WIDE
 from gym_passive_walker.envs import disturbance_kernels, task, transitions
 from gym_passive_walker.envs.memory import BatchArray
+from gym_passive_walker.envs.randomized import SETTLED
 from gym_passive_walker.envs.task import ledger_for
+from gym_passive_walker.gaits.scenes.randomization import LEVELS, WHICH
 from gym_passive_walker.gaits.scenes.starts import DRAWS, between
 
-_START, _WHICH = 200, 201  # streams of random numbers of a walker's key
+_START = 200  # stream of random numbers of a walker's key
 
 DEVICE_ARRAYS = {
     "reported": BatchArray(
@@ -30,7 +32,10 @@ DEVICE_ARRAYS = {
     "episodes": BatchArray("i8", "walkers"),  # number of episodes that have begun
     "pool": BatchArray("f8", "drawable constants"),  # of walkers that episodes draw from
     "proportions": BatchArray("f4", "drawable proportions"),  # of these walkers, as observed
+    "settled": BatchArray(SETTLED, "drawable"),  # what these draw besides
+    "growth": BatchArray("i8", "2"),  # members of the pool at a level; episodes of a curriculum
     "drawn": BatchArray("i8", "walkers"),  # index in the pool
+    "reported_draw": BatchArray("i8", "walkers"),  # before another episode began
     "last": BatchArray("f4", "walkers*shown"),  # observations before another episode began
     "shown": BatchArray("f4", "walkers*shown"),  # results of a user's observation
     "numbers": BatchArray("f8", "walkers shown"),  # the same, in double precision
@@ -48,23 +53,28 @@ SCRATCH = kind(np.dtype([
 
 def begin_episode(here, i, scratch):
     """Begin a walker's next episode."""
-    key = word(here.keys[i], np.uint64(here.episodes[i]))
+    key, episode = word(here.keys[i], np.uint64(here.episodes[i])), here.episodes[i]
     here.episodes[i] += 1
     scratch.lanes[0] = i
     for k in range(DRAWS):
         scratch.draws[0, k] = uniform(key, k, _START)
     if len(here.bodies) == len(here.records):
-        here.drawn[i] = int(uniform(key, 0, _WHICH) * len(here.pool))
+        here.drawn[i] = which_drawn(here.growth, key, episode)
         here.ledger[i].strides = 0  # the body is that of a first stride
         for k in range(here.pool.shape[1]):
             here.bodies[i, 0, k] = here.pool[here.drawn[i], k]
         if here.rules[0].coordinates == 0:  # feet of a system roll by their own equations
             here.radii[i] = here.bodies[i, 0, disturbance_kernels.RADIUS]
-    low, high = here.slope_range[0], here.slope_range[1]
+    low, high, settled = here.slope_range[0], here.slope_range[1], here.settled[here.drawn[i]]
     scratch.slopes[0] = low if low == high else low + (high - low) * scratch.draws[0, 0]
+    if math.isfinite(settled.slope):
+        scratch.slopes[0] = settled.slope
+    for k in range(1, DRAWS):
+        scratch.draws[0, k] = 0.5 + settled.noise * (scratch.draws[0, k] - 0.5)
     between(here.nodes, here.states, scratch.slopes, scratch.gaits)
     task.begin(here, scratch.lanes, scratch.slopes, scratch.gaits, scratch.draws)
     begin_disturbances(here, i, key)
+    settle(here, i)
     observe_body(here, i)
     begin_notes(here, i, scratch.lanes)
     show_observation(here, i)
@@ -78,7 +88,18 @@ def observe_body(here, i):
         here.observations[first + k] = here.proportions[here.drawn[i], k]
 
 
-# Functions of scenes with disturbances or users' functions replace the next six.
+def which_drawn(growth, key, episode):
+    """Return the row of the pool for an episode; see `Randomization.drawn`."""
+    size, episodes = growth[0], growth[1]
+    level = min(LEVELS, LEVELS * episode // episodes) if episodes > 0 else 0
+    return level * size + int(uniform(key, 0, WHICH) * size)
+
+
+# Functions of scenes with disturbances or users' functions replace the next seven.
+
+
+def settle(here, i):
+    """Set no draws of disturbances."""
 
 
 def begin_disturbances(here, i, key):
@@ -103,6 +124,14 @@ def note_disturbances(here, i):
 
 def show_observation(here, i):
     """Leave the default observation."""
+
+
+def own_settle(here, i):
+    """Set a walker's draws of disturbances; see `Disturbances.settle`."""
+    disturbance, settled = here.disturbances[i], here.settled[here.drawn[i]]
+    disturbance.delay, disturbance.friction = settled.delay, settled.friction
+    for j in range(len(disturbance.strength)):
+        disturbance.strength[j] = settled.strength[j]
 
 
 def own_begin(here, i, lanes):
@@ -144,7 +173,7 @@ def step_and_restart(here, i, tiles, histories, scratch):
     observe_body(here, i)
     after_step(here, i, i + 1)
     show_observation(here, i)
-    here.reported[i] = here.ledger[i]
+    here.reported[i], here.reported_draw[i] = here.ledger[i], here.drawn[i]
     size = len(here.last) // len(here.records)
     for k in range(i * size, (i + 1) * size):
         here.last[k] = here.shown[k]
@@ -158,6 +187,7 @@ def reset_kernel(here):
     if i < len(here.records):
         scratch = cuda.local.array(1, SCRATCH)
         begin_episode(here, i, scratch[0])
+        here.reported_draw[i] = here.drawn[i]
 
 
 def step_kernel(here):

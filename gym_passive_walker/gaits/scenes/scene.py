@@ -33,6 +33,14 @@ from gym_passive_walker.gaits.scenes.checks import (
     spread,
 )
 from gym_passive_walker.gaits.scenes.named import resolved
+from gym_passive_walker.gaits.scenes.randomization import (
+    CURRICULUM,
+    OF_STEPS,
+    checked_randomization,
+    entries_of,
+    of_episodes,
+    randomized_names,
+)
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, checked_rule
 from gym_passive_walker.gaits.scenes.rules import ENERGIES
 from gym_passive_walker.gaits.terrain import Terrain, terrain_from
@@ -80,8 +88,10 @@ class Scene:
             for walkers with knees; straight legs always pass through the ground.
         reset_noise_scale: Largest relative change of the initial angle and angular velocities; of
             a system, of its rates alone. None is 0.10 for ticks and 0.05 for strides.
-        domain_randomization: Largest relative change of walker parameters, drawn at each reset:
-            ``{"foot_radius": 0.1}``.
+        domain_randomization: What each reset draws of the walker's parameters and of some
+            arguments of the scene, by name: ``{"foot_radius": 0.1}`` is a uniform factor from 0.9
+            to 1.1, ``{"hip_mass": (0.8, 1.2)}`` one from 0.8 to 1.2; see
+            `gaits.scenes.randomization`. "curriculum" is a number of episodes in which draws grow.
         randomization_pool: Number of walkers from which `domain_randomization` draws, equal in all
             environments; None draws a new walker at each reset.
         observe_body: Parameters of the walker that agents observe, as ``("foot_radius",)``:
@@ -132,7 +142,7 @@ class Scene:
     energy: str = "absolute"
     end_on_toe_stub: bool = None  # type: ignore[assignment]
     reset_noise_scale: float = None  # type: ignore[assignment]
-    domain_randomization: dict[str, float] = field(default_factory=dict)
+    domain_randomization: dict[str, Any] = field(default_factory=dict)
     randomization_pool: int | None = None
     observe_body: tuple[str, ...] = ()
     start: tuple[float, ...] | None = None
@@ -192,8 +202,6 @@ class Scene:
         bound("reset_noise_scale", 0.0, 0.9)
         bound("max_stride_time", 0.1, 1e3)
         put("tolerance", checked(check_tolerance, self.tolerance))
-        put("domain_randomization", self._checked_shares())
-        put("randomization_pool", self._checked_pool())
         put("observe_body", several("observe_body", self.observe_body, observable(self.walker)))
         put("pushes", checked_pushes(self.pushes))
         size = len(self.walker.observed)
@@ -209,6 +217,8 @@ class Scene:
         bound("friction", 0.0, 1e3)
         bound("knee_latch", 0.0, 1e3)
         bound("scuff_depth", 0.0, 1.0)
+        put("domain_randomization", checked_randomization(self))
+        put("randomization_pool", self._checked_pool())
         if self.start is not None:
             put("start", self._checked_start())
         for name in FUNCTIONS:
@@ -264,30 +274,31 @@ class Scene:
         return self.walker.actuators[self.channels.index(channel)]
 
     def largest(self, channel: str) -> float:
-        """Return the control or impulse of the action 1 in a channel."""
+        """Return the control or impulse of the action 1 in a channel; the largest that is drawn."""
         limit = self.actuator(channel).limit
         if not isinstance(limit, str):
             return float(limit)
-        return getattr(self, limit) * (self.walker.weight / self.walker.units.force)
+        return self.ends(limit)[1] * (self.walker.weight / self.walker.units.force)
+
+    def ends(self, name: str) -> tuple[float, float]:
+        """Return the smallest and the largest value of an argument that can be drawn."""
+        own = getattr(self, name)
+        low, high = own if isinstance(own, tuple) else (own, own)
+        for entry in entries_of(self.domain_randomization):
+            if name in entry.names:
+                ends = entry.ends(own)
+                grows = CURRICULUM in self.domain_randomization
+                low, high = (min(low, ends[0]), max(high, ends[1])) if grows else ends
+        return low, high
+
+    @property
+    def randomized(self) -> tuple[str, ...]:
+        """Names of all parameters that `domain_randomization` draws."""
+        return randomized_names(self.domain_randomization)
 
     def least(self, channel: str) -> float:
         """Return the smallest action in a channel."""
         return self.actuator(channel).least
-
-    def _checked_shares(self) -> dict[str, float]:
-        """Return the largest relative changes of walker parameters, by name, after a check."""
-        if not isinstance(self.domain_randomization, Mapping):
-            raise SceneError(
-                "domain_randomization must map parameters to shares, not "
-                f"{shown(self.domain_randomization)}"
-            )
-        known, what = tuple(self.walker.parameters), "domain_randomization: a walker"
-        if said := unknown(self.domain_randomization, known, what):
-            raise SceneError(said)
-        return {
-            name: bounded(f"domain_randomization[{name!r}]", share, 0.0, 0.5)
-            for name, share in sorted(self.domain_randomization.items())
-        }
 
     def _checked_pool(self) -> int | None:
         """Return the number of walkers of the pool, or None, after a check."""
@@ -433,7 +444,11 @@ def undisturbed(scene: Scene, subject: str, calm: Mapping[str, Any] = CALM) -> S
     Raises:
         SceneError: if the scene has other values.
     """
-    if found := [name for name, value in calm.items() if getattr(scene, name) != value]:
+    found = [name for name, value in calm.items() if getattr(scene, name) != value]
+    if "action_delay" in calm and not set(OF_STEPS).isdisjoint(scene.randomized):
+        found.append("domain_randomization")
+        calm = {**calm, "domain_randomization": of_episodes(scene.domain_randomization)}
+    if found:
         calmed = ", ".join(f"{name}={calm[name]!r}" for name in found)
         raise SceneError(
             f"{subject} without {' and '.join(found)}, which this scene has: choose "

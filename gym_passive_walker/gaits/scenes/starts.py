@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from gym_passive_walker.engine.jit import Kernel, jitted
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.find.search import seek
+from gym_passive_walker.gaits.scenes.randomization import SLOPE, Randomization
 from gym_passive_walker.gaits.scenes.scene import SCENES, Scene, SceneError, make_scene
-from gym_passive_walker.models.walkers import WALKERS, Walker, WalkerError
+from gym_passive_walker.models.walkers import WALKERS, Walker
 
 REFERENCE_SLOPES = (0.01, 0.02, 0.036, 0.06, 0.09, 0.005, 0.0025)
 """Slopes in rad of substitute gaits for slopes without a gait. Level ground and uphill slopes use
@@ -31,12 +32,9 @@ interpolated."""
 DRAWS = 4
 """Number of random numbers per start in every scene: one for the slope, and three for deviations
 from the gait. These are of the angles, the angular velocity of the stance leg, and those of the
-swing leg. Domain randomization draws more."""
+swing leg."""
 
 Start = tuple[float, ...]
-
-_POOL = 1999
-"""Seed of the walkers of `randomization_pool`, together with their index."""
 
 _KNOWN = Path(__file__).parent / "starts.json"
 
@@ -113,6 +111,9 @@ class Starts:
         scene: The scene.
         walker: Walker that replaces the scene's.
         slope: Slope in rad that replaces the scene's.
+
+    Attributes:
+        randomization: The draws of domain randomization; None without it.
     """
 
     def __init__(
@@ -122,6 +123,11 @@ class Starts:
         self.walker = scene.walker if walker is None else walker
         chosen = scene.slope if slope is None else slope
         self.low, self.high = chosen if isinstance(chosen, tuple) else (chosen, chosen)
+        self.randomization: Randomization | None = None
+        if scene.domain_randomization:
+            self.randomization = Randomization(scene, self.walker, self.low)
+            if SLOPE in self.randomization.names:
+                self.low, self.high = self.randomization.ends(SLOPE)
         self._only_slope = np.array([self.low]) if self.low == self.high else None
 
     def slopes(self, shares: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -151,35 +157,6 @@ class Starts:
     def state(self, slope: float) -> Start:
         """Return the initial state on the Poincaré section at any slope in rad."""
         return gait_near(self.walker, slope) if self.scene.start is None else self.scene.start
-
-    def varied(self, rng: np.random.Generator) -> Walker:
-        """Return the walker with random parameters, if the scene has domain randomization."""
-        pool = self.scene.randomization_pool
-        return self._drawn(rng) if pool is None else self.pooled(int(rng.integers(pool)))
-
-    def pooled(self, index: int) -> Walker:
-        """Return a walker of the scene's `randomization_pool`, the same in every batch."""
-        return self._drawn(np.random.default_rng((_POOL, index)))
-
-    def _drawn(self, rng: np.random.Generator) -> Walker:
-        """Return the walker with parameters that a generator draws."""
-        shares = self.scene.domain_randomization
-        if not shares:
-            return self.walker
-        for _ in range(100):
-            factors = 1.0 + np.array(list(shares.values())) * rng.uniform(-1.0, 1.0, len(shares))
-            nominal = self.walker.parameters
-            changed = {
-                name: nominal[name] * factor
-                for name, factor in zip(shares, factors.tolist(), strict=True)
-            }
-            try:
-                return self.walker.with_body(changed)
-            except WalkerError:
-                continue
-        raise SceneError(
-            f"domain_randomization: hardly any walker lies within {shares} of this one"
-        )
 
     @property
     def node_slopes(self) -> list[float]:
