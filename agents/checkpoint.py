@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from gymnasium.spaces import flatdim
 from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
@@ -26,6 +27,7 @@ from agents.learner import (
     restore_weights,
     save_model,
 )
+from agents.networks import columns, in_groups
 from gym_passive_walker._tools.arguments import number, whole
 from gym_passive_walker._tools.files import replacing
 from gym_passive_walker.models.walkers import Walker, as_walker
@@ -48,7 +50,8 @@ def save(path: Path, model: BaseAlgorithm, notes: dict[str, Any]) -> None:
     """
     assert model.env is not None
     arrays: dict[str, Any] = {"torch": torch.get_rng_state().numpy()}
-    arrays |= {name: getattr(model, name) for name in _LAST if getattr(model, name) is not None}
+    last = {name: columns(getattr(model, name)) for name in _LAST}
+    arrays |= {name: array for name, array in last.items() if array is not None}
     normalizer = model.get_vec_normalize_env()
     if normalizer is not None:
         arrays |= moments(normalizer) | {"returns": normalizer.returns}
@@ -144,11 +147,15 @@ def _restore_arrays(model: BaseAlgorithm, arrays: dict[str, NDArray]) -> NDArray
         ValueError: if an array does not have the shape and type of the algorithm's.
         KeyError: if an array is missing.
     """
-    seen = np.empty((model.n_envs, *(model.observation_space.shape or ())), np.float32)
+    space = model.observation_space
+    seen = np.empty((model.n_envs, flatdim(space)), np.float32)
     began = np.empty(model.n_envs, bool)
     for name, like in zip(_LAST, (seen, seen, began), strict=True):
         found = arrays.get(name)
-        setattr(model, name, None if found is None else _checked(found, name, like))
+        known: Any = None if found is None else _checked(found, name, like)
+        if known is not None and like is seen:
+            known = in_groups(known, space)
+        setattr(model, name, known)
     normalizer = model.get_vec_normalize_env()
     if normalizer is not None:
         for name, own in moments(normalizer).items():

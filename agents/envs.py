@@ -11,7 +11,7 @@ from gym_passive_walker.apps.build import compile_for
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.gaits.scenes.named import check_source
-from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.scenes.scene import Scene, make_scene, seen_by_policy
 from gym_passive_walker.models.walkers import name_of
 
 ID = "PassiveWalker-v0"
@@ -44,13 +44,13 @@ def training_envs(config: Config, count: int | None = None) -> PassiveWalkerVecE
 
 
 def arena(config: Config, count: int) -> gymnasium.vector.VectorEnv:
-    """Environments for evaluation, separate from those of the training."""
-    return gymnasium.make_vec(ID, num_envs=count, scene=scene_of(config))
+    """Environments for evaluation, separate from those of the training, as a policy sees them."""
+    return gymnasium.make_vec(ID, num_envs=count, scene=seen_by_policy(scene_of(config)))
 
 
 def single(config: Config) -> gymnasium.Env:
     """One environment, for drawing a gait."""
-    return gymnasium.make(ID, scene=scene_of(config))
+    return gymnasium.make(ID, scene=seen_by_policy(scene_of(config)))
 
 
 def check(config: Config) -> None:

@@ -18,6 +18,7 @@ from typing import Any, get_args
 
 import numpy as np
 import torch
+from gymnasium.spaces import Dict
 from numpy.typing import NDArray
 from safetensors.torch import save as as_safetensors
 from stable_baselines3 import PPO, SAC
@@ -41,6 +42,7 @@ from gym_passive_walker.envs.policies import load_policy as load_exported
 from gym_passive_walker.envs.policies.network import ACTIVATIONS, PLACES, Network
 from gym_passive_walker.envs.policies.onnx_file import write_onnx
 from gym_passive_walker.envs.policies.tensors import read_tensors
+from gym_passive_walker.envs.privileged import PrivilegedCriticPolicy
 from gym_passive_walker.envs.seeds import training_seeds
 from gym_passive_walker.gaits.control.policy import Policy
 
@@ -72,6 +74,8 @@ def build(config: Config, envs: VecEnv, **overrides: Any) -> BaseAlgorithm:
             envs = VecNormalize(envs, gamma=gamma, **config.normalize)
         arguments["learning_rate"] = schedule(arguments["learning_rate"])
         arguments["policy"] = POLICIES.get(arguments["policy"], arguments["policy"])
+        if isinstance(envs.observation_space, Dict):
+            arguments["policy"] = _with_privileged_critic(config.algo, arguments["policy"])
         arguments["policy_kwargs"] = _with_activation(arguments.get("policy_kwargs"))
         # Networks this small are faster on the CPU, and reproducible there. FastPPO also keeps its
         # walkers in tensors, so large updates use a GPU if there is one.
@@ -84,6 +88,20 @@ def build(config: Config, envs: VecEnv, **overrides: Any) -> BaseAlgorithm:
         ) from None
     envs.seed(training_seeds(config.seed, envs.num_envs))  # type: ignore[arg-type]
     return model
+
+
+def _with_privileged_critic(algo: str, policy: Any) -> Any:
+    """The policy of an algorithm of which the critic sees more than the actor.
+
+    Raises:
+        ValueError: if the algorithm has none.
+    """
+    if algo not in ("ppo", "ppo-fast") or policy not in ("MlpPolicy", "MultiInputPolicy"):
+        raise ValueError(
+            "an observation for policy and critic is learned by ppo and ppo-fast with MlpPolicy, "
+            f"not by {algo} with {getattr(policy, '__name__', policy)}"
+        )
+    return PrivilegedCriticPolicy
 
 
 def _check(of: type, arguments: Mapping[str, Any]) -> None:
@@ -162,7 +180,7 @@ def begin_with(model: BaseAlgorithm, name: str, *, trust: bool = False) -> None:
     normalizer = model.get_vec_normalize_env()
     if normalizer is not None and network.moments is not None:
         mean, spread, _ = network.moments
-        running: Any = normalizer.obs_rms
+        running = _moments(normalizer)["obs_rms"]
         running.mean, running.var = mean.copy(), spread**2 - normalizer.epsilon
         running.count = float(config.steps)
 
@@ -195,24 +213,36 @@ def save_model(path: Path, model: BaseAlgorithm) -> None:
 def moments(normalizer: VecNormalize) -> dict[str, Any]:
     """Means, variances and counts of a VecNormalize, as arrays by name."""
     return {
-        f"{name}.{key}": np.asarray(getattr(getattr(normalizer, name), key))
-        for name in _MOMENTS
-        if hasattr(normalizer, name)
+        f"{name}.{key}": np.asarray(getattr(running, key))
+        for name, running in _moments(normalizer).items()
         for key in ("mean", "var", "count")
     }
 
 
+def _moments(normalizer: VecNormalize) -> dict[str, Any]:
+    """Running moments of a VecNormalize by name; "obs_rms" are those of what the actor sees."""
+    found: dict[str, Any] = {}
+    for name in _MOMENTS:
+        running = getattr(normalizer, name, {})
+        if isinstance(running, dict):
+            found |= {name if g == "policy" else f"{name}_{g}": x for g, x in running.items()}
+        else:
+            found[name] = running
+    return found
+
+
 def restore_moments(normalizer: VecNormalize, saved: Any) -> None:
     """Restore the arrays of `moments`."""
-    for name in _MOMENTS:
-        if hasattr(normalizer, name):
-            running = getattr(normalizer, name)
-            running.mean, running.var = saved[f"{name}.mean"], saved[f"{name}.var"]
-            running.count = float(saved[f"{name}.count"])
+    for name, running in _moments(normalizer).items():
+        running.mean, running.var = saved[f"{name}.mean"], saved[f"{name}.var"]
+        running.count = float(saved[f"{name}.count"])
 
 
 class LearnedPolicy:
-    """A trained policy that takes raw observations of the environment."""
+    """A trained policy that takes raw observations of the environment.
+
+    A policy with a privileged critic takes what the actor sees.
+    """
 
     def __init__(self, model: BaseAlgorithm, name: str) -> None:
         self.model, self.name = model, name
@@ -225,10 +255,15 @@ class LearnedPolicy:
         deterministic: bool = True,
     ) -> tuple[NDArray, tuple[NDArray, ...] | None]:
         """Actions for one observation or a batch, with the signature of stable-baselines3."""
-        normalizer = self.model.get_vec_normalize_env()
+        normalizer, space = self.model.get_vec_normalize_env(), self.model.observation_space
+        seen: Any = np.asarray(observation)
+        if isinstance(space, Dict):
+            others = [name for name in space if name != "policy"]
+            blank = {name: np.zeros((*seen.shape[:-1], *space[name].shape)) for name in others}
+            seen = {"policy": seen} | blank  # the actor sees none of them
         if normalizer is not None:
-            observation = np.asarray(normalizer.normalize_obs(observation))
-        return self.model.predict(observation, state, episode_start, deterministic)
+            seen = normalizer.normalize_obs(seen)
+        return self.model.predict(seen, state, episode_start, deterministic)
 
     def save(self, run: Path) -> None:
         """Write all of the policy's files into a run's folder, or none."""
@@ -351,5 +386,6 @@ def _tensors(policy: LearnedPolicy) -> dict[str, torch.Tensor]:
         tensors |= {
             f"normalizer.{name}": torch.as_tensor(np.atleast_1d(array))
             for name, array in moments(normalizer).items()
+            if "critic" not in name
         }
     return tensors

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from typing import Any
 
+import numpy as np
 import torch
+from gymnasium.spaces import Dict
+from numpy.typing import NDArray
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy, ContinuousCritic
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, create_mlp
 from stable_baselines3.common.type_aliases import Schedule
@@ -53,6 +57,26 @@ class FallCriticPolicy(ActorCriticPolicy):
         nn.init.constant_(last.bias, _RARE)
         self.fall_critic = nn.Sequential(*hidden, last)
         super()._build(lr_schedule)
+
+
+GROUPS = ("policy", "critic")
+"""Groups of an observation in the order of their columns: what actor and critic see."""
+
+
+def columns(seen: Any) -> Any:
+    """Observations in one tensor or array, (..., k), of groups one after another."""
+    if not isinstance(seen, dict):
+        return seen
+    join = torch.cat if isinstance(seen[GROUPS[0]], Tensor) else np.concatenate
+    return join([seen[name] for name in GROUPS], -1)
+
+
+def in_groups(rows: NDArray, space: Any) -> Any:
+    """Observations in one array, (n, k), as an environment of this space has them."""
+    if not isinstance(space, Dict):
+        return rows
+    first = space["policy"].shape[0]  # type: ignore[index]
+    return dict(zip(GROUPS, (rows[:, :first], rows[:, first:]), strict=True))
 
 
 _RARE = -3.0

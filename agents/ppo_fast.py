@@ -28,7 +28,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 import torch
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Dict
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
@@ -36,7 +36,8 @@ from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, Schedule
 from torch import Tensor, nn
 
-from agents.networks import Perceptron
+from agents.networks import GROUPS, Perceptron, columns
+from gym_passive_walker.envs.privileged import PrivilegedCriticPolicy
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 
@@ -44,7 +45,7 @@ from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 class Rollout(NamedTuple):
     """T steps of n walkers, as tensors with the first axes (T, n)."""
 
-    seen: Tensor  # normalized observations, (T, n, 8)
+    seen: Tensor  # normalized observations, (T, n, 8), of groups one after another
     actions: Tensor  # (T, n, actions)
     chances: Tensor  # logarithm of the density with which the actions were drawn, (T, n)
     advantages: Tensor  # (T, n)
@@ -100,11 +101,18 @@ def carried(walkers: PassiveWalkerVecEnv, device: torch.device) -> Any:
             from gym_passive_walker.devices.gpu.environment import PassiveWalkerGpuEnv
         except ImportError:
             return here
-        if cuda.is_available() and not walkers.scene.observe_body:
+        scene = walkers.scene
+        if cuda.is_available() and not scene.observe_body and not scene.groups:
             limit = walkers.batch.rules["step_limit"][0]
             steps = int(limit) if np.isfinite(limit) else None
-            return PassiveWalkerGpuEnv(walkers.num_envs, walkers.scene, max_episode_steps=steps)
+            return PassiveWalkerGpuEnv(walkers.num_envs, scene, max_episode_steps=steps)
     return here
+
+
+def _each_moments(normalizer: Any) -> list[RunningMeanStd]:
+    """Running moments of the observations, of each group in the order of the columns."""
+    moments = normalizer.obs_rms
+    return [moments[name] for name in GROUPS] if isinstance(moments, dict) else [moments]
 
 
 def _bring_up(moments: RunningMeanStd, rows: Tensor) -> None:
@@ -117,7 +125,8 @@ class FastPPO(BaseAlgorithm):
     """PPO for walkers on tensors.
 
     Args:
-        policy: "MlpPolicy".
+        policy: "MlpPolicy"; or "MultiInputPolicy" where the scene's observation has the groups
+            "policy" and "critic": the actor sees the one, the critic the other.
         env: A `PassiveWalkerVecEnv`, alone or in VecNormalize.
         learning_rate: Learning rate of the networks, or its schedule.
         n_steps: Steps of each walker in a rollout.
@@ -143,7 +152,9 @@ class FastPPO(BaseAlgorithm):
         ValueError: if the steps of a rollout are not a multiple of `batch_size`.
     """
 
-    policy_aliases: dict[str, type[BasePolicy]] = {"MlpPolicy": ActorCriticPolicy}  # noqa: RUF012
+    policy_aliases: dict[str, type[BasePolicy]] = {  # noqa: RUF012
+        "MlpPolicy": ActorCriticPolicy, "MultiInputPolicy": PrivilegedCriticPolicy,
+    }  # fmt: skip
     policy: ActorCriticPolicy
 
     def __init__(
@@ -189,6 +200,10 @@ class FastPPO(BaseAlgorithm):
         made = self.policy_class(
             self.observation_space, self.action_space, self.lr_schedule, **self.policy_kwargs
         )
+        self.acts_on = self.judges_by = slice(None)  # columns that actor and critic see
+        if isinstance(self.observation_space, Dict):
+            size = self.observation_space["policy"].shape[0]  # type: ignore[index]
+            self.acts_on, self.judges_by = slice(0, size), slice(size, None)
         # Actor and critic share no weights, so a second thread computes the critic's gradient.
         self.helper = ThreadPoolExecutor(1, "critic", torch.set_num_threads, (1,))
         net: Any = made.to(self.device)
@@ -231,6 +246,9 @@ class FastPPO(BaseAlgorithm):
             # Walkers on a GPU are reset, with a seed that no other seed or resumption shares.
             begun, _ = self.walkers.reset(seed=((self.seed or 0) << 32) + self.num_timesteps)
             self._last_obs = self._last_original_obs = begun.cpu().numpy()
+        if isinstance(self._last_obs, dict):
+            self._last_original_obs = columns(self._last_original_obs)
+            self._last_obs = columns(self._last_obs)
         return prepared
 
     def learn(
@@ -274,9 +292,10 @@ class FastPPO(BaseAlgorithm):
         raw, seen, steps = torch.as_tensor(begun).to(self.device), [], []
         for strayed in noise:
             seen.append(scaled(raw))
-            mean = net.action_net(net.mlp_extractor.policy_net(seen[-1]))
+            mean = net.action_net(net.mlp_extractor.policy_net(seen[-1][:, self.acts_on]))
             raw, paid, fell, late, info = self.walkers.step((mean + strayed).clamp(-1.0, 1.0))
-            steps.append((mean, raw, info.get("final_obs", raw), paid.float(), fell, late))
+            last, raw = columns(info.get("final_obs", raw)), columns(raw)
+            steps.append((mean, raw, last, paid.float(), fell, late))
             self.num_timesteps += self.n_envs
             if not callback.on_step():
                 return None
@@ -299,7 +318,7 @@ class FastPPO(BaseAlgorithm):
 
     def value(self, seen: Tensor) -> Tensor:
         """Critic's values (T, n) of the observations (T, n, 8) of a rollout."""
-        batches = seen.flatten(0, 1).split(self.batch_size)
+        batches = seen[..., self.judges_by].flatten(0, 1).split(self.batch_size)
         said = [self.critic.forward(batch).clone() for batch in batches]
         return torch.cat(said).view(seen.shape[:-1])
 
@@ -308,11 +327,13 @@ class FastPPO(BaseAlgorithm):
         normalizer = self._vec_normalize_env
         if normalizer is None or not normalizer.norm_obs:
             return lambda raw: raw
-        moments: Any = normalizer.obs_rms
+        moments = _each_moments(normalizer)
+        variance = np.concatenate([x.var for x in moments])
         mean, spread = (
             torch.tensor(x, dtype=torch.float32, device=self.device)
-            for x in (moments.mean, np.sqrt(moments.var + normalizer.epsilon))
-        )
+            for x in (np.concatenate([x.mean for x in moments]),
+                      np.sqrt(variance + normalizer.epsilon))
+        )  # fmt: skip
         return lambda raw: ((raw - mean) / spread).clamp(-normalizer.clip_obs, normalizer.clip_obs)
 
     def _learn_scales(self, raw: Tensor, rewards: Tensor, ended: Tensor) -> Tensor:
@@ -321,7 +342,10 @@ class FastPPO(BaseAlgorithm):
         if normalizer is None:
             return rewards
         if normalizer.norm_obs:
-            _bring_up(normalizer.obs_rms, raw.flatten(0, 1))
+            moments = _each_moments(normalizer)
+            parts = raw.flatten(0, 1).split([len(x.mean) for x in moments], -1)
+            for each, rows in zip(moments, parts, strict=True):
+                _bring_up(each, rows)
         if not normalizer.norm_reward:
             return rewards
         returned, totals = torch.as_tensor(normalizer.returns).to(rewards), []
@@ -358,8 +382,8 @@ class FastPPO(BaseAlgorithm):
         Returns the clipped objective and the square of the critic's clipped error of each row.
         """
         log_std, rows = self.policy.log_std, len(seen)
-        critic = self.helper.submit(self._differentiate_critic, seen, returns)
-        mean = self.actor.forward(seen)
+        critic = self.helper.submit(self._differentiate_critic, seen[:, self.judges_by], returns)
+        mean = self.actor.forward(seen[:, self.acts_on])
         ratio = torch.exp(chances(actions, mean, log_std)[:, None] - before)
         gain = gains * ratio
         clipped = gains * ratio.clamp(1.0 - self.clip_range, 1.0 + self.clip_range)

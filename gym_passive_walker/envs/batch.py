@@ -23,6 +23,7 @@ from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbe
 from gym_passive_walker.envs.interface import observation_space, refuse
 from gym_passive_walker.envs.one_thread import Token
 from gym_passive_walker.envs.randomized import Randomized
+from gym_passive_walker.gaits.scenes.rewards import DRAWN, OWN
 from gym_passive_walker.gaits.scenes.rules import ENERGIES, KNEE_LOCK, proportion
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError
 from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts, as_recorded
@@ -184,7 +185,9 @@ class Batch:
             SceneError: if the size of its observation or its actions differ.
         """
         fresh = Batch(scene, self.count, threads=self.threads, **self._given)
-        if (fresh.observation_size, scene.actions) != (self.observation_size, self.scene.actions):
+        groups = [each.custom and each.custom.groups for each in (fresh, self)]
+        now = self.observation_size, self.scene.actions, groups[1]
+        if (fresh.observation_size, scene.actions, groups[0]) != now:
             raise SceneError(
                 f"an environment keeps its {self.observation_size} numbers of observation and its "
                 f"actions {self.scene.actions}, and the new scene has {fresh.observation_size} and "
@@ -455,17 +458,23 @@ class Batch:
 
     def observe(self, observations: NDArray[np.float32]) -> None:
         """Write the observations of all walkers, flat: (count * observation_size,)."""
-        if self._plain is not None:
-            return self._write_observations(observations)
-        self.entry_point.kernels.observe(self.entry_point.address, observations)
-        self._write_proportions(observations)
+        plain = observations if self._plain is None else self._plain
+        if self.scene.shows_own:
+            self.entry_point.kernels.observe(self.entry_point.address, plain)
+            self._write_proportions(plain)
+        self._write_observations(observations)
 
     def _write_observations(
         self, observations: NDArray[np.float32], lanes: NDArray[np.int64] | None = None
     ) -> None:
         """Write the user's own observations."""
         if self.custom and self._shown:
-            self.custom.observe(observations, slice(None) if lanes is None else lanes)
+            known = {}
+            if self.custom.groups and self._plain is not None:
+                known[OWN] = self._plain.reshape(self.count, -1)
+                if self.randomized:
+                    known[DRAWN] = self.randomized.scaled
+            self.custom.observe(observations, slice(None) if lanes is None else lanes, known)
 
     def info_values(self, stepped: NDArray[np.bool_] | None = None) -> dict[str, Any]:
         """Return copies of the entries of `info` that depend on the scene, each (count,).

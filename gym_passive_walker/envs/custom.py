@@ -2,22 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.envs import transitions
-from gym_passive_walker.envs.rule import Rule
+from gym_passive_walker.envs.rule import Rule, listed
 from gym_passive_walker.envs.transitions import note_for
 from gym_passive_walker.envs.views import of_notes, shape_of
-from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, Weighted, rule_of
+from gym_passive_walker.gaits.scenes.rewards import (
+    DRAWN,
+    FUNCTIONS,
+    OWN,
+    Weighted,
+    parts_of,
+    rule_of,
+)
 
 
 def is_custom(scene: Any) -> bool:
     """Return whether a scene calls functions of a `Transition`."""
     return any(getattr(scene, n) for n in FUNCTIONS)
+
+
+class Joined:
+    """Several observations of a user's, one after another.
+
+    Args:
+        functions: The functions.
+
+    Attributes:
+        sizes: Number of numbers of each, as of the last call.
+    """
+
+    def __init__(self, functions: list[Callable[[Any], Any]]) -> None:
+        self._functions, self.sizes = functions, [0] * len(functions)
+        names = (getattr(each, "__qualname__", type(each).__qualname__) for each in functions)
+        self.__qualname__ = " or ".join(names)
+
+    @classmethod
+    def of(cls, parts: Iterable[Any]) -> Joined | None:
+        """Return the functions among some parts; None if there is none."""
+        functions = [part for part in parts if callable(part)]
+        return cls(functions) if functions else None
+
+    def __call__(self, step: Any) -> list[Any]:
+        """Return the numbers of all functions."""
+        found = [
+            listed(function(step), arrays=np.ndim(step.distance) > 0)
+            for function in self._functions
+        ]
+        self.sizes = [len(each) for each in found]
+        return [number for each in found for number in each]
 
 
 class Custom:
@@ -33,14 +71,21 @@ class Custom:
         noted: Groups of `transitions.PARTS` to record, as bits.
         native: Whether reward and termination are compiled.
         observation_size: Size of the observation; None with the environment's own.
+        groups: Place of each group in the observation; None if there are none.
+        parts: Group, part, and place in the observation of each part.
     """
 
     def __init__(self, scene: Any, count: int) -> None:
         self._shape = shape_of(scene)
         self.notes = np.zeros(count, note_for(self._shape.layout))
         self.rules: dict[str, Rule] = {}
+        self.parts: list[tuple[str, Any, slice]] = []
+        self.groups: dict[str, slice] | None = None
         for name in FUNCTIONS:
-            if (function := getattr(scene, name)) is not None:
+            function = getattr(scene, name)
+            if name == "observation" and scene.groups:
+                function = Joined.of(part for _, part in parts_of(scene.groups))
+            if function is not None:
                 self.rules[name] = Rule(name, rule_of(function), self._shape)
         self._given = [name for name in ("reward", "terminated") if name in self.rules]
         self._slow = [name for name in self._given if not self.rules[name].native]
@@ -48,6 +93,8 @@ class Custom:
         self.observation_size = (
             self.rules["observation"].size if "observation" in self.rules else None
         )
+        if scene.groups:
+            self._place(scene)
         self.noted = 0
         for rule in self.rules.values():
             weighted = isinstance(rule.function, Weighted)  # `terms` reads the ledger's fields
@@ -80,16 +127,53 @@ class Custom:
         entry_point = batch.entry_point
         return entry_point.kernels.enter(entry_point.address, pays, stops, rewards, terminated)
 
-    def observe(self, observations: NDArray[np.float32], lanes: Any = slice(None)) -> None:
-        """Write the observations of some walkers into the flat array of all."""
-        rule, notes = self.rules["observation"], self.notes[lanes]
-        rows = observations.reshape(len(self.notes), rule.size)
-        if rule.native:
+    def _place(self, scene: Any) -> None:
+        """Set the places of groups and of their parts in the observation."""
+        functions = self.rules["observation"].function if "observation" in self.rules else None
+        sizes = iter(functions.sizes if isinstance(functions, Joined) else ())
+        own = len(scene.walker.observed) + (scene.command is not None)
+        own += 2 * scene.terrain_lookahead + len(scene.observe_body)
+        known, first, self.groups = {OWN: own, DRAWN: len(scene.randomized)}, 0, {}
+        for group, part in parts_of(scene.groups):
+            last = first + (next(sizes) if callable(part) else known[part])
+            self.parts.append((group, part, slice(first, last)))
+            begun = self.groups[group].start if group in self.groups else first
+            self.groups[group], first = slice(begun, last), last
+        self.observation_size = first
+
+    def observe(
+        self,
+        observations: NDArray[np.float32],
+        lanes: Any = slice(None),
+        known: Mapping[str, NDArray] | None = None,
+    ) -> None:
+        """Write the observations of some walkers into the flat array of all.
+
+        Args:
+            observations: Filled, flat: (count * observation_size,).
+            lanes: The walkers.
+            known: Parts of groups that are no functions, by name, each (count, size).
+        """
+        rule, notes = self.rules.get("observation"), self.notes[lanes]
+        rows = observations.reshape(len(self.notes), self.observation_size)
+        if rule is None:
+            numbers = np.empty((len(notes), 0))
+        elif rule.native:
             numbers = np.empty((len(notes), rule.size))
             transitions.look(notes, rule.native, numbers)
-            rows[lanes] = numbers
         else:
-            rows[lanes] = rule(notes)
+            numbers = rule(notes)
+        if self.groups is None:
+            rows[lanes] = numbers
+            return
+        used = 0
+        for _, part, place in self.parts:
+            if callable(part):
+                size = place.stop - place.start
+                rows[lanes, place], used = numbers[:, used : used + size], used + size
+            else:
+                assert known is not None
+                rows[lanes, place] = known[part][lanes]
 
     def terms(self) -> dict[str, NDArray[np.float64]]:
         """Return terms (count,) of the last rewards by name; a function has one, "function"."""

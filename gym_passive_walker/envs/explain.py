@@ -15,7 +15,7 @@ from gym_passive_walker.envs import interface
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.custom import Custom, is_custom
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
-from gym_passive_walker.gaits.scenes.rewards import ABOUT_TERMS
+from gym_passive_walker.gaits.scenes.rewards import ABOUT_TERMS, DRAWN, OWN
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.gaits.terrain import Terrain
@@ -150,12 +150,31 @@ def _observed(scene: Scene) -> Rows:
         names += [(f"height of foothold {k} ahead over the one before", "l")]
         names += [("its slope less that of the one before", "rad")]
     names += [(f"the walker's {name}", "dimensionless") for name in scene.observe_body]
+    if own is not None and own.groups is not None:
+        return _of_groups(own, names, space, scene)
     if scene.observation is not None:
         names = [(f"{_name(scene.observation)}[{i}]", "") for i in range(len(space.low))]
     return [
         {"observation": name, "unit": unit, "min": float(low), "max": float(high)}
         for (name, unit), low, high in zip(names, space.low, space.high, strict=True)
     ]
+
+
+def _of_groups(own: Custom, names: list[tuple[str, str]], space: Any, scene: Scene) -> Rows:
+    """Return the numbers of an observation with groups, one group after another."""
+    rows: Rows = []
+    drawn = [(f"the draw of {name}", "-1 to 1 in its range") for name in scene.randomized]
+    for group, part, place in own.parts:
+        known = {OWN: names, DRAWN: drawn}.get(part) if isinstance(part, str) else None
+        if known is None:
+            known = [(f"{_name(part)}[{i}]", "") for i in range(place.stop - place.start)]
+        first = place.start - own.groups[group].start  # type: ignore[index]
+        for i, (name, unit) in enumerate(known, first):
+            low, high = (float(end[i]) for end in (space[group].low, space[group].high))
+            rows.append(
+                {"group": group, "observation": name, "unit": unit, "min": low, "max": high}
+            )
+    return rows
 
 
 def _rewarded(scene: Scene) -> Rows:
@@ -238,7 +257,16 @@ def _stated(value: Any) -> str:
         own = {each.name: getattr(value, each.name) for each in fields(value)}
         parts = [f"{name}={x!r}" for name, x in own.items() if x != getattr(Terrain(), name)]
         return cut(f"Terrain({', '.join(parts)})")
+    if isinstance(value, Mapping) and "policy" in value:  # an observation
+        parts = {name: row if isinstance(row, tuple) else (row,) for name, row in value.items()}
+        texts = (f"{name}: {' and '.join(map(_part, row))}" for name, row in parts.items())
+        return cut(", ".join(texts))
     return _name(value) if callable(value) else shown(value)
+
+
+def _part(part: Any) -> str:
+    """Return the name of a part of an observation."""
+    return part if isinstance(part, str) else _name(part)
 
 
 def _name(function: Any) -> str:

@@ -16,6 +16,7 @@ from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.one_thread import Token, one_thread
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.checks import CHECKS
+from gym_passive_walker.gaits.scenes.rewards import DRAWN, OWN
 from gym_passive_walker.gaits.scenes.scene import FASTEST, Scene
 from gym_passive_walker.models.equations.hybrid import Outcome
 
@@ -49,21 +50,59 @@ Libraries such as JAX take a subclass of dictionaries for a single value.
 
 
 def observation_space(scene: Scene, custom: Custom | None = None) -> Any:
-    """Return the observation space of one walker.
+    """Return the observation space of one walker; a `Dict` of an observation with groups.
 
     Args:
         scene: The scene; its options can add entries to the default observation.
         custom: The user's own functions; None without them.
     """
+    if custom and custom.groups is not None:
+        bounds: dict[str, list[tuple[Any, Any]]] = {}
+        for group, part, place in custom.parts:
+            size = place.stop - place.start
+            ends = (
+                _own_bounds(scene)
+                if part == OWN
+                else (np.full(size, -np.inf), np.full(size, np.inf))
+            )
+            if part == DRAWN:
+                ends = np.full(size, -1.0), np.full(size, 1.0)
+            bounds.setdefault(group, []).append(ends)
+        return spaces.Dict(
+            {
+                name: _box(*map(np.concatenate, zip(*row, strict=True)))
+                for name, row in bounds.items()
+            }
+        )
     if custom and custom.observation_size is not None:
         return spaces.Box(-np.inf, np.inf, (custom.observation_size,), np.float32)
+    return _box(*_own_bounds(scene))
+
+
+def _own_bounds(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the smallest and largest numbers of the environment's own observation."""
     commanded = scene.command is not None
     ahead = np.tile([rules.HIGHEST, rules.STEEPEST], scene.terrain_lookahead)
     body = np.full(len(scene.observe_body), rules.LARGEST_PROPORTION)
     lowest, largest = rules.bounds_of(scene.walker)
     low = np.concatenate([lowest, [0.0] * commanded, -ahead, -body])
-    high = np.concatenate([largest, [FASTEST] * commanded, ahead, body])
+    return low, np.concatenate([largest, [FASTEST] * commanded, ahead, body])
+
+
+def _box(low: NDArray[np.float64], high: NDArray[np.float64]) -> Any:
     return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
+
+
+def in_groups(observations: Any, custom: Custom | None) -> Any:
+    """Return observations (..., k) of a batch as its environments do: by group, if there are any.
+
+    Args:
+        observations: An array or a tensor, (..., k).
+        custom: The user's own functions; None without them.
+    """
+    if custom is None or custom.groups is None:
+        return observations
+    return {name: observations[..., place] for name, place in sorted(custom.groups.items())}
 
 
 def action_space(scene: Scene) -> Any:

@@ -67,6 +67,8 @@ class Randomized:
         keys: Seed of each walker, (count,).
         episodes: Number of episodes that each walker has begun since it was seeded, (count,).
         values: Drawn values of each walker's episode, (count, names).
+        low: Smallest value of each walker's parameters, (count, names).
+        high: Largest value of each walker's parameters, (count, names).
     """
 
     def __init__(self, scene: Scene, starts: Sequence[Starts]) -> None:
@@ -77,6 +79,9 @@ class Randomized:
         count = len(starts)
         self.keys, self.episodes = np.zeros(count, np.uint64), np.zeros(count, np.int64)
         self.values = np.zeros((count, len(self.names)))
+        each = [[of.ends(name) for name in self.names] for of in drawing]  # type: ignore[union-attr]
+        ends = np.array(each, dtype=float).reshape(*self.values.shape, 2)
+        self.low, self.high = ends[..., 0], ends[..., 1]
         self._seeded: list[np.random.Generator | None] = [None] * count
 
     def draw(
@@ -110,10 +115,11 @@ class Randomized:
         return {name: column.copy() for name, column in zip(self.names, self.values.T, strict=True)}
 
     @property
-    def ends(self) -> NDArray[np.float64]:
-        """Smallest and largest value of each walker's parameters, (2, count, names)."""
-        each = [[of.ends(name) for name in self.names] for of in self._of]  # type: ignore[union-attr]
-        return np.moveaxis(np.array(each, dtype=float).reshape(*self.values.shape, 2), -1, 0)
+    def scaled(self) -> NDArray[np.float64]:
+        """Values from -1 at the smallest to 1 at the largest, (count, names); 0 if there is one."""
+        middle, half = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
+        off = (self.values - middle) / np.where(half > 0.0, half, 1.0)
+        return np.clip(off, -1.0, 1.0)
 
     @property
     def saved_arrays(self) -> dict[str, NDArray]:
@@ -131,7 +137,7 @@ class Randomized:
         Raises:
             StateError: if a number of episodes is impossible, or a value cannot be drawn.
         """
-        counts, values, (low, high) = found["draw_episodes"], found["draws"], self.ends
+        counts, values, low, high = found["draw_episodes"], found["draws"], self.low, self.high
         fits = (COUNTER[0] <= counts) & (counts <= COUNTER[1])
         saved.require("draw_episodes", fits, f"from {COUNTER[0]} to {COUNTER[1]}")
         room = ROUNDING * np.maximum(np.abs(low), np.abs(high))

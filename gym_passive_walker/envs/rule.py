@@ -173,7 +173,7 @@ class Rule:
 
     def _traced(self, step: Transition) -> list[Any]:
         """Return the expressions from the function; raises TypeError for other results."""
-        found, again = (_listed(self.function(step)) for _ in range(2))
+        found, again = (listed(self.function(step)) for _ in range(2))
         for result in found:
             if not isinstance(result, Expression | int | float | np.number | np.bool_):
                 raise TypeError(f"it gives {shown(result)}")
@@ -219,7 +219,7 @@ class Rule:
         if self.native:
             step, results = self._trace
             try:
-                same = _same(_listed(self.function(step)), results)
+                same = _same(listed(self.function(step)), results)
             except Exception:
                 same = False
             if not same:
@@ -255,7 +255,7 @@ class Rule:
         """Return results (n, size) from arrays of all walkers."""
         with np.errstate(all="ignore"):
             found = self.function(views.of_notes(notes, self.shape))
-        columns = [self._floats(column) for column in _listed(found, arrays=True)]
+        columns = [self._floats(column) for column in listed(found, arrays=True)]
         return np.stack([np.broadcast_to(column, len(notes)) for column in columns], axis=1)
 
     def _alone(self, notes: NDArray) -> NDArray[np.float64]:
@@ -264,7 +264,7 @@ class Rule:
         if not self._as_numbers:
             return np.concatenate([self._of_arrays(note) for note in each])
         with np.errstate(all="ignore"):
-            rows = [_listed(self.function(views.of_one(note, self.shape))) for note in each]
+            rows = [listed(self.function(views.of_one(note, self.shape))) for note in each]
         found = [[self._floats(number) for number in row] for row in rows]
         for shape in {number.shape for row in found for number in row} - {()}:
             raise TypeError(f"it gives arrays of shape {shape}, not numbers")
@@ -302,7 +302,7 @@ _FROZEN = (
 )
 
 
-def _listed(found: Any, *, arrays: bool = False) -> list[Any]:
+def listed(found: Any, *, arrays: bool = False) -> list[Any]:
     """Return the result of a function as a list of its numbers, or of `arrays` of them."""
     several = isinstance(found, np.ndarray) and found.ndim > arrays
     return [*found] if several or isinstance(found, tuple | list) else [found]

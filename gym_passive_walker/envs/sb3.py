@@ -333,12 +333,14 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
             dones = terminated | truncated
             lanes = np.flatnonzero(dones).tolist()
             for i in lanes:
-                infos[i] |= self._last_info(i, observations[i].copy(), bool(terminated[i]))
+                last = interface.in_groups(observations[i].copy(), self.batch.custom)
+                infos[i] |= self._last_info(i, last, bool(terminated[i]))
                 self._monitor(i)
             self.envs.renew()
             self.batch.start(lanes, flat)
         self.batch.unfinished = False
-        return observations, rewards.astype(np.float32), dones, infos
+        seen = interface.in_groups(observations, self.batch.custom)
+        return seen, rewards.astype(np.float32), dones, infos
 
     def _infos(self, stepped: NDArray[np.bool_]) -> list[dict[str, Any]]:
         """Return the info of each environment; `stepped` as for `Batch.reported`."""
@@ -361,9 +363,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
             infos[i] |= zip(task.EVERY_STRIDE, row, strict=True)
         return infos
 
-    def _last_info(
-        self, lane: int, observation: NDArray[np.float32], terminated: bool
-    ) -> dict[str, Any]:
+    def _last_info(self, lane: int, observation: Any, terminated: bool) -> dict[str, Any]:
         """Return the entries that the last info of an episode has besides those of every step."""
         row = self.batch.ledger[lane]
         return {

@@ -151,7 +151,8 @@ class PassiveWalkerVectorEnv(
         self.batch.unfinished = False
         begun = np.zeros(self.num_envs, bool)
         begun[lanes] = True
-        return observations, self._infos(np.zeros(self.num_envs, bool), begun)
+        seen = interface.in_groups(observations, self.batch.custom)
+        return seen, self._infos(np.zeros(self.num_envs, bool), begun)
 
     def step(self, actions: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray, dict[str, Any]]:
         """Step every environment; `autoreset_mode` defines the step after the end of an episode.
@@ -215,11 +216,12 @@ class PassiveWalkerVectorEnv(
             if self._any_ended or endings:
                 self._ended, self._any_ended = terminated | truncated, endings > 0
             self.batch.unfinished = False
-            return observations, rewards, terminated, truncated, infos
+            seen = interface.in_groups(observations, self.batch.custom)
+            return seen, rewards, terminated, truncated, infos
         ended = terminated | truncated
         last = np.full(self.num_envs, None, object)
         for i in np.flatnonzero(ended):
-            last[i] = observations[i].copy()
+            last[i] = interface.in_groups(observations[i].copy(), self.batch.custom)
         final = self._infos(ended, ended)
         if self._next is not None:
             self.renew()
@@ -232,7 +234,8 @@ class PassiveWalkerVectorEnv(
             **self._infos(~ended),
         }
         self.batch.unfinished = False
-        return observations, rewards, terminated, truncated, infos
+        seen = interface.in_groups(observations, self.batch.custom)
+        return seen, rewards, terminated, truncated, infos
 
     @one_thread
     def set_scene(self, scene: SceneLike | None = None, **changes: Any) -> None:
@@ -286,7 +289,7 @@ class PassiveWalkerVectorEnv(
         self.batch.set_slopes(slopes, which)
         observations = np.empty((self.num_envs, self.batch.observation_size), np.float32)
         self.batch.observe(observations.reshape(-1))
-        return observations
+        return interface.in_groups(observations, self.batch.custom)
 
     @property
     def elapsed_steps(self) -> NDArray[np.int64]:

@@ -320,7 +320,7 @@ class PassiveWalkerEnv(
         info: dict[str, Any] = NO_STRIDE.copy()
         if self.batch.scene_infos:
             self._add_values(info, np.zeros(1, bool))
-        return observation, info
+        return interface.in_groups(observation, self.batch.custom), info
 
     def step(
         self, action: NDArray[np.float32]
@@ -368,7 +368,8 @@ class PassiveWalkerEnv(
             if self.render_mode == "human":
                 self._draw()
             observation, reward = batch.observations.copy(), entry_point.results[0].item()
-            return observation, reward, ended > 0, False, info
+            seen = interface.in_groups(observation, batch.custom)
+            return seen, reward, ended > 0, False, info
         finally:
             if mine:
                 token.append(None)
@@ -447,7 +448,7 @@ class PassiveWalkerEnv(
         self.batch.set_slopes(slope, np.ones(1, bool))
         observation = np.empty(self.batch.observation_size, np.float32)
         self.batch.observe(observation)
-        return observation
+        return interface.in_groups(observation, self.batch.custom)
 
     @one_thread
     def set_scene(self, scene: SceneLike | None = None, **changes: Any) -> None:

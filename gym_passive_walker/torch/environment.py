@@ -27,6 +27,18 @@ def _where(mask: np.ndarray, some: Mapping[str, Any], others: Mapping[str, Any])
     }
 
 
+def _replaced(observations: Any, lanes: np.ndarray, rows: np.ndarray) -> Any:
+    """Return a copy of observations, or of each group, with other rows of some walkers."""
+    if isinstance(observations, Mapping):
+        return {
+            name: _replaced(x, lanes, np.array([row[name] for row in rows]))
+            for name, x in observations.items()
+        }
+    found = observations.copy()
+    found[lanes] = np.stack(list(rows))
+    return found
+
+
 class PassiveWalkerTorchEnv(interface.Adapter):
     """`PassiveWalkerVectorEnv` with torch tensors: trajectories are bitwise equal.
 
@@ -95,7 +107,7 @@ class PassiveWalkerTorchEnv(interface.Adapter):
         *,
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
-    ) -> tuple[Tensor, dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Begin episodes.
 
         Args:
@@ -103,14 +115,15 @@ class PassiveWalkerTorchEnv(interface.Adapter):
             options: Options of `PassiveWalkerVectorEnv.reset`; "reset_mask" may be a tensor.
 
         Returns:
-            Observations, (num_envs, k) with k = 8 by default, and `info` as from `step`.
+            Observations, (num_envs, k) with k = 8 by default, or one tensor for each group of the
+            scene's observation; and `info` as from `step`.
         """
         if options and isinstance(options.get("reset_mask"), Tensor):
             options = options | {"reset_mask": options["reset_mask"].cpu().numpy()}
         observations, infos = self.envs.reset(seed=seed, options=options)
-        return self._tensor(observations), self._tensors(infos)
+        return self._seen(observations), self._tensors(infos)
 
-    def step(self, actions: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, dict[str, Any]]:
+    def step(self, actions: Tensor) -> tuple[Any, Tensor, Tensor, Tensor, dict[str, Any]]:
         """Advance all walkers by one step.
 
         Args:
@@ -133,17 +146,17 @@ class PassiveWalkerTorchEnv(interface.Adapter):
         ended = terminated | truncated
         infos = Infos(distance=self._tensor(results["distance"]))
         if self.envs.autoreset_mode == AutoresetMode.SAME_STEP:
-            last = observations
+            last = self._seen(observations)
             if ended.any():
-                last = observations.copy()
-                last[ended] = np.stack(results["final_obs"][ended])
+                lanes = np.flatnonzero(ended)
+                last = self._seen(_replaced(observations, lanes, results["final_obs"][lanes]))
                 final = results["final_info"]
                 results = _where(ended, final, results)
                 infos["distance"] = self._tensor(results["distance"])
-            infos["final_obs"] = self._tensor(last)
+            infos["final_obs"] = last
         infos.make = partial(self._tensors, results)
         return (
-            self._tensor(observations), self._tensor(rewards),
+            self._seen(observations), self._tensor(rewards),
             self._tensor(terminated), self._tensor(truncated), infos,
         )  # fmt: skip
 
@@ -170,6 +183,12 @@ class PassiveWalkerTorchEnv(interface.Adapter):
             for name, x in columns.items()
             if not name.startswith("_")
         }
+
+    def _seen(self, observations: Any) -> Any:
+        """Return observations as a tensor, or as one for each group."""
+        if isinstance(observations, Mapping):
+            return {name: self._tensor(x) for name, x in observations.items()}
+        return self._tensor(observations)
 
     def _tensor(self, array: np.ndarray) -> Tensor:
         return torch.from_numpy(array).to(self.device)

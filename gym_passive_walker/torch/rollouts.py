@@ -22,7 +22,13 @@ from gym_passive_walker.envs.vector_env import seed_randoms
 from gym_passive_walker.gaits.flow import states_in
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, rule_of
-from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike, make_scene, undisturbed
+from gym_passive_walker.gaits.scenes.scene import (
+    Scene,
+    SceneLike,
+    make_scene,
+    seen_by_policy,
+    undisturbed,
+)
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.systems import UNEVEN
 from gym_passive_walker.models.model import check_heights_only
@@ -216,7 +222,7 @@ def _differentiable(scene: Scene) -> Scene:
     """
     known = {"terrain": None, "terrain_lookahead": 0, "command": None}
     undisturbed(make_scene(scene, **known), "walks with gradients go")
-    return scene
+    return seen_by_policy(scene)
 
 
 def rollout(

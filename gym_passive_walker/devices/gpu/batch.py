@@ -103,6 +103,11 @@ class DeviceBatch:
         if made.domain_randomization and not (made.randomization_pool or DRAWN + 1) <= DRAWN:
             self.scene = make_scene(made, randomization_pool=DRAWN)
         self.count = whole(count, "count")
+        if self.scene.groups:
+            raise SceneError(
+                "walkers on a GPU have one observation for actor and critic: give observation a "
+                "function, or use the CPU"
+            )
         self.custom = Custom(self.scene, self.count)
         for name, rule in self.custom.rules.items():
             if not rule.native:

@@ -46,7 +46,8 @@ def steps(
     """
     memory, first = None, np.ones(envs.num_envs, bool)
     while True:
-        actions, memory = policy.predict(observations, memory, first, deterministic=True)
+        seen = observations["policy"] if isinstance(observations, dict) else observations
+        actions, memory = policy.predict(seen, memory, first, deterministic=True)
         observations, rewards, terminated, truncated, infos = envs.step(actions)
         first = terminated | truncated
         struck = infos["step_period"] > 0.0

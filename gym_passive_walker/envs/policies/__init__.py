@@ -22,7 +22,7 @@ from gym_passive_walker.envs.policies.onnx_file import OnnxPolicy, write_onnx
 from gym_passive_walker.envs.policies.sb3_file import Sb3Policy
 from gym_passive_walker.envs.policies.tensors import PolicyError, read_tensors, reading
 from gym_passive_walker.gaits.scenes.named import check_source, outside
-from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.scenes.scene import Scene, make_scene, seen_by_policy
 
 TENSORS, DESCRIPTION = "policy.safetensors", "policy.json"
 _SHIPPED = Path(__file__).parent
@@ -34,7 +34,7 @@ class TrainedPolicy(Network):
     Attributes:
         name: Name of its folder: that of a policy of the package, such as "level-ppo".
         algorithm: Name of the algorithm, in capitals.
-        scene: Scene of the training.
+        scene: Scene of the training, with what the policy observes alone.
         folder: Folder of the policy's files.
         trained: Complete configuration of the training run; empty if the files do not include it.
     """
@@ -50,7 +50,7 @@ class TrainedPolicy(Network):
             self.trained: dict[str, Any] = _names(description.get("trained", {}), "trained")
             if trust:
                 check_source(outside(name, env), self.trained.get("source"))
-            self.scene: Scene = make_scene(name, trust=trust, **env)
+            self.scene: Scene = seen_by_policy(make_scene(name, trust=trust, **env))
             super().__init__(read_tensors(folder / TENSORS), **acting)
 
     def __repr__(self) -> str:

@@ -17,7 +17,7 @@ from gym_passive_walker._tools.files import replacing
 from gym_passive_walker._tools.loading import parse_json, reason
 from gym_passive_walker.envs.explain import as_rows
 from gym_passive_walker.envs.policies.tensors import PolicyError, reading
-from gym_passive_walker.gaits.scenes.scene import make_scene
+from gym_passive_walker.gaits.scenes.scene import make_scene, seen_by_policy
 
 if TYPE_CHECKING:
     from gym_passive_walker.envs.policies.network import Network
@@ -58,7 +58,8 @@ def write_onnx(
         import onnx
         from onnx import TensorProto, helper, numpy_helper
 
-    tables = as_rows(make_scene(scene, trust=True, **env))  # a run's, which was trusted
+    seen = seen_by_policy(make_scene(scene, trust=True, **env))  # a run's, which was trusted
+    tables = as_rows(seen)
     nodes: list[Any] = []
     constants: list[Any] = []
 
@@ -152,7 +153,7 @@ class OnnxPolicy:
         if "scene" in found:
             with reading(self.path, "names an invalid scene"):
                 env = parse_json(found.get("env", "{}"))
-                self.scene = make_scene(found["scene"], trust=trust, **env)
+                self.scene = seen_by_policy(make_scene(found["scene"], trust=trust, **env))
 
     def _open(self) -> None:
         """Prepare the evaluation."""

@@ -23,7 +23,7 @@ from gym_passive_walker.gaits.control.policy import (
     method_of,
     policy_name,
 )
-from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike, make_scene
+from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike, make_scene, seen_by_policy
 
 ControllerLike: TypeAlias = (
     Policy | Planner | Callable[..., Any] | str | PathLike[str]
@@ -53,6 +53,9 @@ def acting(
         usual: Scene of a controller without a scene; None refuses it.
         **changes: Arguments of `Scene` that replace the scene's own.
 
+    Returns:
+        The policy; and the scene, of which a policy observes "policy" alone.
+
     Raises:
         ValueError: if there is no such controller, it cannot act, or has no scene.
     """
@@ -69,7 +72,7 @@ def acting(
         scene = getattr(controller, "scene", None) or usual
     if scene is None:
         raise ValueError("say in which scene this policy acts, by scene=")
-    there = with_changes(scene, changes)
+    there = seen_by_policy(with_changes(scene, changes))
     return made(there), there
 
 

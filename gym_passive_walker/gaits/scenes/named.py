@@ -58,8 +58,12 @@ def outside(name: Any, arguments: Mapping[str, Any] | None = None) -> dict[str, 
     found = {name: "scene"} if has_address(name) else {}
     for part in (name, arguments or {}):
         if isinstance(part, Mapping):
-            named = {each: part.get(each) for each in _CODE}
-            found |= {value: each for each, value in named.items() if has_address(value)}
+            for each in _CODE:
+                row = [part.get(each)]
+                if each == "observation" and isinstance(row[0], Mapping):
+                    row = [_rows(value) for value in row[0].values()]
+                    row = [value for values in row for value in values]
+                found |= {value: each for value in row if has_address(value)}
     return found
 
 
@@ -113,17 +117,35 @@ def _with_code(arguments: Mapping[str, Any]) -> dict[str, Any]:
         WalkerError: if there is no such system.
     """
     found = dict(arguments)
+    if isinstance(groups := found.get("observation"), Mapping):
+        found["observation"] = {
+            group: [_coded("observation", part) for part in _rows(parts)]
+            for group, parts in groups.items()
+        }
     for name in _CODE:
         if not has_address(found.get(name)):
             continue
-        if name in FUNCTIONS:
-            try:
-                found[name] = function_at(found[name], f"the {name}")
-            except ValueError as error:
-                raise SceneError(str(error)) from None
-        else:
-            found[name] = named_walker(found[name])
+        found[name] = _coded(name, found[name]) if name in FUNCTIONS else named_walker(found[name])
     return found
+
+
+def _rows(parts: Any) -> list[Any]:
+    """Return the parts of a group of an observation as a list."""
+    return list(parts) if isinstance(parts, list | tuple) else [parts]
+
+
+def _coded(name: str, part: Any) -> Any:
+    """Return the function that a text names, or another value as it is.
+
+    Raises:
+        SceneError: if there is no such function.
+    """
+    if not has_address(part):
+        return part
+    try:
+        return function_at(part, f"the {name}")
+    except ValueError as error:
+        raise SceneError(str(error)) from None
 
 
 def named_walker(name: Any) -> Walker:

@@ -66,6 +66,60 @@ def rule_of(given: Any) -> Callable[[Any], Any]:
     return Weighted(given) if isinstance(given, Mapping) else given
 
 
+GROUPS = ("policy", "critic")
+"""Groups of an observation: what the actor sees, and what the critic sees in training."""
+
+OWN, DRAWN = "default", "randomized"
+"""Parts of an observation by name: the environment's own, and the draws of domain randomization."""
+
+
+def parts_of(observation: Any) -> list[tuple[str, Any]]:
+    """Return group and part of each part of a checked observation with groups, in order."""
+    rows = {
+        name: part if isinstance(part, tuple) else (part,) for name, part in observation.items()
+    }
+    return [(name, part) for name, row in rows.items() for part in row]
+
+
+def checked_groups(given: Mapping[str, Any], *, draws: bool) -> dict[str, Any]:
+    """Return an observation with groups after a check.
+
+    Args:
+        given: A function or OWN for "policy"; for "critic" these or DRAWN, or a row of them.
+        draws: Whether the scene has domain randomization.
+
+    Raises:
+        SceneError: if a group is missing or unknown, or a part cannot be observed.
+    """
+    if {*given} != {*GROUPS}:
+        raise SceneError(
+            'observation must be a function of a step, or have "policy" and "critic", what the '
+            f"actor and the critic see, not {shown(dict(given))}"
+        )
+    found = {}
+    for name in GROUPS:
+        part = given[name]
+        row = tuple(part) if isinstance(part, list | tuple) else (part,)
+        for each in row:
+            if each == DRAWN and name == "critic" and not draws:
+                raise SceneError(
+                    f"observation['critic'] has {DRAWN!r}, and this scene draws nothing: give it a "
+                    "domain_randomization"
+                )
+        allowed = (OWN, DRAWN) if name == "critic" else (OWN,)
+        strange = [each for each in row if not callable(each) and each not in allowed]
+        names = [each for each in row if isinstance(each, str)]
+        single = name == "policy" and len(row) != 1
+        if strange or single or not row or len({*names}) < len(names):
+            rows = ", or a row of these, each once" if name == "critic" else ""
+            raise SceneError(
+                f"observation[{name!r}] must be a function of a step or "
+                f"{' or '.join(map(repr, allowed))}{rows}, not {shown(part)}"
+            )
+        found[name] = row[0] if len(row) == 1 else row
+    return found
+
+
 def checked_rule(name: str, given: Any) -> Any:
     """Return a function, or weights of a reward, after a check.
 
@@ -80,5 +134,6 @@ def checked_rule(name: str, given: Any) -> Any:
         return {each: checked(number, w, f"reward[{each!r}]") for each, w in given.items()}
     if given is not None and not callable(given):
         weights = ", or weights by name" * (name == "reward")
+        weights += ', or of "policy" and "critic" by name' * (name == "observation")
         raise SceneError(f"{name} must be a function of a step{weights}, not {shown(given)}")
     return given

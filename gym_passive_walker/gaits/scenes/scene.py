@@ -41,7 +41,13 @@ from gym_passive_walker.gaits.scenes.randomization import (
     of_episodes,
     randomized_names,
 )
-from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, checked_rule
+from gym_passive_walker.gaits.scenes.rewards import (
+    FUNCTIONS,
+    OWN,
+    checked_groups,
+    checked_rule,
+    parts_of,
+)
 from gym_passive_walker.gaits.scenes.rules import ENERGIES
 from gym_passive_walker.gaits.terrain import Terrain, terrain_from
 from gym_passive_walker.models.model import Actuator, Model, check_heights_only, check_supports
@@ -125,7 +131,8 @@ class Scene:
         reward: The reward instead of the default: a function of a `Transition`, or weights of
             `custom.TERMS` by name: ``{"distance": 1.0, "energy": -10.0}``.
         observation: The observation instead of the default: a function of a `Transition` that
-            returns numbers.
+            returns numbers; or ``{"policy": f, "critic": g}``, what actor and critic see: functions
+            or "default", of the critic also "randomized", what is drawn, or a row of them.
         terminated: Termination besides falls: a function of a `Transition`.
         reward_terms: Whether `info` has the terms of each reward: "reward_distance" and so on.
     """
@@ -161,7 +168,7 @@ class Scene:
     knee_latch: float = 0.0
     scuff_depth: float = 0.01
     reward: Callable[[Any], Any] | dict[str, float] | None = None
-    observation: Callable[[Any], Any] | None = None
+    observation: Callable[[Any], Any] | dict[str, Any] | None = None
     terminated: Callable[[Any], Any] | None = None
     reward_terms: bool = False
 
@@ -222,6 +229,10 @@ class Scene:
         if self.start is not None:
             put("start", self._checked_start())
         for name in FUNCTIONS:
+            if name == "observation" and isinstance(self.observation, Mapping):
+                draws = bool(self.domain_randomization)
+                put(name, checked_groups(self.observation, draws=draws))
+                continue
             put(name, checked_rule(name, getattr(self, name)))
         for name, term in (("energy_weight", "energy"), ("command_weight", "command")):
             given = getattr(self, name)
@@ -230,11 +241,24 @@ class Scene:
                     f"{name}={given:g} has no effect, since reward has its own weights: give "
                     f"the weight of {term!r} there"
                 )
-        if self.observe_body and self.observation is not None:
+        if self.observe_body and not self.shows_own:
             raise SceneError(
                 "observe_body adds to the environment's own observation, and this scene has "
                 "another: leave out observe_body or observation"
             )
+
+    @property
+    def groups(self) -> dict[str, Any] | None:
+        """Parts of an observation for actor and critic; None if both see the same."""
+        return self.observation if isinstance(self.observation, Mapping) else None
+
+    @property
+    def shows_own(self) -> bool:
+        """Whether the environment's own observation is observed."""
+        groups = self.groups
+        if groups is None:
+            return self.observation is None
+        return any(part == OWN for _, part in parts_of(groups))
 
     def _checked_slope(self) -> float | tuple[float, float]:
         """Return the slope or the range of slopes, in rad, after a check."""
@@ -459,6 +483,15 @@ def undisturbed(scene: Scene, subject: str, calm: Mapping[str, Any] = CALM) -> S
 
 SceneLike: TypeAlias = Scene | str | os.PathLike[str] | Mapping[str, Any]
 """Type of scene arguments; see `make_scene`."""
+
+
+def seen_by_policy(scene: Scene) -> Scene:
+    """Return the scene in which a policy acts: it observes "policy" alone, without the critic's."""
+    if scene.groups is None:
+        return scene
+    part = scene.groups["policy"]
+    body = {} if part == OWN else {"observe_body": ()}
+    return make_scene(scene, observation=None if part == OWN else part, **body)
 
 
 def make_scene(scene: SceneLike = "level", *, trust: bool | None = None, **changes: Any) -> Scene:

@@ -20,7 +20,8 @@ class RslRlWalkers(VecEnv):
 
     ``extras["time_outs"]`` distinguishes timeouts from falls. The distance of each finished episode
     is logged. rsl_rl bootstraps a timeout by the value of the step's own observation. Its
-    distributions have no bounds: actions beyond `action_space` are clipped.
+    distributions have no bounds: actions beyond `action_space` are clipped. A scene with an
+    observation for "policy" and "critic" has both groups, for the option `obs_groups` of rsl_rl.
 
     Args:
         num_envs: Number of walkers.
@@ -62,8 +63,10 @@ class RslRlWalkers(VecEnv):
         self.episode_length_buf = self._elapsed.clone()
 
     def get_observations(self) -> TensorDict:
-        """Current observations, under the key "policy"; no step is made."""
-        return TensorDict({"policy": self._observations}, batch_size=[self.num_envs])
+        """Current observations by group, of which "policy" is there always; no step is made."""
+        seen = self._observations
+        groups = seen if isinstance(seen, dict) else {"policy": seen}
+        return TensorDict(groups, batch_size=[self.num_envs])
 
     def step(self, actions: Tensor) -> tuple[TensorDict, Tensor, Tensor, dict[str, Any]]:
         """Step every walker; finished episodes are reset.

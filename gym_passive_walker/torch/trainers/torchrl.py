@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import torch
+from gymnasium.spaces import Dict
 from tensordict import TensorDict, TensorDictBase  # type: ignore[import-not-found]
 from torchrl.data import Binary, Bounded, Composite, Unbounded  # type: ignore[import-not-found]
 from torchrl.envs import EnvBase  # type: ignore[import-not-found]
@@ -17,7 +18,8 @@ class TorchRlWalkers(EnvBase):
     """Walkers as a torchrl `EnvBase`.
 
     torchrl resets finished episodes itself, by a mask, so autoreset is disabled in the environment
-    below.
+    below. Observations are under "observation", or under "policy" and "critic" where the scene's
+    observation has these.
 
     Args:
         num_envs: Number of walkers.
@@ -31,12 +33,11 @@ class TorchRlWalkers(EnvBase):
         super().__init__(device=self.walkers.device, batch_size=torch.Size([num_envs]))
         size, one = (num_envs,), torch.Size((num_envs, 1))
         flag = Binary(n=1, shape=one, dtype=torch.bool)
-        seen, self.action_spec = (
-            Bounded(low=low.repeat(num_envs, 1), high=high.repeat(num_envs, 1))
-            for space in (self.walkers.observation_space, self.walkers.action_space)
-            for low, high in [(torch.tensor(space.low), torch.tensor(space.high))]
-        )
-        self.observation_spec = Composite(observation=seen, shape=size)
+        space = self.walkers.observation_space
+        groups = space.spaces if isinstance(space, Dict) else {"observation": space}
+        seen = {name: _bounded(each, num_envs) for name, each in groups.items()}
+        self.observation_spec = Composite(**seen, shape=size)
+        self.action_spec = _bounded(self.walkers.action_space, num_envs)
         self.reward_spec = Unbounded(shape=one, dtype=torch.float32)
         self.done_spec = Composite(done=flag, terminated=flag, truncated=flag, shape=size)
         self._set_seed(seed)
@@ -47,14 +48,25 @@ class TorchRlWalkers(EnvBase):
             options["reset_mask"] = tensordict["_reset"].reshape(self.batch_size)
         observations, _ = self.walkers.reset(seed=self._next_seeds, options=options)
         self._next_seeds = None
-        return TensorDict({"observation": observations}, batch_size=self.batch_size)
+        return TensorDict(_groups(observations), batch_size=self.batch_size)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
         observations, rewards, fell, late, _ = self.walkers.step(tensordict["action"])
         results = {"reward": rewards.float(), "terminated": fell, "truncated": late}
         results |= {"done": fell | late}
         results = {name: values[:, None] for name, values in results.items()}
-        return TensorDict({"observation": observations} | results, batch_size=self.batch_size)
+        return TensorDict(_groups(observations) | results, batch_size=self.batch_size)
 
     def _set_seed(self, seed: int | None) -> None:
         self._next_seeds = training_seeds(seed, self.walkers.num_envs)
+
+
+def _bounded(space: Any, count: int) -> Bounded:
+    """Return the specification of a space for `count` walkers."""
+    low, high = (torch.tensor(end).repeat(count, 1) for end in (space.low, space.high))
+    return Bounded(low=low, high=high)
+
+
+def _groups(observations: Any) -> dict[str, Any]:
+    """Return observations by the names of their entries."""
+    return observations if isinstance(observations, dict) else {"observation": observations}
