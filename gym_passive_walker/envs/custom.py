@@ -34,7 +34,7 @@ class Joined:
         functions: The functions.
 
     Attributes:
-        sizes: Number of numbers of each, as of the last call.
+        sizes: Number of numbers that each returned at the last call.
     """
 
     def __init__(self, functions: list[Callable[[Any], Any]]) -> None:

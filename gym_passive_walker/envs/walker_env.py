@@ -123,13 +123,15 @@ class PassiveWalkerEnv(
     | "stance_knee_torque", "stance_knee_impulse"     | each step  | least, m g l, m l sqrt(g l)   |
     | "clearance"                                     | each step  | least, over l                 |
     | "friction"                                      | each step  | largest coefficient required  |
+    | "randomized"                                    | each step  | drawn values by name          |
 
     Entries of a stride are 0, and "outcome" is "", in steps that end no stride and no episode.
     Vector environments and `PassiveWalkerVecEnv` report the outcome "time_limit" where they
     truncate an episode; here a wrapper of Gymnasium truncates, which sets no outcome.
 
     Costs are energies over weight times step length. "command", "pushes" and their work are in the
-    info of scenes that have them. The last six are there with `constraints`. A least value
+    info of scenes that have them. Six others are there with `constraints`, and "randomized" with
+    `domain_randomization`. A least value
     is infinite if the step had no such event; "friction" is infinite if the ground would have had
     to pull.
 
@@ -141,7 +143,8 @@ class PassiveWalkerEnv(
     1 - `reset_noise_scale` to 1 + `reset_noise_scale`. A system begins with its gait's coordinates,
     so that its contacts are where they are after an impact; one number multiplies its first rate
     and one all others. The slope is drawn first, if it is a range.
-    With `domain_randomization`, the gait is that of the walker without the changes.
+    With `domain_randomization`, the gait is that of the walker without the changes, at the slope
+    that is drawn.
     `reset(options={"state": ..., "slope": ...})` sets either of them instead. This state has the
     [stance, thigh, shank] angles in rad and their angular velocities in the walker's own units
     (rad/s); the argument `start` has them in units of sqrt(g/l).
@@ -194,8 +197,8 @@ class PassiveWalkerEnv(
     | `energy`               | "absolute"          | "absolute", "positive" or "net" work       |
     | `end_on_toe_stub`      | True with knees     | whether a stubbed toe ends the episode     |
     | `reset_noise_scale`    | 0.10 (stride: 0.05) | relative range of initial states           |
-    | `domain_randomization` | {}                  | parameter: relative range, uniform         |
-    | `randomization_pool`   | None                | number of walkers that it draws from       |
+    | `domain_randomization` | {}                  | parameter: what each reset draws           |
+    | `randomization_pool`   | None                | number of draws that it chooses from       |
     | `observe_body`         | ()                  | parameters of the walker that are observed |
     | `start`                | None                | dimensionless state instead of the gait    |
     | `max_stride_time`      | 20.0                | limit of a stride, in sqrt(l/g)            |
@@ -213,7 +216,7 @@ class PassiveWalkerEnv(
     | `knee_latch`           | 0.0                 | torque that holds the stance knee, in m g l|
     | `scuff_depth`          | 0.01                | largest depth of the swing foot, in l      |
     | `reward`               | None                | function of a `Transition`, or weights     |
-    | `observation`          | None                | function of a `Transition`: the numbers    |
+    | `observation`          | None                | function of a `Transition`; or two groups  |
     | `terminated`           | None                | function of a `Transition`: ends episodes  |
     | `reward_terms`         | False               | whether `info` has the reward's terms      |
     | `render_mode`          | None                | "human", "rgb_array" or None               |

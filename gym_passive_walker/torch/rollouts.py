@@ -307,7 +307,7 @@ def _ground(scene: Scene, here: RolloutState, ahead: int = 0) -> Tensor:
 
 def _observed(scene: Scene, here: RolloutState) -> Tensor:
     """Return the observations of the environment in float64, (n, k)."""
-    if scene.observation is not None:
+    if callable(scene.observation):
         return _stacked(applied(scene.observation, here.last), here)
     slopes, body = here.slopes + _ground(scene, here)[:, 0], ()
     locked = _locked(scene, here.phases).double()

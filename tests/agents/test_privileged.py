@@ -12,6 +12,7 @@ from agents import envs as agents_envs
 from agents.config import ConfigError
 from agents.envs import training_envs
 from agents.learner import LearnedPolicy, build, export, learned, on_numpy
+from agents.ppo_fast import FastPPO
 from agents.training import Run
 from gym_passive_walker.envs.privileged import PrivilegedCriticPolicy
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
@@ -155,3 +156,37 @@ def test_other_learners_refuse_groups(algo):
 def test_a_policy_of_groups_refuses_an_observation_without():
     with pytest.raises(ValueError, match="needs an observation with the groups"):
         PPO(PrivilegedCriticPolicy, PassiveWalkerVecEnv(2), device="cpu")
+
+
+def slope_alone(step):
+    return (step.slope,)
+
+
+def step_count(step):
+    return (step.steps,)
+
+
+@pytest.mark.learning
+def test_a_critic_learns_what_only_it_sees():
+    """Returns of passive walkers on slopes from 0 to 0.03 depend on the slope.
+
+    The critic that sees it explains their variance, and the one that sees what the blind actor sees
+    does not.
+    """
+    scene = {"slope": (0.0, 0.03), "max_hip_torque": 0.0, "reset_noise_scale": 0.02}
+    explained = {}
+    for name, critic in (("sees", slope_alone), ("blind", step_count)):
+        observation = {"policy": step_count, "critic": critic}
+        envs = PassiveWalkerVecEnv(64, scene, observation=observation, max_episode_steps=40)
+        model = FastPPO("MultiInputPolicy", envs, n_steps=40, batch_size=640, seed=0, device="cpu")
+        rollouts = []
+        walk = model.walk
+        model.walk = lambda callback, walk=walk, kept=rollouts: (
+            kept.append(walk(callback)) or kept[-1]
+        )
+        model.learn(40 * 64 * 15)
+        last = rollouts[-1]
+        with torch.no_grad():
+            left = last.returns - model.value(last.seen)
+        explained[name] = 1.0 - float(left[0].var() / last.returns[0].var())
+    assert explained["sees"] > 0.5 > 0.2 > explained["blind"]

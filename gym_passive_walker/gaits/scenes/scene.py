@@ -250,7 +250,7 @@ class Scene:
     @property
     def groups(self) -> dict[str, Any] | None:
         """Parts of an observation for actor and critic; None if both see the same."""
-        return self.observation if isinstance(self.observation, Mapping) else None
+        return self.observation if isinstance(self.observation, dict) else None
 
     @property
     def shows_own(self) -> bool:
@@ -306,7 +306,7 @@ class Scene:
 
     def ends(self, name: str) -> tuple[float, float]:
         """Return the smallest and the largest value of an argument that can be drawn."""
-        own = getattr(self, name)
+        own: Any = getattr(self, name)
         low, high = own if isinstance(own, tuple) else (own, own)
         for entry in entries_of(self.domain_randomization):
             if name in entry.names:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from gymnasium.spaces import Dict
 from skrl.envs.wrappers.torch import Wrapper  # type: ignore[import-not-found]
 from torch import Tensor
 
@@ -15,7 +16,8 @@ class SkrlWalkers(Wrapper):
     """Walkers as a skrl `Wrapper`: tensors only, with rewards and flags of shape (n, 1).
 
     Like skrl's own wrapper of vector environments, the first `reset` resets all walkers. Afterwards
-    each walker is reset when its episode ends.
+    each walker is reset when its episode ends. Where the scene's observation has "policy" and
+    "critic", these are the observations and the states of skrl.
 
     Args:
         num_envs: Number of walkers.
@@ -27,25 +29,35 @@ class SkrlWalkers(Wrapper):
     def __init__(self, num_envs: int = 64, *, seed: int | None = None, **scene: Any) -> None:
         super().__init__(PassiveWalkerTorchEnv(num_envs, **scene))
         self._seeds = training_seeds(seed, num_envs)
-        self._begun: Tensor | None = None
+        self._begun: Any = None
 
     def reset(self) -> tuple[Tensor, dict[str, Any]]:
         """Reset all walkers on the first call; later calls return the current observations."""
-        begun = self._begun
-        if begun is None:
-            begun = self._begun = self._env.reset(seed=self._seeds)[0]
-        return begun, {}
+        if self._begun is None:
+            self._begun = self._env.reset(seed=self._seeds)[0]
+        return _of(self._begun, "policy"), {}
 
     def step(self, actions: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, dict[str, Any]]:
         """Step every walker; finished episodes are reset."""
         observations, rewards, fell, late, info = self._env.step(actions)
         self._begun = observations
         rewards, fell, late = (x[:, None] for x in (rewards.float(), fell, late))
-        return observations, rewards, fell, late, info
+        return _of(observations, "policy"), rewards, fell, late, info
 
     def state(self) -> Tensor | None:
-        """Return None: there is no state beyond the observations."""
-        return None
+        """Return what the critic sees, (n, k); None where it sees what the actor sees."""
+        return self._begun["critic"] if isinstance(self._begun, dict) else None
+
+    @property
+    def observation_space(self) -> Any:
+        """What the actor sees."""
+        return _of(self._env.observation_space, "policy")
+
+    @property
+    def state_space(self) -> Any:
+        """What the critic sees; None where it sees what the actor sees."""
+        space = self._env.observation_space
+        return space["critic"] if isinstance(space, Dict) else None
 
     def render(self, *_: Any, **__: Any) -> Any:
         """Return a frame of each walker."""
@@ -54,3 +66,8 @@ class SkrlWalkers(Wrapper):
     def close(self) -> None:
         """Close the environment and its windows."""
         self._env.close()
+
+
+def _of(seen: Any, group: str) -> Any:
+    """Return a group of observations or of their space; all, if there are none."""
+    return seen[group] if isinstance(seen, dict | Dict) else seen

@@ -36,7 +36,7 @@ class TorchRlWalkers(EnvBase):
         space = self.walkers.observation_space
         groups = space.spaces if isinstance(space, Dict) else {"observation": space}
         seen = {name: _bounded(each, num_envs) for name, each in groups.items()}
-        self.observation_spec = Composite(**seen, shape=size)
+        self.observation_spec = Composite(seen, shape=size)
         self.action_spec = _bounded(self.walkers.action_space, num_envs)
         self.reward_spec = Unbounded(shape=one, dtype=torch.float32)
         self.done_spec = Composite(done=flag, terminated=flag, truncated=flag, shape=size)
