@@ -425,7 +425,7 @@ def test_an_observation_may_be_an_array(axis, same):
         ({"reward": {}}, "weights of some of distance, energy"),
         ({"reward": {"alive": np.nan}}, r"reward\['alive'\] must be"),
         ({"reward": 3.0}, "reward must be a function of a step, or weights by name, not 3.0"),
-        ({"observation": {"state": 1.0}}, "observation must be a function of a step, not"),
+        ({"observation": {"state": 1.0}}, "observation must be a function of a step, or have"),
         ({"terminated": "never"}, "terminated must be a function of a step, not 'never'"),
         ({"reward": lambda step: step.nothing}, "has no attribute 'nothing'"),
         ({"reward": lambda step: (step.distance, step.energy)}, "reward fails: .*2 numbers"),
