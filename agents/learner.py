@@ -18,7 +18,7 @@ from typing import Any, get_args
 
 import numpy as np
 import torch
-from gymnasium.spaces import Dict
+from gymnasium.spaces import Dict, flatdim
 from numpy.typing import NDArray
 from safetensors.torch import save as as_safetensors
 from stable_baselines3 import PPO, SAC
@@ -258,9 +258,8 @@ class LearnedPolicy:
         normalizer, space = self.model.get_vec_normalize_env(), self.model.observation_space
         seen: Any = np.asarray(observation)
         if isinstance(space, Dict):
-            others = [name for name in space if name != "policy"]
-            blank = {name: np.zeros((*seen.shape[:-1], *space[name].shape)) for name in others}
-            seen = {"policy": seen} | blank  # the actor sees none of them
+            rows, size = seen.shape[:-1], flatdim(space["critic"])
+            seen = {"policy": seen, "critic": np.zeros((*rows, size))}  # the actor sees one alone
         if normalizer is not None:
             seen = normalizer.normalize_obs(seen)
         return self.model.predict(seen, state, episode_start, deterministic)

@@ -274,19 +274,18 @@ class Batch:
             return
         states, asked = self._asked(options) if options else (None, None)
         draws = self.drawn(where)
-        varied, drawn = {}, None
+        varied: dict[int, Any] = {}
+        drawn = values = None
         if self.randomized:
-            walkers = self.randomized.draw(where, self.randoms)
-            varied, drawn = (
-                dict(zip(where.tolist(), walkers, strict=True)),
-                self.randomized.settled(where),
-            )
+            walkers, values = self.randomized.draw(where, self.randoms)
+            if asked is not None:
+                self.randomized.replace("slope", values, asked[where])
+            drawn = self.randomized.settled(values)
+            varied = dict(zip(where.tolist(), walkers, strict=True))
             draws[:, 1:] = 0.5 + drawn["noise"][:, None] * (draws[:, 1:] - 0.5)
         if asked is not None:
             slopes = asked[where]
-            if self.randomized:
-                self.randomized.replace("slope", where, slopes)
-        elif drawn is not None and "slope" in self.randomized.names:
+        elif drawn is not None and np.isfinite(drawn["slope"]).all():
             slopes = drawn["slope"].copy()
         else:
             slopes = self._slopes(where, draws[:, 0])
@@ -301,7 +300,8 @@ class Batch:
         for j in range(len(keys)):
             keys[j] = self.randoms[where[j]].integers(2**64, dtype=np.uint64)
         self.unfinished = True
-        if varied:
+        if self.randomized and values is not None:
+            self.randomized.begin(where, values)
             self._embody(where, list(varied.values()))
         given = where, slopes, gaits, draws, keys, plain
         self.entry_point.kernels.begin(self.entry_point.address, *given)

@@ -17,7 +17,7 @@ from gym_passive_walker.gaits.scenes.rewards import (
     FUNCTIONS,
     OWN,
     Weighted,
-    parts_of,
+    observation_parts,
     rule_of,
 )
 
@@ -84,7 +84,7 @@ class Custom:
         for name in FUNCTIONS:
             function = getattr(scene, name)
             if name == "observation" and scene.groups:
-                function = Joined.of(part for _, part in parts_of(scene.groups))
+                function = Joined.of(part for _, part in observation_parts(scene.groups))
             if function is not None:
                 self.rules[name] = Rule(name, rule_of(function), self._shape)
         self._given = [name for name in ("reward", "terminated") if name in self.rules]
@@ -134,7 +134,7 @@ class Custom:
         own = len(scene.walker.observed) + (scene.command is not None)
         own += 2 * scene.terrain_lookahead + len(scene.observe_body)
         known, first, self.groups = {OWN: own, DRAWN: len(scene.randomized)}, 0, {}
-        for group, part in parts_of(scene.groups):
+        for group, part in observation_parts(scene.groups):
             last = first + (next(sizes) if callable(part) else known[part])
             self.parts.append((group, part, slice(first, last)))
             begun = self.groups[group].start if group in self.groups else first
@@ -155,7 +155,7 @@ class Custom:
             known: Parts of groups that are no functions, by name, each (count, size).
         """
         rule, notes = self.rules.get("observation"), self.notes[lanes]
-        rows = observations.reshape(len(self.notes), self.observation_size)
+        rows = observations.reshape(len(self.notes), -1)
         if rule is None:
             numbers = np.empty((len(notes), 0))
         elif rule.native:

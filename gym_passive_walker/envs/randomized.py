@@ -86,23 +86,28 @@ class Randomized:
 
     def draw(
         self, lanes: NDArray[np.int64], randoms: Sequence[np.random.Generator]
-    ) -> list[Walker]:
-        """Draw the next episodes of some walkers; returns the walkers, (lanes,)."""
-        walkers = []
-        for i in lanes.tolist():
+    ) -> tuple[list[Walker], NDArray[np.float64]]:
+        """Return the walkers and the values (lanes, names) of some walkers' next episodes."""
+        walkers, values = [], np.empty((len(lanes), len(self.names)))
+        for j, i in enumerate(lanes.tolist()):
             if randoms[i] is not self._seeded[i]:
                 self._seeded[i] = randoms[i]
                 self.keys[i], self.episodes[i] = _seed_of(randoms[i]), 0
-            episode = int(self.episodes[i])
-            key = word(int(self.keys[i]), episode)
-            drawn = self._of[i].drawn(key, episode)  # type: ignore[union-attr]
-            self.values[i], self.episodes[i] = drawn.values, episode + 1
+            episode, drawing = int(self.episodes[i]), self._of[i]
+            assert drawing is not None
+            drawn = drawing.drawn(word(int(self.keys[i]), episode), episode)
+            values[j] = drawn.values
             walkers.append(drawn.walker)
-        return walkers
+        return walkers, values
 
-    def settled(self, lanes: NDArray[np.int64]) -> NDArray:
-        """Return the draws of some walkers in the form of kernels, (lanes,) of SETTLED."""
-        return settled(self.scene, self.names, self.values[lanes])
+    def begin(self, lanes: NDArray[np.int64], values: NDArray[np.float64]) -> None:
+        """Begin the episodes of some walkers with values that `draw` has returned."""
+        self.values[lanes] = values
+        self.episodes[lanes] += 1
+
+    def settled(self, values: NDArray[np.float64]) -> NDArray:
+        """Return values (n, names) in the form of kernels, (n,) of SETTLED."""
+        return settled(self.scene, self.names, values)
 
     def follow(self, before: Randomized | None) -> None:
         """Go on counting the episodes of a batch in another scene."""
@@ -126,10 +131,10 @@ class Randomized:
         """Arrays of a saved state, by name."""
         return {"draw_keys": self.keys, "draw_episodes": self.episodes, "draws": self.values}
 
-    def replace(self, name: str, lanes: NDArray[np.int64], values: NDArray[np.float64]) -> None:
-        """Set the values of a parameter that a reset has been given instead of a draw."""
+    def replace(self, name: str, values: NDArray[np.float64], given: NDArray[np.float64]) -> None:
+        """Set the column of a parameter in drawn values, which a reset has been given instead."""
         if name in self.names:
-            self.values[lanes, self.names.index(name)] = values
+            values[:, self.names.index(name)] = given
 
     def check(self, found: Mapping[str, NDArray], *, begun: bool) -> None:
         """Check the arrays of a state, by their names in `saved_arrays`.

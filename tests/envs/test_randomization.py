@@ -333,3 +333,15 @@ def test_explain_names_what_is_drawn_and_its_value_now():
     _, info = env.reset(seed=2)
     now = {row["parameter"]: row["now"] for row in as_rows(env)["domain randomization"]}
     assert now == info["randomized"]
+
+
+def test_a_reset_that_is_refused_begins_no_episode():
+    given = {"foot_radius": 0.5, "curriculum": 10}
+    envs, twin = (PassiveWalkerVectorEnv(2, domain_randomization=given) for _ in range(2))
+    _, before = envs.reset(seed=0)
+    twin.reset(seed=0)
+    with pytest.raises(ValueError, match="fallen"):
+        envs.reset(options={"state": [2.0, -0.2, -0.2, -0.3, -0.1, -0.4]})
+    now = envs.batch.info_values()["randomized"]["foot_radius"]
+    assert np.array_equal(now, before["randomized"]["foot_radius"])
+    assert np.array_equal(envs.batch.randomized.episodes, twin.batch.randomized.episodes)

@@ -28,7 +28,7 @@ from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.disturbances import Disturbances, disturbed
 from gym_passive_walker.envs.randomized import settled
-from gym_passive_walker.gaits.scenes.randomization import CURRICULUM, LEVELS, Drawn
+from gym_passive_walker.gaits.scenes.randomization import CURRICULUM, CURRICULUM_LEVELS, Drawn
 from gym_passive_walker.gaits.scenes.scene import SceneError, SceneLike, make_scene
 from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.models.equations.systems import SYSTEMS
@@ -133,7 +133,7 @@ class DeviceBatch:
         drawing, pool = starts.randomization, self.scene.randomization_pool
         if drawing is None or pool is None:
             return [Drawn(self.scene.walker, ())]
-        levels = range(LEVELS + 1) if drawing.curriculum else (LEVELS,)
+        levels = range(CURRICULUM_LEVELS + 1) if drawing.curriculum else (CURRICULUM_LEVELS,)
         return [drawing.member(index, level) for level in levels for index in range(pool)]
 
     def _arrays(self, code: DeviceCode, seed: int, shown: int) -> Any:

@@ -120,7 +120,7 @@ class PassiveWalkerGpuEnv:
     def _infos(self) -> dict[str, Any]:
         """Return the infos of the last step; outcomes without the time limit."""
         reported = self._reported.clone()
-        infos = {
+        infos: dict[str, Any] = {
             name: reported[:, _column(name)] for name in (*task.EVERY_STEP, *task.EVERY_STRIDE)
         }
         whole = reported.view(torch.int64)

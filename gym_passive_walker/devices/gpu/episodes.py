@@ -19,7 +19,7 @@ from gym_passive_walker.envs import disturbance_kernels, task, transitions
 from gym_passive_walker.envs.memory import BatchArray
 from gym_passive_walker.envs.randomized import SETTLED
 from gym_passive_walker.envs.task import ledger_for
-from gym_passive_walker.gaits.scenes.randomization import LEVELS, WHICH
+from gym_passive_walker.gaits.scenes.randomization import CURRICULUM_LEVELS, WHICH
 from gym_passive_walker.gaits.scenes.starts import DRAWS, between
 
 _START = 200  # stream of random numbers of a walker's key
@@ -91,7 +91,7 @@ def observe_body(here, i):
 def which_drawn(growth, key, episode):
     """Return the row of the pool for an episode; see `Randomization.drawn`."""
     size, episodes = growth[0], growth[1]
-    level = min(LEVELS, LEVELS * episode // episodes) if episodes > 0 else 0
+    level = min(CURRICULUM_LEVELS, CURRICULUM_LEVELS * episode // episodes) if episodes > 0 else 0
     return level * size + int(uniform(key, 0, WHICH) * size)
 
 

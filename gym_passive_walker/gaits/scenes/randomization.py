@@ -26,9 +26,9 @@ OPERATIONS = ("scale", "add", "abs")
 DISTRIBUTIONS = ("uniform", "log_uniform", "normal", "choices")
 
 CURRICULUM = "curriculum"
-"""Entry of `domain_randomization` with the number of episodes in which it grows."""
+"""Distribution of `domain_randomization` with the number of episodes in which it grows."""
 
-LEVELS = 10
+CURRICULUM_LEVELS = 10
 """Number of steps in which a curriculum grows from the scene's own values to the distributions."""
 
 WHICH = 201
@@ -61,8 +61,8 @@ _FORMS = (
 )
 
 
-class Entry(NamedTuple):
-    """Distribution of some parameters, which share one random number.
+class Distribution(NamedTuple):
+    """An entry of `domain_randomization`: parameters that share one random number.
 
     Attributes:
         names: Names of the parameters.
@@ -115,7 +115,7 @@ class Entry(NamedTuple):
 
     def reached(self, key: int, level: int) -> bool:
         """Return whether a curriculum at a level has the drawn number, and not the scene's own."""
-        return uniform(key, 0, crc32(self.key.encode()) + 1) * LEVELS < level
+        return uniform(key, 0, crc32(self.key.encode()) + 1) * CURRICULUM_LEVELS < level
 
     def applied(self, nominal: float, drawn: float) -> float:
         """Return a parameter from its nominal value and the drawn number."""
@@ -148,7 +148,7 @@ class Drawn(NamedTuple):
     values: tuple[float, ...]
 
 
-def entries_of(given: Mapping[str, Any]) -> list[Entry]:
+def entries_of(given: Mapping[str, Any]) -> list[Distribution]:
     """Return the entries of a checked `domain_randomization`."""
     return [_entry(key, value) for key, value in given.items() if key != CURRICULUM]
 
@@ -200,10 +200,10 @@ class Randomization:
         return value, value
 
     def level(self, episode: int) -> int:
-        """Return the level of an environment's episode, by its number from 0: up to LEVELS."""
+        """Return the level of an environment's episode, by its number from 0; see `draw`."""
         if not self.curriculum:
-            return LEVELS
-        return min(LEVELS, LEVELS * episode // self.curriculum)
+            return CURRICULUM_LEVELS
+        return min(CURRICULUM_LEVELS, CURRICULUM_LEVELS * episode // self.curriculum)
 
     def drawn(self, key: int, episode: int) -> Drawn:
         """Return the draw of an episode: of a new walker, or of a member of the pool.
@@ -216,12 +216,12 @@ class Randomization:
             return self.draw(key, self.level(episode))
         return self.member(int(uniform(key, 0, WHICH) * self._pool), self.level(episode))
 
-    def member(self, index: int, level: int = LEVELS) -> Drawn:
+    def member(self, index: int, level: int = CURRICULUM_LEVELS) -> Drawn:
         """Return a member of the scene's `randomization_pool`, the same in every environment."""
         return self.draw(word(word(_POOL, WHICH), index), level)
 
-    def draw(self, key: int, level: int = LEVELS) -> Drawn:
-        """Return the draw of a key at a level of the curriculum.
+    def draw(self, key: int, level: int = CURRICULUM_LEVELS) -> Drawn:
+        """Return the draw of a key at a level of the curriculum, from 0 to CURRICULUM_LEVELS.
 
         Raises:
             SceneError: if hardly any draw makes a valid walker.
@@ -250,10 +250,10 @@ class Randomization:
             for name in entry.names:
                 nominal = self.nominal[name]
                 value = entry.applied(nominal, drawn)
-                if level < LEVELS and entry.stepped:
+                if level < CURRICULUM_LEVELS and entry.stepped:
                     value = value if entry.reached(key, level) else nominal
-                elif level < LEVELS:
-                    value = nominal + (value - nominal) * level / LEVELS
+                elif level < CURRICULUM_LEVELS:
+                    value = nominal + (value - nominal) * level / CURRICULUM_LEVELS
                 found.append(value)
         return tuple(found)
 
@@ -323,7 +323,7 @@ def _row(value: Any, title: str, count: int | None = None) -> tuple[float, ...]:
     return tuple(checked(number, each, f"{title}[{i}]") for i, each in enumerate(row))
 
 
-def _entry(key: str, value: Any, *, check: bool = False) -> Entry:
+def _entry(key: str, value: Any, *, check: bool = False) -> Distribution:
     """Return the entry of a key; its numbers are checked if `check`."""
     names = _names(key)
     title = f"{_ARGUMENT}[{key!r}]"
@@ -331,8 +331,9 @@ def _entry(key: str, value: Any, *, check: bool = False) -> Entry:
     if not some:
         if check:
             _check_share(title, value)
-        ends = 1.0 - value, 1.0 + value
-        return Entry(names, "uniform", ends, "scale", ends, strict=False)
+        share: Any = value
+        ends = 1.0 - share, 1.0 + share
+        return Distribution(names, "uniform", ends, "scale", ends, strict=False)
     if not isinstance(value, Mapping):
         value = {"uniform": value}
     if check:
@@ -340,7 +341,7 @@ def _entry(key: str, value: Any, *, check: bool = False) -> Entry:
     kind = next(name for name in DISTRIBUTIONS if name in value)
     numbers = tuple(value[kind])
     clip = tuple(value["clip"]) if kind == "normal" else (min(numbers), max(numbers))
-    return Entry(names, kind, numbers, value.get("operation", "scale"), clip)  # type: ignore[arg-type]
+    return Distribution(names, kind, numbers, value.get("operation", "scale"), clip)  # type: ignore[arg-type]
 
 
 def _check_share(title: str, value: Any) -> None:
@@ -350,7 +351,7 @@ def _check_share(title: str, value: Any) -> None:
         raise SceneError(f"{title} must be {_FORMS}; not {shown(value)}") from None
 
 
-def _checked_entry(names: tuple[str, ...], given: Mapping[str, Any], title: str) -> Entry:
+def _checked_entry(names: tuple[str, ...], given: Mapping[str, Any], title: str) -> Distribution:
     """Return an entry from a mapping, after a check of its numbers."""
     kinds = [name for name in DISTRIBUTIONS if name in given]
     allowed = (*DISTRIBUTIONS, "operation", "clip")
@@ -393,7 +394,7 @@ def _checked_entry(names: tuple[str, ...], given: Mapping[str, Any], title: str)
         )
     if DELAY in names:
         _check_delay(names, kind, operation, (*numbers, *clip), title)
-    return Entry(names, kind, numbers, operation, (low, high))
+    return Distribution(names, kind, numbers, operation, (low, high))
 
 
 def _check_delay(
@@ -410,7 +411,7 @@ def _check_delay(
         raise SceneError(f"{title} must have whole numbers of control steps, not {numbers}")
 
 
-def _check_units(entry: Entry, walker: Any) -> None:
+def _check_units(entry: Distribution, walker: Any) -> None:
     """Check that parameters with one draw have one unit, unless it is a factor."""
     if entry.operation == "scale" or "units" not in walker.supports:
         return
@@ -424,7 +425,7 @@ def _check_units(entry: Entry, walker: Any) -> None:
         )
 
 
-def _check_effect(entry: Entry, name: str, scene: Any) -> None:
+def _check_effect(entry: Distribution, name: str, scene: Any) -> None:
     """Check that the values of a parameter are valid and have an effect in a scene."""
     title, of_body = entry.title, name not in SCENE_PARAMETERS
     if of_body and not entry.strict:
@@ -467,7 +468,7 @@ _OF_GRAVITY = (
 )
 
 
-def _check_body(entry: Entry, name: str, walker: Walker) -> None:
+def _check_body(entry: Distribution, name: str, walker: Walker) -> None:
     """Check that the ends of a parameter's values make walkers, and others than the nominal one."""
     made = []
     for end in entry.ends(walker.parameters[name]):

@@ -66,14 +66,14 @@ def rule_of(given: Any) -> Callable[[Any], Any]:
     return Weighted(given) if isinstance(given, Mapping) else given
 
 
-GROUPS = ("policy", "critic")
+OBSERVERS = ("policy", "critic")
 """Groups of an observation: what the actor sees, and what the critic sees in training."""
 
 OWN, DRAWN = "default", "randomized"
 """Parts of an observation by name: the environment's own, and the draws of domain randomization."""
 
 
-def parts_of(observation: Any) -> list[tuple[str, Any]]:
+def observation_parts(observation: Any) -> list[tuple[str, Any]]:
     """Return group and part of each part of a checked observation with groups, in order."""
     rows = {
         name: part if isinstance(part, tuple) else (part,) for name, part in observation.items()
@@ -91,13 +91,13 @@ def checked_groups(given: Mapping[str, Any], *, draws: bool) -> dict[str, Any]:
     Raises:
         SceneError: if a group is missing or unknown, or a part cannot be observed.
     """
-    if {*given} != {*GROUPS}:
+    if {*given} != {*OBSERVERS}:
         raise SceneError(
             'observation must be a function of a step, or have "policy" and "critic", what the '
             f"actor and the critic see, not {shown(dict(given))}"
         )
     found = {}
-    for name in GROUPS:
+    for name in OBSERVERS:
         part = given[name]
         row = tuple(part) if isinstance(part, list | tuple) else (part,)
         for each in row:

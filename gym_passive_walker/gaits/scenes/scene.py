@@ -46,7 +46,7 @@ from gym_passive_walker.gaits.scenes.rewards import (
     OWN,
     checked_groups,
     checked_rule,
-    parts_of,
+    observation_parts,
 )
 from gym_passive_walker.gaits.scenes.rules import ENERGIES
 from gym_passive_walker.gaits.terrain import Terrain, terrain_from
@@ -258,7 +258,7 @@ class Scene:
         groups = self.groups
         if groups is None:
             return self.observation is None
-        return any(part == OWN for _, part in parts_of(groups))
+        return any(part == OWN for _, part in observation_parts(groups))
 
     def _checked_slope(self) -> float | tuple[float, float]:
         """Return the slope or the range of slopes, in rad, after a check."""
@@ -310,7 +310,7 @@ class Scene:
         low, high = own if isinstance(own, tuple) else (own, own)
         for entry in entries_of(self.domain_randomization):
             if name in entry.names:
-                ends = entry.ends(own)
+                ends = entry.ends(low)
                 grows = CURRICULUM in self.domain_randomization
                 low, high = (min(low, ends[0]), max(high, ends[1])) if grows else ends
         return low, high
@@ -490,8 +490,9 @@ def seen_by_policy(scene: Scene) -> Scene:
     if scene.groups is None:
         return scene
     part = scene.groups["policy"]
-    body = {} if part == OWN else {"observe_body": ()}
-    return make_scene(scene, observation=None if part == OWN else part, **body)
+    if part == OWN:
+        return make_scene(scene, observation=None)
+    return make_scene(scene, observation=part, observe_body=())
 
 
 def make_scene(scene: SceneLike = "level", *, trust: bool | None = None, **changes: Any) -> Scene:
