@@ -118,6 +118,7 @@ def test_large_batch_on_any_number_of_threads(name, copies, threads):
     np.testing.assert_array_equal(seen, np.tile(results[0], (copies, 1)))
     for act, (*parts, infos) in zip(actions(name), results[1:], strict=True):
         *found, reported = envs.step(np.tile(act, (copies, 1)))
+        reported, infos = flat(reported), flat(infos)
         for a, b in zip(
             [*found, *map(reported.get, infos)], [*parts, *infos.values()], strict=True
         ):
@@ -159,6 +160,8 @@ def test_tensors(name, mode):
 
 def check_infos(reported, *parts):
     """Compare infos without masks with infos of Gymnasium; return their names."""
+    outer = {name.partition(".")[0] for part in parts for name in flat(part)}
+    reported, parts = flat(reported), [flat(part) for part in parts]
     names = {n for part in parts for n in part if not n.startswith("_")} - {
         "final_obs",
         "final_info",
@@ -172,7 +175,25 @@ def check_infos(reported, *parts):
                     values = np.array([OUTCOMES.index(value or "") for value in values])
                 wanted[mask] = values[mask]
         np.testing.assert_array_equal(reported[name], wanted, err_msg=name)
-    return names
+    return {name for name in outer if name[0] != "_"} - {"final_obs", "final_info"}
+
+
+def flat(infos):
+    """Infos in which the draws of domain randomization have entries of their own, with masks."""
+    found = {name: values for name, values in infos.items() if "randomized" not in name}
+    for name, values in infos.get("randomized", {}).items():
+        hidden, plain = ("_", name[1:]) if name[0] == "_" else ("", name)
+        found[f"{hidden}randomized.{plain}"] = values
+    return found
+
+
+def of_one(infos, i):
+    """Infos of a single environment among those of Gymnasium."""
+    return {
+        name: of_one(values, i) if isinstance(values, dict) else values[i]
+        for name, values in infos.items()
+        if name[0] != "_" and name[:5] != "final"
+    }
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -196,15 +217,16 @@ def test_stable_baselines3(name):
             info = reported[i]
             if not done[i]:
                 assert info.pop("TimeLimit.truncated") is False
-                assert info == {n: infos[n][i] for n in infos if n[0] != "_" and n[:5] != "final"}
+                assert info == of_one(infos, i)
                 continue
             last = infos["final_info"]
             np.testing.assert_array_equal(info["terminal_observation"], infos["final_obs"][i])
             assert info["TimeLimit.truncated"] is bool(late[i] and not fell[i])
             assert info["episode"]["r"] == pytest.approx(returns[i], abs=1e-6)
             assert info["episode"]["l"] == lengths[i]
-            for entry in info.keys() & last.keys():
-                assert info[entry] == last[entry][i], entry
+            ended = of_one(last, i)
+            for entry in info.keys() & ended.keys():
+                assert info[entry] == ended[entry], entry
             assert {*EVERY_STEP, *EVERY_STRIDE, "outcome"} < info.keys()
         returns[done], lengths[done] = 0.0, 0
 
