@@ -12,7 +12,6 @@ from gym_passive_walker.envs.evaluation.gauntlet import Gauntlet, gauntlet
 from gym_passive_walker.envs.evaluation.robustness import Robustness, robustness
 from gym_passive_walker.envs.explain import explain
 from gym_passive_walker.envs.policies import PolicyError, TrainedPolicy, load_policy
-from gym_passive_walker.envs.transitions import Transition
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.branches.bifurcation import (
     BifurcationDiagram,
@@ -46,6 +45,7 @@ from gym_passive_walker.gaits.robust.basin import (
     basin_of_attraction,
     largest_push,
 )
+from gym_passive_walker.gaits.scenes.transition import Transition
 from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain, footholds, rough, stairs, waves
 from gym_passive_walker.models.equations.hybrid import Outcome

@@ -6,12 +6,14 @@ Every reader of the package takes its JSON from `parse_json` and its reasons fro
 from __future__ import annotations
 
 import json
+import linecache
 import math
 import os
 import pickle
 import re
 import sys
 import tomllib
+import traceback
 from collections.abc import Callable, Iterable
 from importlib import import_module
 from pathlib import Path
@@ -22,6 +24,8 @@ from gym_passive_walker._tools.console import cut
 _YAML = (".yaml", ".yml")
 SUFFIXES = (".json", *_YAML, ".toml")
 """Supported file name endings."""
+
+_PACKAGE = str(Path(__file__).parents[1])
 
 POLICIES: list[str] = []
 """Module that reads trained policies: controllers by name or path load it."""
@@ -209,3 +213,17 @@ def _yaml(name: str, content: str) -> Any:
     Loader.add_implicit_resolver(_FLOAT_TAG, _FLOAT, list("-+0123456789."))
     Loader.add_constructor(_FLOAT_TAG, Loader.construct_float)
     return yaml.load(content, Loader)
+
+
+def cause_of(error: BaseException) -> str:
+    """Return what an error of a user's function says, and the line of their file."""
+    frames = [
+        (frame.f_code.co_filename, line)
+        for frame, line in traceback.walk_tb(error.__traceback__)
+        if not frame.f_code.co_filename.startswith(_PACKAGE)
+    ]
+    lines = [line for file, line in frames if file == frames[0][0]]  # libraries are called from it
+    if not lines:
+        return str(error)
+    text = linecache.getline(frames[0][0], lines[-1]).strip()
+    return f"line {lines[-1]}{f', `{text}`' * bool(text)}: {error}"

@@ -28,6 +28,7 @@ _SOURCES = (
     "gaits/scenes/checks",
     "gaits/scenes/rules",
     "gaits/scenes/starts",
+    "gaits/scenes/transition",
     "envs/task",
     "envs/disturbance_kernels",
     "envs/constraints",

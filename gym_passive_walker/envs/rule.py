@@ -9,11 +9,8 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
-import linecache
-import traceback
 import warnings
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from types import FunctionType
 from typing import Any
 
@@ -21,12 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import shown
+from gym_passive_walker._tools.loading import cause_of
 from gym_passive_walker.engine import machine
 from gym_passive_walker.engine.native import Memory, Module, uses
 from gym_passive_walker.envs import task, views
-from gym_passive_walker.envs.transitions import OF_LEDGER, PARTS, Transition, note_for
+from gym_passive_walker.envs.transitions import OF_LEDGER, PARTS, note_for
 from gym_passive_walker.envs.views import Shape
 from gym_passive_walker.gaits.scenes.checks import SceneError
+from gym_passive_walker.gaits.scenes.transition import Transition
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.expressions import Expression
 
@@ -34,7 +33,6 @@ _ALL = (1 << len(PARTS)) - 1
 _FEW = 3  # walkers in a comparison of results, together and alone
 _ROUNDING = 1e-9  # relative; formulas may cancel digits
 _SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 4, *[ctypes.c_double] * 2)
-_PACKAGE = str(Path(__file__).parents[1])
 
 
 class Rule:
@@ -77,7 +75,7 @@ class Rule:
         try:
             self._compile(notes, alone)
         except Exception as error:  # a user's function may raise anything
-            self.untraced = _in_words(error)
+            self.untraced = cause_of(error)
             self._together = self._is_together(notes[:_FEW], alone[:_FEW])
             self._warn(
                 f"cannot be compiled ({self.untraced}): after each step it is called "
@@ -118,7 +116,7 @@ class Rule:
             except _NoNumber as no_number:
                 raise SceneError(str(no_number)) from None
             except Exception:
-                raise SceneError(f"{self.name} fails: {_in_words(error)}") from error
+                raise SceneError(f"{self.name} fails: {cause_of(error)}") from error
         if np.isnan(found).any():
             k = int(np.flatnonzero(np.isnan(found).any(axis=1))[0])
             raise SceneError(f"{self._wanted(np.nan)} {_SAMPLED[k]}; return a number there too")
@@ -324,17 +322,3 @@ def _close(found: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np
 def _agree(found: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
     """Return whether results have one shape, and are equal to rounding."""
     return found.shape == other.shape and bool(_close(found, other).all())
-
-
-def _in_words(error: BaseException) -> str:
-    """Return what an error says, and the line of the user's file that it comes from."""
-    frames = [
-        (frame.f_code.co_filename, line)
-        for frame, line in traceback.walk_tb(error.__traceback__)
-        if not frame.f_code.co_filename.startswith(_PACKAGE)
-    ]
-    lines = [line for file, line in frames if file == frames[0][0]]  # libraries are called from it
-    if not lines:
-        return str(error)
-    text = linecache.getline(frames[0][0], lines[-1]).strip()
-    return f"line {lines[-1]}{f', `{text}`' * bool(text)}: {error}"

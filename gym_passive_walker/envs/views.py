@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.engine.layout import NARROW, Layout, layout_of
 from gym_passive_walker.engine.native import Memory
-from gym_passive_walker.envs.transitions import BOOLEANS, OF_LEDGER, SEVERAL, Transition, note_for
+from gym_passive_walker.envs.transitions import BOOLEANS, OF_LEDGER, SEVERAL, note_for
+from gym_passive_walker.gaits.scenes.transition import Transition
 from gym_passive_walker.models.equations.hybrid import Outcome, State
 from gym_passive_walker.models.expressions import choose
 

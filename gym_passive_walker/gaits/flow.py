@@ -76,7 +76,7 @@ def report_of(system: System) -> Reported:
 def _report(coordinates: int, controls: int, room: int) -> Reported:
     states = [("state", i + part) for part in (0, room) for i in range(coordinates)]
     angles = [(name, j) for name in ("moved", "turned") for j in range(controls)]
-    entries: tuple[Entry, ...] = (*states, *(each.of for each in RECORDED), *angles)
+    entries: tuple[Entry, ...] = (*states, *(each.of for each in RECORDED), *angles, "passed")
     return Reported(entries, len(states), {entry: place for place, entry in enumerate(entries)})
 
 
@@ -317,8 +317,8 @@ class Flow:
         states = np.empty(shape)
         states[:, :1] = states_in(self.before, self.system.coordinates)
         states[:, 1:] = self.tangents.states
-        before = _places(self.system, self.bodies, states)
-        places = _places(self.system, self.bodies, states_in(self.records, shape[-1] // 2))
+        before = hip_places(self.system, self.bodies, states)
+        places = hip_places(self.system, self.bodies, states_in(self.records, shape[-1] // 2))
         travelled = np.where(self.struck[:, None], self.records["passed"], places) - before
         travelled[self.outcomes > _STRUCK, 1:] = 0.0
         return travelled
@@ -587,8 +587,14 @@ def accelerations_at(
     return np.stack([links[min(i, phase.links - 1)] for i in range(system.coordinates)], axis=-1)
 
 
-def _places(system: System, bodies: NDArray, states: NDArray) -> NDArray:
-    """Positions of hips (n, 1 + k), from constants (1 or n, 1 or 1 + k, ...) and states."""
+def hip_places(system: System, bodies: NDArray, states: NDArray) -> NDArray:
+    """Return positions of hips with tangents, (n, 1 + k).
+
+    Args:
+        system: Equations of the walkers.
+        bodies: Constants with their tangents, (1 or n, 1 or 1 + k, constants).
+        states: States with their tangents, (n, 1 + k, 2 m).
+    """
 
     def at(bodies: NDArray, states: NDArray) -> NDArray:
         body, state = (np.moveaxis(values, -1, 0) for values in (bodies, states))

@@ -8,10 +8,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from gym_passive_walker.envs.transitions import Transition
 from gym_passive_walker.envs.views import IN_PLACE
 from gym_passive_walker.gaits.scenes.checks import SceneError
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, rule_of
+from gym_passive_walker.gaits.scenes.transition import Transition
 
 _ARITHMETIC = frozenset(
     name

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from gym_passive_walker._tools.arguments import shown, whole
 from gym_passive_walker.envs.batch import Batch
-from gym_passive_walker.envs.transitions import STOPPED, Transition
+from gym_passive_walker.envs.transitions import STOPPED
 from gym_passive_walker.envs.vector_env import seed_randoms
 from gym_passive_walker.gaits.flow import states_in
 from gym_passive_walker.gaits.scenes import rules
@@ -29,6 +29,7 @@ from gym_passive_walker.gaits.scenes.scene import (
     seen_by_policy,
     undisturbed,
 )
+from gym_passive_walker.gaits.scenes.transition import Transition
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.systems import UNEVEN
 from gym_passive_walker.models.model import check_heights_only

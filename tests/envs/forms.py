@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 import gym_passive_walker as gpw
-from gym_passive_walker.envs.transitions import BOOLEANS, SEVERAL, Transition
+from gym_passive_walker.envs.transitions import BOOLEANS, SEVERAL
 from gym_passive_walker.envs.views import Shape
+from gym_passive_walker.gaits.scenes.transition import Transition
 from gym_passive_walker.models.equations.hybrid import State
 
 PLAIN = SimpleNamespace(

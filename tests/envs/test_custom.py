@@ -11,13 +11,14 @@ import pytest
 import gym_passive_walker as gpw
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.rule import Rule
-from gym_passive_walker.envs.transitions import BOOLEANS, NOTE, SEVERAL, Transition
+from gym_passive_walker.envs.transitions import BOOLEANS, NOTE, SEVERAL
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.envs.views import Shape, of_notes
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.checks import SceneError
 from gym_passive_walker.gaits.scenes.rewards import TERMS
 from gym_passive_walker.gaits.scenes.scene import make_scene
+from gym_passive_walker.gaits.scenes.transition import Transition
 
 COUNT, STEPS = 5, 40
 SCENES = {

@@ -1,4 +1,4 @@
-"""Periodic gaits of least cost of transport at given speeds, found and stored."""
+"""Periodic gaits of least cost of transport at a speed, or of most reward; found and stored."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache
@@ -24,10 +24,12 @@ from gym_passive_walker.engine import cache as cached
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.control.feedback import first_driven, powered_gait
 from gym_passive_walker.gaits.control.optimum import OptimalGait, Problem, slope_of
+from gym_passive_walker.gaits.control.stride_reward import StrideReward, own_reward
 from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.scenes.transition import Transition
 from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import Walker, describe
 
@@ -40,19 +42,31 @@ COSTS = Path(__file__).parent / "least_costs.json"
 _SPARE = 1.5  # ticks given to a stride, over those it takes at first
 _ALIKE = 1e-6  # relative difference of costs that is none
 _AT_HAND = 0.02  # difference in speed, over sqrt(g l), from which a stored gait is a start
+_STATIONARY = 1e-3  # violation of optimality, relative, from which a gait is at a corner
 _SHARES = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0)  # of the largest push-off or ankle torque, to begin with
 
 
 def optimal_gait(
     scene: Scene | str | dict[str, Any],
-    speed: float,
+    speed: float | None = None,
     *,
+    reward: Callable[[Transition], Any] | Mapping[str, float] | None = None,
     start: OptimalGait | None = None,
     time_limit: float = math.inf,
 ) -> OptimalGait:
-    """Find the periodic gait of least cost of transport at a speed, on smooth ground.
+    """Find the periodic gait of least cost of transport at a speed, or of most reward.
 
-    Terrain, disturbances and command of the scene do not matter.
+    With a speed alone, the gait has the least cost of transport at that speed. Without a speed, it
+    has the most reward: the scene's own, or else the environment's. With `reward`, it has the most
+    of that reward, at the speed if there is one.
+
+    The most reward means the largest mean over control steps. An episode of N control steps earns
+    N times that mean, so it is what a learner maximizes, without discounting. A heelstrike ends the
+    last control step of a stride early. Where a control step is a stride, the mean is the reward of
+    a stride. The search tries one control step more and one less, as long as this is better.
+
+    The ground is smooth: terrain, disturbances and terminations of one's own do not matter. A
+    commanded speed matters for a reward that reads it.
     The optimum is a local one: that which lies nearest to where the search starts. Where the scene
     ends an episode on a stubbed toe (`end_on_toe_stub`), the toe clears the ground on it. Where it
     does not, the toe may stub: `stubs` of the gait says so.
@@ -61,47 +75,99 @@ def optimal_gait(
         scene: A scene in a form that `make_scene` takes, of one slope: says which torques
             there are, for how long they are held and how the motor is charged.
         speed: Speed over sqrt(g l); of a `System`, in its own units.
+        reward: Function of a `Transition`, or weights, as of a scene. Its derivatives are exact. It
+            must be smooth at the optimum. The push-off is an action of equal size in all control
+            steps.
         start: A gait at a neighbouring speed; None is the nearest of those stored for the scene if
-            there is one at hand, else one with a constant torque. From that, the search starts
-            twice more, from the torques it has found a tick later and a tick earlier: that takes
-            two to three times as long, and of optima some 0.1 to 1 % apart finds the lowest more
-            often.
+            there is one at hand, else one with a constant torque. From that, the search for least
+            cost starts twice more, from the torques it has found a tick later and a tick earlier:
+            that takes two to three times as long, and of optima some 0.1 to 1 % apart finds the
+            lowest more often. For a reward, None is the one of these with the most.
         time_limit: Largest time of the search in s; checked in each iteration.
+
+    Returns:
+        The gait. Its `reward` is the sum over the control steps of a stride, if one is maximized.
 
     Raises:
         GaitNotFound: if none is found at that speed, or none that the scene's rule
             `end_on_toe_stub` allows; the message has speeds with a gait.
         TimeoutError: if the search takes longer than `time_limit`.
         ValueError: if the scene has a range of slopes or no actuator, or the speed or the time
-            limit is not positive.
+            limit is not positive; if the reward cannot be traced, has a corner at the optimum, or
+            reads what no stride repeats.
+
+    Example:
+        >>> import gym_passive_walker as gpw
+        >>> scene = {"slope": 0.03, "control": "stride"}
+        >>> gait = gpw.optimal_gait(scene, reward=lambda step: step.distance - 5.0 * step.energy)
+        >>> print(f"{gait.reward:.3f}")
+        0.000
     """
     scene = make_scene(scene)
     check_supports(scene.walker, "optimal gaits")
     slope_of(scene)  # refuses a range before there is work done
     deadline = time.monotonic() + number(time_limit, "time_limit", above=0.0, most=math.inf)
-    if number(speed, "speed", above=0.0) >= 2.0 and "actuation" in scene.walker.supports:
+    fastest = 2.0 if "actuation" in scene.walker.supports else math.inf
+    if speed is not None and number(speed, "speed", above=0.0) >= fastest:
         raise ValueError(f"speed must lie between 0 and 2, over sqrt(g l), not {speed!r}")
     if start is not None:
         instance(start, OptimalGait, "start", "gpw.optimal_gait returns")
-    near = start or _at_hand(scene, speed)
+    rewarded = None
+    if reward is not None or speed is None:
+        rewarded = StrideReward(scene, reward or scene.reward or own_reward)
+    near = start or _at_hand(scene, speed, rewarded)
     begun = near or constant_gait(scene)
+    spare = 1.0 if rewarded else _SPARE
     ticks = (
         1
         if scene.control == "stride"
-        else math.ceil(_SPARE * begun.dimensionless.step_period / scene.tick)
+        else math.ceil(spare * begun.dimensionless.step_period / scene.tick)
     )
-    problem = Problem(scene, speed, ticks, begun.point.section.dimension)
+    problem = Problem(scene, speed, ticks, begun.point.section.dimension, rewarded)
     problem.deadline = deadline
     try:
         with progress("iterations of the search for an optimal gait") as problem.iterated:
+            if rewarded:
+                return _most_rewarded(problem, begun)
             return _best(problem, begun, near, start)
     except GaitNotFound as error:
         raise GaitNotFound(f"{error}; {_known_speeds(scene, begun)}") from None
     except TimeoutError:
+        at = "" if speed is None else f" at speed {speed:g}"
         raise TimeoutError(
-            f"no optimal gait at speed {speed:g} was found in {time_limit:g} s: give the search "
-            "more time"
+            f"no optimal gait{at} was found in {time_limit:g} s: give the search more time"
         ) from None
+
+
+def _most_rewarded(problem: Problem, begun: OptimalGait) -> OptimalGait:
+    """Return the gait of most reward, in as many control steps as are best.
+
+    Raises:
+        GaitNotFound: if there is none.
+        TimeoutError: if the problem's deadline has passed.
+        ValueError: if the reward is not smooth there.
+    """
+    count = problem.ticks
+    found: dict[int, OptimalGait | None] = {count: _solved(problem, begun, begun)}
+    while problem.steps:
+        count, best = min(((n, g) for n, g in found.items() if g), key=lambda each: _cost(each[1]))
+        untried = [n for n in (count + 1, count - 1) if n not in found and n > 0]
+        if not untried:
+            break
+        found[untried[0]] = None
+        with suppress(GaitNotFound):
+            other = problem.with_ticks(untried[0])
+            z = other.solve(other.begun_at(best), known=_cost(best))
+            if other.allowed(z):
+                found[untried[0]] = _with_corners(other, z)
+    best = found[count]
+    assert best is not None and problem.reward is not None
+    if problem.reward.corner and best.optimality > _STATIONARY:
+        raise ValueError(
+            f"the reward has {problem.reward.corner}, and the best gait found is at a corner of "
+            "it, without a derivative: write a smooth function in its place, such as a square"
+        )
+    return best
 
 
 def _best(
@@ -120,19 +186,34 @@ def _best(
         TimeoutError: if the problem's deadline has passed.
     """
     scene, speed = problem.scene, problem.speed
-    z = problem.solve(problem.begun_at(begun))
-    if not problem.allowed(z):
-        own = begun if start is None else _at_hand(scene, speed) or constant_gait(scene)
-        z = _clearing(problem, [z, problem.begun_at(begun), problem.begun_at(own)])
-    best = first = _with_corners(problem, z)
+    best = first = _solved(
+        problem, begun, begun if start is None else _at_hand(scene, speed) or constant_gait(scene)
+    )
     if near is None and problem.ticks > 1:
         # From a start so far away, torques may have come to lie in ticks too late or too early.
         for shifted in _shifted(first):
             with suppress(GaitNotFound):
-                z = problem.solve(problem.begun_at(shifted), known=best.charged_cost)
+                z = problem.solve(problem.begun_at(shifted), known=_cost(best))
                 if problem.allowed(z):
                     best = _cheaper(best, _with_corners(problem, z))
     return best
+
+
+def _solved(problem: Problem, begun: OptimalGait, other: OptimalGait) -> OptimalGait:
+    """Return the gait that a search comes to, on which the toe clears the ground if it has to.
+
+    Args:
+        problem: The problem.
+        begun: Gait from which the search begins.
+        other: Gait from which it begins again if it comes to none that the scene allows.
+
+    Raises:
+        GaitNotFound: if there is none.
+    """
+    z = problem.solve(problem.begun_at(begun))
+    if not problem.allowed(z):
+        z = _clearing(problem, [z, problem.begun_at(begun), problem.begun_at(other)])
+    return _with_corners(problem, z)
 
 
 def _with_corners(problem: Problem, z: NDArray) -> OptimalGait:
@@ -141,16 +222,23 @@ def _with_corners(problem: Problem, z: NDArray) -> OptimalGait:
     for edge in _edges(best, problem.tick):
         problem.edge = edge
         with suppress(GaitNotFound):
-            held = problem.solve(z, known=best.charged_cost)
+            held = problem.solve(z, known=_cost(best))
             if problem.allowed(held):
                 best = _cheaper(best, problem.measured(held))
     problem.edge = None
     return best
 
 
+def _cost(gait: OptimalGait) -> float:
+    """Return what is least of an optimal gait; minus the mean reward, if that is most."""
+    paid = gait.reward_per_control_step
+    return gait.charged_cost if paid is None else -paid
+
+
 def _cheaper(known: OptimalGait, found: OptimalGait) -> OptimalGait:
-    """Return the cheaper of two gaits; `found` if they cost the same."""
-    return found if found.charged_cost <= known.charged_cost * (1.0 + _ALIKE) else known
+    """Return the gait of less cost; `found` if they cost the same."""
+    least = _cost(known)
+    return found if _cost(found) <= least * (1.0 + math.copysign(_ALIKE, least)) else known
 
 
 def _shifted(gait: OptimalGait) -> list[OptimalGait]:
@@ -181,14 +269,27 @@ def _clearing(problem: Problem, starts: list[NDArray]) -> NDArray:
     return problem.solve(starts[-1])
 
 
-def _at_hand(scene: Scene, speed: float) -> OptimalGait | None:
-    """Return the stored gait of a scene that is nearest in speed; None if none is near."""
+def _at_hand(
+    scene: Scene, speed: float | None, reward: StrideReward | None = None
+) -> OptimalGait | None:
+    """Return the stored gait of a scene that is nearest in speed; None if none is near.
+
+    Without a speed it is the one with the most reward.
+    """
     try:
         gaits = load(stored_name(scene))
     except ValueError:
         return None
+    if speed is None:
+        return min(gaits, key=lambda gait: _reward_cost(scene, gait, reward))
     nearest = min(gaits, key=lambda gait: abs(gait.froude_speed - speed))
     return nearest if abs(nearest.froude_speed - speed) < _AT_HAND else None
+
+
+def _reward_cost(scene: Scene, gait: OptimalGait, reward: StrideReward | None) -> float:
+    """Return minus the mean reward of the control steps of a gait."""
+    problem = Problem(scene, None, gait.control_steps, gait.point.section.dimension, reward)
+    return problem.at(problem.begun_at(gait))[0]
 
 
 def _known_speeds(scene: Scene, begun: OptimalGait) -> str:

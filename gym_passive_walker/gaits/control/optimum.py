@@ -1,9 +1,10 @@
-"""One gait of least cost: its unknowns, cost and constraints, and the search for it.
+"""One gait of least cost or most reward: its unknowns, cost and constraints, and the search for it.
 
 Unknown are a point of the section, the torques of each tick and the push-off; wanted is that the
-stride ends where it began, at the speed asked for, for the least work of the motors. Each torque is
-the difference of a driving and a braking part, neither of them negative, so that absolute work is
-smooth. SciPy's SLSQP solves it with exact derivatives (see `ticks`).
+stride ends where it began, at the speed asked for, for the least work of the motors; or that it
+earns the most reward in a number of control steps. Each torque is the difference of a driving and a
+braking part, neither of them negative, so that absolute work is smooth. SciPy's SLSQP solves it
+with exact derivatives (see `ticks` and `stride_reward`).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker._tools.shown import Table
 from gym_passive_walker.gaits.actuation import Actuation, to_own
+from gym_passive_walker.gaits.control.stride_reward import StrideReward
 from gym_passive_walker.gaits.control.ticks import (
     PiecewiseConstantStride,
     before_kneestrike,
@@ -53,12 +55,15 @@ _NEAR = 1e-7  # a bound, at which an unknown counts as at it
 _AHEAD = np.array([[-1.0, 1.0], [1.0, 1.0]])
 """Derivatives, by stance and swing angle, of the swing leg's lead and of its extra inclination."""
 
+_SPACE = 1e-6  # of a control step, between the heelstrike and the ends of its control step
+_LARGE = 100.0  # size of the cost's gradient in the search, beside the constraints
+
 _CLEAR = 1e-3  # rad of either as the knee locks, at the least, where the toe has to clear
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class OptimalGait(Measured, Table):
-    """A gait of least cost at its speed, in the walker's own units; a table of its controls.
+    """A gait of least cost or most reward, in the walker's own units; a table of its controls.
 
     It has the quantities of its stride, as a `Gait` has those of its own; so `froude_speed` is the
     speed over sqrt(g l), and `dimensionless` has the same attributes without units.
@@ -78,6 +83,7 @@ class OptimalGait(Measured, Table):
         optimality: Largest entry of the Lagrangian's gradient that bounds do not explain, over the
             largest entry of the cost's own.
         stubs: Whether the toe would stub on it.
+        reward: Sum of the rewards of the stride's control steps; None of a gait of least cost.
     """
 
     slope: float
@@ -90,6 +96,17 @@ class OptimalGait(Measured, Table):
     violation: float
     optimality: float
     stubs: bool
+    reward: float | None = None
+
+    @property
+    def control_steps(self) -> int:
+        """Number of control steps in a stride."""
+        return len(next(iter(self.held.values())))
+
+    @property
+    def reward_per_control_step(self) -> float | None:
+        """Reward of a stride over its control steps: an episode of N of them earns N times it."""
+        return None if self.reward is None else self.reward / self.control_steps
 
     @property
     def walker(self) -> Walker:
@@ -117,6 +134,7 @@ class OptimalGait(Measured, Table):
             "speed": in_words(self, "speed"),
             "cost of motors": f"{self.charged_cost:.6g}",
             "cost of transport": f"{self.cost_of_transport:.6g}",
+            **({} if self.reward is None else {"reward of a stride": f"{self.reward:.6g}"}),
             "largest multiplier": f"{abs(self.multipliers[0]):.6g}",
             "": ("stable" if self.stable else "unstable") + ", the toe stubs" * self.stubs,
         }
@@ -183,7 +201,8 @@ class Problem:
     """Cost and constraints over z = (point, driving parts, braking parts, push-off).
 
     Parts are from 0 to 1, those of the first motor's ticks before those of the second's; so is the
-    push-off.
+    push-off. With a reward, the cost is minus its mean over the control steps, of which there are
+    as many as ticks.
 
     Attributes:
         deadline: Time of `time.monotonic` after which a search raises a `TimeoutError`.
@@ -193,9 +212,14 @@ class Problem:
     deadline: float = math.inf
     iterated: Callable[[], object] = staticmethod(int)
 
-    def __init__(self, scene: Scene, speed: float, ticks: int, m: int) -> None:
+    def __init__(
+        self, scene: Scene, speed: float | None, ticks: int, m: int,
+        reward: StrideReward | None = None,
+    ) -> None:  # fmt: skip
         self.slope = slope_of(scene)
         self.scene, self.speed, self.ticks, self.m = scene, speed, ticks, m
+        self.reward = reward
+        self.steps = ticks if reward is not None and scene.control == "tick" else 0
         self.tick = scene.tick if scene.control == "tick" else math.inf
         self.absolute, self.net = SHARES[scene.energy]
         self.edge: float | None = None  # when the knee has to lock, if that is fixed
@@ -211,6 +235,12 @@ class Problem:
         works = np.divide(works, scene.walker.weight / scene.walker.units.force)
         self.works = np.repeat(works[: self.motors], ticks)
         self._last: tuple[Any, Any] = None, None
+
+    def with_ticks(self, ticks: int) -> Problem:
+        """Return the problem with another number of ticks."""
+        other = Problem(self.scene, self.speed, ticks, self.m, self.reward)
+        other.deadline, other.iterated = self.deadline, self.iterated
+        return other
 
     def parts(self, z: NDArray) -> tuple[NDArray, NDArray]:
         """Driving and braking parts of z, views of it."""
@@ -235,17 +265,18 @@ class Problem:
         )  # fmt: skip
 
     def at(self, z: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
-        """Return the motors' cost with its gradient, and the equality constraints with theirs."""
+        """Return the cost with its gradient, and the equality constraints with theirs."""
         cost, gradient, gap, by_gap, _, _ = self._known(z)
         if self.edge is None:  # the last one is when the knee locks
             return cost, gradient, gap[:-1], by_gap[:-1]
-        return cost, gradient, gap - np.append(np.zeros(self.m + 1), self.edge), by_gap
+        return cost, gradient, gap - np.append(np.zeros(len(gap) - 1), self.edge), by_gap
 
     def room(self, z: NDArray) -> tuple[NDArray, NDArray]:
-        """Return conditions that must not be negative for the toe to clear the ground; derivatives.
+        """Return conditions that must not be negative, and their derivatives.
 
-        As the knee locks, a straight leg is above the ground if it is ahead of the stance leg and
-        further from the vertical. Empty where that is no condition.
+        For the toe to clear the ground: as the knee locks, a straight leg is above the ground if it
+        is ahead of the stance leg and further from the vertical. With a reward: the heelstrike
+        comes in the last control step. Empty where these are no conditions.
         """
         return self._known(z)[4:]
 
@@ -256,7 +287,8 @@ class Problem:
             try:
                 self._last = key, self._evaluate(z)
             except NoStride:  # no step of a line search ends here
-                size, gaps, sides = len(z), self.m + 2, len(_AHEAD) * self.clears
+                size, gaps = len(z), self.m + 1 + (self.speed is not None)
+                sides = len(_AHEAD) * self.clears + 2 * (self.steps > 0)
                 nowhere = math.inf, np.zeros(size), np.ones(gaps), np.zeros((gaps, size))
                 self._last = key, (*nowhere, -np.ones(sides), np.zeros((sides, size)))
         return self._last[1]
@@ -269,16 +301,36 @@ class Problem:
 
     def _room(self, z: NDArray, walked: PiecewiseConstantStride) -> tuple[NDArray, NDArray]:
         """Compute the result of `room`."""
+        room, by_room = np.empty(0), np.empty((0, len(z)))
+        if self.steps:
+            late = walked.duration / self.tick - self.steps
+            room = np.array([-late, 1.0 + late]) - _SPACE
+            by_late = self._by_unknowns(walked.by[self.m : self.m + 1]) / self.tick
+            by_room = np.vstack([-by_late, by_late])
         if not self.clears:
-            return np.empty(0), np.empty((0, len(z)))
+            return room, by_room
         walkers = Walkers(walker=self.scene.walker, using=("ankle_torque",) * (self.motors == 2))
         state, by = before_kneestrike(walkers, walked)
-        return _AHEAD @ state[:2] - _CLEAR, _AHEAD @ self._by_unknowns(by[:2])
+        ahead, by_ahead = _AHEAD @ state[:2] - _CLEAR, _AHEAD @ self._by_unknowns(by[:2])
+        return np.append(room, ahead), np.vstack([by_room, by_ahead])
 
     def _evaluate(self, z: NDArray) -> tuple[float, NDArray, NDArray, NDArray, NDArray, NDArray]:
-        m, n = self.m, len(self.largest)
-        walked = self.walk(z)
+        m, walked = self.m, self.walk(z)
         by = self._by_unknowns(walked.by)
+        cost, gradient = self._work(z, walked, by) if self.reward is None else self._paid(z, walked)
+        gap, by_gap = walked.end - z[:m], by[:m]
+        by_gap[:, :m] -= np.eye(m)
+        if self.speed is not None:
+            gap = np.append(gap, walked.length - self.speed * walked.duration)
+            by_gap = np.vstack([by_gap, by[m + 1] - self.speed * by[m]])
+        gap, by_gap = np.append(gap, walked.kneestrike), np.vstack([by_gap, by[-1]])
+        return cost, gradient, gap, by_gap, *self._room(z, walked)
+
+    def _work(
+        self, z: NDArray, walked: PiecewiseConstantStride, by: NDArray
+    ) -> tuple[float, NDArray[np.float64]]:
+        """Return the motors' cost with its gradient, from the stride's derivatives by z."""
+        m, n = self.m, len(self.largest)
         length, by_length = walked.length, by[m + 1]
         absolute, net = self.absolute * self.works, self.net * self.works
         held, torques = self.largest * sum(self.parts(z)), self.torques(z).ravel()
@@ -289,11 +341,39 @@ class Problem:
         swing = net * self.largest * walked.swing.ravel()
         by_work[m : m + 2 * n] += np.concatenate([turn + swing, turn - swing])
         cost = (of_torques.sum() + walked.push_work) / length
-        late = length - self.speed * walked.duration
-        gap = np.concatenate([walked.end - z[:m], [late, walked.kneestrike]])
-        by_gap = np.vstack([by[:m], by_length - self.speed * by[m], by[-1]])
-        by_gap[:m, :m] -= np.eye(m)
-        return cost, (by_work - cost * by_length) / length, gap, by_gap, *self._room(z, walked)
+        return cost, (by_work - cost * by_length) / length
+
+    def _paid(self, z: NDArray, walked: PiecewiseConstantStride) -> tuple[float, NDArray]:
+        """Return minus the mean reward of the control steps, with its gradient.
+
+        Raises:
+            NoStride: if the reward is not finite.
+        """
+        assert self.reward is not None
+        m, n, ticks = self.m, len(self.largest), self.ticks
+        driving, braking = self.parts(z)
+        torques, held = (self.largest * x for x in (driving - braking, driving + braking))
+        by_motor = dict(
+            zip(self.channels, np.reshape(driving - braking, (-1, ticks)), strict=False)
+        )
+        pushed = np.full(ticks, z[-1])
+        shares = np.array([by_motor.get(name, pushed) for name in self.scene.actions])
+        total, by = self.reward.at(
+            walked, torques.reshape(-1, ticks), held.reshape(-1, ticks), shares
+        )
+        if not (math.isfinite(total) and np.isfinite(by).all()):
+            raise NoStride("the reward of this stride is not finite")
+        own, by_held, by_shares = np.split(by, [walked.by.shape[1], walked.by.shape[1] + n])
+        gradient = self._by_unknowns(own[None])[0]
+        gradient[m : m + 2 * n] += np.tile(by_held * self.largest, 2)
+        for name, slope in zip(self.scene.actions, by_shares.reshape(-1, ticks), strict=True):
+            if name in by_motor:
+                first = m + self.channels.index(name) * ticks
+                gradient[first : first + ticks] += slope
+                gradient[first + n : first + n + ticks] -= slope
+            else:
+                gradient[-1] += slope.sum()
+        return -total / ticks, -gradient / ticks
 
     def solve(self, start: NDArray, *, known: float | None = None) -> NDArray:
         """Return the solution nearest to a start.
@@ -304,42 +384,53 @@ class Problem:
         Args:
             start: The start.
             known: Where it is the solution of a problem that is much the same, the cost of that
-                one: the search is given up if it costs more and does not close.
+                one: the search is given up if it costs more and does not close. With a reward it is
+                one in other control steps, and the search is given up if it does not close.
 
         Raises:
             GaitNotFound: if SLSQP finds none.
         """
         z, free = start, np.zeros(len(start), bool)
-        patience = _PATIENCE if known is None else _LITTLE
-        if known is None:
+        alike = known is not None and self.reward is None
+        patience = _LITTLE if alike else _PATIENCE
+        if not alike:
             z = self._minimised(start, self.box[:, 0] < self.box[:, 1], _FIRST)
         cost = math.inf
         for _ in range(_ROUNDS):
             wanted, before, cost = self._leaving(z), cost, self.at(z)[0]
-            if not np.any(wanted & ~free) and not cost < before * (1.0 - _WORTH):
+            if not np.any(wanted & ~free) and not _is_less(cost, before, _WORTH):
                 break
             free |= wanted
             z = self._minimised(z, free, _ITERATIONS, patience)
             if known is not None:
-                cost_now, _, gap, _ = self.at(z)
-                if cost_now > known and float(np.max(np.abs(gap))) > _OPEN:
+                costs_more = self.reward is not None or self.at(z)[0] > known
+                if costs_more and max(self._apart(z)) > _OPEN:
                     break
         z = self._closed(z)
+        cost = self.at(z)[0]
         driving, braking = self.parts(z)
         both = np.minimum(driving, braking)  # to push both ways at once does nothing, and costs
         driving -= both
         braking -= both
-        if not float(np.max(np.abs(self.at(z)[2]))) < _CLOSED:
-            raise GaitNotFound(
-                f"no gait at speed {self.speed:g} by motors of {self._motors()} was found"
+        if self.reward is not None and _is_less(cost, self.at(z)[0], _WORTH):
+            raise ValueError(
+                "the reward grows with the absolute work of an actuator, and so it has a corner "
+                "where a torque changes its sign: leave out step.energy, or reward net work"
             )
+        if not max(self._apart(z)) < _CLOSED:
+            raise GaitNotFound(f"{self._no_gait()} was found")
         if self.clears and not self.allowed(z):
             raise GaitNotFound(
-                f"no gait at speed {self.speed:g} by motors of {self._motors()} was found on which "
+                f"{self._no_gait()} was found on which "
                 "the toe clears the ground, as the scene's rule `end_on_toe_stub` asks for; try "
                 "another `start`, or a scene with end_on_toe_stub=False"
             )
         return z
+
+    def _apart(self, z: NDArray) -> tuple[float, float]:
+        """Return how far a stride is from closing, and from ending in its last control step."""
+        late = self.room(z)[0][: 2 * (self.steps > 0)]
+        return float(np.max(np.abs(self.at(z)[2]))), max(-late.min(initial=0.0), 0.0)
 
     def allowed(self, z: NDArray) -> bool:
         """Return whether the scene allows a gait: no toe stubs where that ends an episode."""
@@ -355,6 +446,12 @@ class Problem:
             return True
         return False
 
+    def _no_gait(self) -> str:
+        """Return the beginning of a message on a gait that is not found."""
+        at = "" if self.speed is None else f" at speed {self.speed:g}"
+        steps = f" in {self.steps} control steps" * (self.steps > 0)
+        return f"no gait{at}{steps} by motors of {self._motors()}"
+
     def _motors(self) -> str:
         """Return a description of the actuators, for messages."""
         there = {"hip": "at the hip", "ankle": "at the ankle", "push_off": "as a push-off"}
@@ -368,7 +465,9 @@ class Problem:
         self, start: NDArray, free: NDArray, iterations: int, patience: int = _PATIENCE
     ) -> NDArray:
         """Return z with some of the unknowns optimized, the others held."""
-        scale = 100.0  # of the cost, to the size of the constraints
+        # Of the cost, to the size of the constraints; costs of transport have small gradients.
+        largest = 1.0 if self.reward is None else float(np.max(np.abs(self.at(start)[1])))
+        scale = _LARGE if self.reward is None else 1.0 / (largest or 1.0)
         z, best = start.copy(), start[free]
         least, since = math.inf, 0  # the best merit so far, and points since it became better
 
@@ -382,8 +481,9 @@ class Problem:
             if time.monotonic() > self.deadline:
                 raise TimeoutError
             cost, _, gap, _, room, _ = at(unknown)
-            merit = cost + 10.0 * float(np.abs(gap).sum() + np.maximum(-room, 0.0).sum())
-            since = 0 if merit < least * (1.0 - _GAIN) else since + 1
+            merit = cost * (scale / _LARGE)
+            merit += 10.0 * float(np.abs(gap).sum() + np.maximum(-room, 0.0).sum())
+            since = 0 if _is_less(merit, least, _GAIN) else since + 1
             if merit < least:
                 best, least = unknown.copy(), merit
             if since > patience:
@@ -500,9 +600,15 @@ class Problem:
             controller=controller,
             mean=stride,
             multipliers=multipliers_of(walked.by_point),
-            charged_cost=float(self.at(z)[0]),
+            charged_cost=float(self._work(z, walked, self._by_unknowns(walked.by))[0]),
             on_edge=self.edge is not None,
             violation=float(np.max(np.abs(gap))),
             optimality=self.optimality(z),
             stubs=self._stubs(z),
+            reward=None if self.reward is None else -self.at(z)[0] * self.ticks,
         )
+
+
+def _is_less(number: float, other: float, gain: float) -> bool:
+    """Return whether a number is less than another one by a gain, relative to that."""
+    return number < other * (1.0 - math.copysign(gain, other))
