@@ -20,7 +20,7 @@ import numpy as np
 import gym_passive_walker as gpw
 from examples.torso import TORSO
 from gym_passive_walker import console
-from gym_passive_walker.math import maximum, sin, where
+from gym_passive_walker.math import sin, where
 
 MEAN, RANGE, PERIOD = 0.15, 0.02, 200.0
 """Mean and amplitude of the target speed over sqrt(g l), and its period over sqrt(l/g)."""

@@ -215,3 +215,37 @@ def test_controllers_of_one_name_are_told_apart():
 def test_what_cannot_be_evaluated_is_refused(wrong, said):
     with pytest.raises(ValueError, match=said):
         swift(**wrong)
+
+
+def earning(step):
+    """Distance less twice the work."""
+    return step.distance - 2.0 * step.energy
+
+
+def test_a_reward_of_ones_own_is_compared_with_the_most_that_a_gait_earns(tmp_path, monkeypatch):
+    monkeypatch.setattr(optimal.cached, "cache_directory", lambda: tmp_path)
+    scene = make_scene("steep", reward=earning)
+    most = gpw.optimal_gait(scene).reward
+    found = swift("steep-ppo", scene, time_limit=30.0, beside=("passive",))
+    assert found.most_reward == 20 * most
+    row = found.summary()["steep-ppo"]
+    earned = found.walks["steep-ppo"].reward.mean()
+    assert row["below_most_reward"] == pytest.approx(1.0 - earned / (20 * most))
+    assert 0.0 < row["below_most_reward"] < found.below_most_reward["passive"]
+    assert "below that of the gait of most reward" in found.in_words()
+    monkeypatch.setattr(optimal, "optimal_gait", None)  # the result is kept
+    assert optimal.most_reward(scene, time_limit=1.0) == most
+    other = make_scene(scene, reward=lambda step: step.distance - 2.5 * step.energy)
+    with pytest.raises(TypeError):
+        optimal.most_reward(other)
+
+
+def test_a_reward_without_an_optimum_says_why():
+    found = swift("steep-ppo", make_scene("steep", reward=lambda step: step.time))
+    assert math.isnan(found.summary()["steep-ppo"]["below_most_reward"])
+    assert "not compared with the optimum: with time_limit=0" in found.in_words()
+    found = swift(
+        "steep-ppo", make_scene("steep", reward=lambda step: step.time), time_limit=9.0, beside=()
+    )
+    assert "step.time, which grows" in found.in_words()
+    assert "most_reward" not in swift().summary()["steep-ppo"]

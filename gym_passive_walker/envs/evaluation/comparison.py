@@ -1,4 +1,4 @@
-"""A controller's walks beside those of others, and beside the optimum at their speed."""
+"""A controller's walks beside those of others, and beside the optimum of cost and reward."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.control.baselines import BASELINES
 from gym_passive_walker.gaits.control.controllers import ControllerLike, acting
-from gym_passive_walker.gaits.control.optimal import least_cost
+from gym_passive_walker.gaits.control.optimal import least_cost, most_reward
 from gym_passive_walker.gaits.control.policy import Policy, StridePlan, policy_name
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike, make_scene
@@ -49,12 +49,18 @@ class Evaluation(Table):
             NaN if it is not known. The gait walks on smooth ground, without disturbances. The
             speed is the median of the walks that reach the time limit.
         no_optimum: Why it is not known, by the names of those controllers.
+        most_reward: Largest sum of the rewards of an episode, of the gait of most reward on smooth
+            ground, without disturbances; NaN if it is not known, or the scene has no reward of its
+            own.
+        no_most_reward: Why it is not known.
     """
 
     scene: Scene
     walks: Mapping[str, Walks]
     least_cost: Mapping[str, float]
     no_optimum: Mapping[str, str]
+    most_reward: float = math.nan
+    no_most_reward: str = ""
 
     @property
     def controller_name(self) -> str:
@@ -72,6 +78,18 @@ class Evaluation(Table):
             for name, walks in self.walks.items()
         }
 
+    @property
+    def below_most_reward(self) -> dict[str, float]:
+        """Mean reward of an episode below the most, as a share of it, by controller.
+
+        NaN if unknown. Falls count. The first strides may earn more, by the energy of the initial
+        state.
+        """
+        return {
+            name: (self.most_reward - float(np.mean(walks.reward))) / abs(self.most_reward)
+            for name, walks in self.walks.items()
+        }
+
     def summary(self) -> dict[str, dict[str, Any]]:
         """Main results of each controller, by its name.
 
@@ -80,13 +98,18 @@ class Evaluation(Table):
             with a 95 % interval (Wilson); "falls", a `Share` for each outcome that ended walks;
             "reward", the mean return; medians of "distance" / l, "strides" and "speed" / sqrt(g l);
             the median "cost_of_transport" of walks to the time limit, NaN if none reaches it;
-            "least_cost" and "above_optimum", as the attributes.
+            "least_cost" and "above_optimum", as the attributes. Of a scene with a reward of its
+            own, "most_reward" and "below_most_reward" too.
         """
         return {name: self._summary(name, walks) for name, walks in self.walks.items()}
 
     def _summary(self, name: str, walks: Walks) -> dict[str, Any]:
         medians = walks.summary()
         falls = sorted({*walks.endings} - {TIME_LIMIT})
+        reward = {
+            "most_reward": self.most_reward,
+            "below_most_reward": self.below_most_reward[name],
+        }
         return {
             "walks": len(walks),
             "reached_time_limit": walks.share(TIME_LIMIT),
@@ -96,6 +119,7 @@ class Evaluation(Table):
             "cost_of_transport": median_of_lasting(walks, "cost_of_transport"),
             "least_cost": self.least_cost[name],
             "above_optimum": self.above_optimum[name],
+            **(reward if self.scene.reward is not None else {}),
         }
 
     def columns(self) -> dict[str, NDArray]:
@@ -131,6 +155,22 @@ class Evaluation(Table):
         }
 
     def in_words(self) -> str:
+        """Sentences on the controller's cost and its own reward, beside their optima."""
+        return " ".join(filter(None, (self._cost_in_words(), self._reward_in_words())))
+
+    def _reward_in_words(self) -> str:
+        """A sentence on a reward of the scene's own beside the most; empty without one."""
+        if self.scene.reward is None or self.no_most_reward:
+            return self.no_most_reward
+        share = self.below_most_reward[self.controller_name]
+        earned = float(np.mean(self.walks[self.controller_name].reward))
+        beside = "below" if share > 0.0 else "above"
+        return (
+            f"Its mean reward of an episode is {earned:.4g}, {abs(share):.1%} {beside} that of the "
+            f"gait of most reward on smooth ground, {self.most_reward:.4g}."
+        )
+
+    def _cost_in_words(self) -> str:
         """A sentence on the controller's cost beside the optimum at its speed."""
         name = self.controller_name
         if reason := self.no_optimum.get(name):
@@ -169,6 +209,7 @@ def evaluate(
     The optimum is the gait of least cost of transport at the median speed of the walks that reach
     the time limit, on smooth ground without disturbances. Stored costs are used if there are any;
     else `optimal_gait` searches, once for a scene and a speed: the user's cache keeps its result.
+    Of a scene with a reward of its own, it also searches for the gait of most reward.
 
     Args:
         controller: Any controller of `stride_map`; it acts deterministically.
@@ -232,7 +273,14 @@ def evaluate(
             costs[name] = _least_cost(own, made, limit)
         except (GaitNotFound, TimeoutError, ValueError) as error:
             reasons[name] = f"Its cost is not compared with the optimum: {error}."
-    return Evaluation(own, walks, costs, reasons)
+    most, unknown = math.nan, ""
+    if own.reward is not None:
+        try:
+            _check_single(own, "slope")
+            most = steps * most_reward(own, time_limit=limit)
+        except (GaitNotFound, TimeoutError, ValueError) as error:
+            unknown = f"Its reward is not compared with the optimum: {error}."
+    return Evaluation(own, walks, costs, reasons, most, unknown)
 
 
 def median_of_lasting(walks: Walks, name: str) -> float:
@@ -260,6 +308,19 @@ def _best_feedback(scene: Scene, envs: PassiveWalkerVectorEnv, seed: int) -> dic
     return {} if best is None else {best: tried[best]}
 
 
+def _check_single(scene: Scene, *names: str) -> None:
+    """Check that walks are alike: arguments of some names, and the body, have no range.
+
+    Raises:
+        ValueError: if one has.
+    """
+    ranges = [name for name in names if isinstance(getattr(scene, name), tuple)]
+    if scene.domain_randomization:
+        ranges.append("domain_randomization")
+    if ranges:
+        raise ValueError(f"an optimal gait is one of a single walk, and {ranges[0]} has a range")
+
+
 def _least_cost(scene: Scene, walks: Walks, time_limit: float) -> float:
     """Return the optimum's cost of transport at the speed of some walks.
 
@@ -270,9 +331,5 @@ def _least_cost(scene: Scene, walks: Walks, time_limit: float) -> float:
     """
     if 2 * walks.reached_limit.sum() < len(walks):
         raise ValueError("most of its walks end in a fall")
-    ranges = [name for name in ("slope", "command") if isinstance(getattr(scene, name), tuple)]
-    if scene.domain_randomization:
-        ranges.append("domain_randomization")
-    if ranges:
-        raise ValueError(f"an optimal gait is one of a single walk, and {ranges[0]} has a range")
+    _check_single(scene, "slope", "command")
     return least_cost(scene, median_of_lasting(walks, "speed"), time_limit=time_limit)

@@ -517,12 +517,49 @@ def _searched_cost(scene: Scene, speed: float, time_limit: float) -> float:
         )
     check_supports(scene.walker, "optimal gaits")
     slope_of(scene)
-    name = _cache_name(scene, speed)
+    return _kept(
+        _cache_name(scene, float(speed)),
+        lambda: charged(optimal_gait(scene, speed, time_limit=time_limit)),
+    )
+
+
+def most_reward(scene: Scene, *, time_limit: float = math.inf) -> float:
+    """Return the largest mean reward of a control step, of a periodic gait on smooth ground.
+
+    `optimal_gait` searches for it; the user's cache keeps the result.
+
+    Args:
+        scene: The scene, with its own reward or the environment's.
+        time_limit: Largest time of that search in s; with 0 there is none.
+
+    Raises:
+        GaitNotFound: if the search finds none.
+        TimeoutError: if the search takes longer than `time_limit`.
+        ValueError: as `optimal_gait`.
+    """
+    check_supports(scene.walker, "optimal gaits")
+    slope_of(scene)
+    if time_limit == 0.0:
+        raise TimeoutError("with time_limit=0 no optimum of its reward is searched for")
+    digest = StrideReward(scene, scene.reward or own_reward).digest
+    return _kept(
+        _cache_name(scene, digest),
+        lambda: -_cost(optimal_gait(scene, reward=scene.reward, time_limit=time_limit)),
+    )
+
+
+def _kept(name: str, search: Callable[[], float]) -> float:
+    """Return the result of a search; a cache file keeps it, or the reason why there is none.
+
+    Raises:
+        GaitNotFound: if there is none.
+        TimeoutError: if the search takes too long.
+    """
     if kept := cached.found(name):
         known = json.loads(kept)
     else:
         try:
-            known = charged(optimal_gait(scene, speed, time_limit=time_limit))
+            known = search()
         except GaitNotFound as error:
             known = str(error)
         cached.keep(name, json.dumps(known).encode())
@@ -531,13 +568,16 @@ def _searched_cost(scene: Scene, speed: float, time_limit: float) -> float:
     return known
 
 
-def _cache_name(scene: Scene, speed: float) -> str:
-    """Return the name of the cache file of an optimum: a hash of all on which it depends."""
+def _cache_name(scene: Scene, wanted: float | str) -> str:
+    """Return the name of the cache file of an optimum at a speed, or of a reward of some digest.
+
+    The name is a hash of all on which the optimum depends.
+    """
     walker: Any = scene.walker
     stated = [
         "" if isinstance(walker, Walker) else walker.hybrid.name, dict(walker.parameters),
         scene.slope, scene.control, scene.tick, scene.energy, scene.end_on_toe_stub,
-        {name: scene.largest(name) for name in scene.actions}, float(speed), scipy.__version__,
+        {name: scene.largest(name) for name in scene.actions}, wanted, scipy.__version__,
     ]  # fmt: skip
     digest = hashlib.sha256(json.dumps(stated).encode())
     for source in sorted(STORE.parents[1].rglob("*.py")):
