@@ -3,8 +3,8 @@
     python -m examples.own_tasks
     python train.py --scene examples.own_tasks:tracking
 
-`tracking` follows a speed that varies, on rough ground with pushes. `positive_work` walks with the
-least positive work of ankle and hip. `upright` keeps a torso upright. `optimum` finds the gait of
+`tracking` follows a speed that varies, on rough ground with pushes. `positive_work` walks with
+little positive work of ankle and hip. `upright` keeps a torso upright. `optimum` finds the gait of
 most reward by `gpw.optimal_gait`, with exact derivatives.
 """
 
@@ -22,56 +22,64 @@ from examples.torso import TORSO
 from gym_passive_walker import console
 from gym_passive_walker.math import sin, where
 
-MEAN, RANGE, PERIOD = 0.15, 0.02, 200.0
+MEAN, AMPLITUDE, PERIOD = 0.15, 0.02, 200.0
 """Mean and amplitude of the target speed over sqrt(g l), and its period over sqrt(l/g)."""
+
+PUSHING = {
+    "walker": "C", "slope": 0.0, "control": "stride", "actions": ("hip", "push_off"),
+}  # fmt: skip
+"""The scene of `tracking`, on smooth ground without pushes: a torque and a push-off a stride."""
+
+TARGETS = 4
+"""Number of constant target speeds, at equal distances in a period, for the optimum."""
 
 
 def target(time):
     """Target speed of `tracking` at a time."""
-    return MEAN + RANGE * sin(2.0 * math.pi / PERIOD * time)
+    return MEAN + AMPLITUDE * sin(2.0 * math.pi / PERIOD * time)
 
 
-def tracked(step, speed):
-    """Distance, less work and the square of what a stride is too long for a speed."""
-    late = where(step.heelstrike, step.step_length - speed * step.step_period, 0.0)
-    return step.distance - 2.0 * step.energy - 20.0 * late**2
+def at_speed(step, speed):
+    """Distance, less the square of what a stride is longer or shorter than the speed asks for."""
+    error = where(step.heelstrike, step.step_length - speed * step.step_period, 0.0)
+    return step.distance - 20.0 * error**2
 
 
 def track(step):
     """The reward of `tracking`."""
-    return tracked(step, target(step.time))
+    return at_speed(step, target(step.time)) - 2.0 * step.energy
 
 
 def seen(step):
     """The observation of `tracking`: state, knee, slope and target speed."""
-    return [*step.state, step.knee_locked * 1.0, step.slope, target(step.time)]
+    return [*step.state, step.knee_locked, step.slope, target(step.time)]
 
 
 def tracking() -> dict:
-    """A speed that varies, on rough ground with pushes."""
-    return {
-        "walker": "C", "slope": 0.0, "tick": 0.2, "reward": track, "observation": seen,
-        "terrain": gpw.rough(height_std=0.001), "pushes": {"rate": 0.02, "impulse": (-0.01, 0.01)},
+    """Return a scene: a speed that varies, on rough ground with pushes."""
+    return PUSHING | {
+        "reward": track, "observation": seen, "terrain": gpw.rough(height_std=0.0005),
+        "pushes": {"rate": 0.02, "impulse": (-0.005, 0.005)}, "reset_noise_scale": 0.05,
     }  # fmt: skip
 
 
 def work(step):
-    """The reward of `positive_work`: distance less ten times the positive work."""
+    """The reward of `positive_work`, at a speed of 0.15 sqrt(g l)."""
     hip = 0.5 * (step.hip_work + step.hip_work_absolute)
     ankle = 0.5 * (step.ankle_work + step.ankle_work_absolute)
-    return step.distance - 10.0 * (hip + ankle)
+    return at_speed(step, 0.15) - 5.0 * (hip + ankle)
 
 
 def positive_work() -> dict:
-    """The least positive work of ankle and hip, by straight legs on level ground."""
+    """Return a scene: little positive work of ankle and hip, by straight legs on a gentle slope."""
     return {
-        "walker": "E", "slope": 0.0, "tick": 0.2, "actions": ("hip", "ankle"), "reward": work,
-        "energy": "positive",
+        "walker": "E", "slope": 0.01, "control": "stride", "actions": ("hip", "ankle"),
+        "reward": work, "energy": "positive", "reset_noise_scale": 0.05,
     }  # fmt: skip
 
 
 class Hips(NamedTuple):
-    """Torques of the torso on the stance leg and on the swing leg."""
+    """Torques between the torso and each leg."""
 
     stance_hip: float
     swing_hip: float
@@ -83,18 +91,18 @@ ACTUATED_TORSO = replace(
     Control=Hips,
     travel=lambda s: Hips(s.stance - s.torso, s.swing - s.torso),
 )
-"""The torso of `examples.torso`, with its spring, and a torque on each leg."""
+"""The walker of `examples.torso`, with its spring, and torques on the legs."""
 
 
 def stay(step):
-    """The reward of `upright`: distance, less work and the square of the torso's angle."""
-    return step.distance - 5.0 * step.energy - 10.0 * step.state.torso**2 * step.duration
+    """The reward of `upright`: the torso's angle after each heelstrike counts, at 0.2 sqrt(g l)."""
+    return at_speed(step, 0.2) - 2.0 * step.energy - 10.0 * step.state.torso**2
 
 
 def upright() -> dict:
-    """A torso that has to stay upright, on a slope."""
+    """Return a scene: a torso that has to stay upright, downhill."""
     return {
-        "system": ACTUATED_TORSO, "slope": 0.03, "tick": 0.2, "reward": stay,
+        "system": ACTUATED_TORSO, "slope": 0.03, "control": "stride", "reward": stay,
         "reset_noise_scale": 0.05,
     }  # fmt: skip
 
@@ -103,19 +111,23 @@ TASKS = {"tracking": tracking, "positive_work": positive_work, "upright": uprigh
 
 
 def optimum(name: str, **options) -> float:
-    """Return the most reward of a task's control steps.
+    """Return the most reward of a control step in a task.
 
     Of `tracking` it is the mean over target speeds that are constant, on smooth ground without
     pushes: a reference for what ground, pushes and the change of the target cost.
+
+    Args:
+        name: Name of the task.
+        **options: Options of `gpw.optimal_gait`.
     """
-    scene = TASKS[name]()
     if name != "tracking":
-        return gpw.optimal_gait(scene, **options).reward_per_control_step
-    scene = {"walker": "C", "slope": 0.0, "tick": scene["tick"]}
-    phases, gait, found = (np.arange(4) + 0.5) / 4.0, None, []
-    for speed in MEAN + RANGE * np.cos(math.pi * phases):
+        return gpw.optimal_gait(TASKS[name](), **options).reward_per_control_step
+    found = []
+    for speed in target((np.arange(TARGETS) + 0.5) / TARGETS * PERIOD):
         gait = gpw.optimal_gait(
-            scene, reward=lambda step, speed=speed: tracked(step, speed), start=gait, **options
+            PUSHING,
+            reward=lambda step, speed=speed: at_speed(step, speed) - 2.0 * step.energy,
+            **options,
         )
         found.append(gait.reward_per_control_step)
     return float(np.mean(found))

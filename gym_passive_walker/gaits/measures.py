@@ -118,7 +118,8 @@ _OTHERS = {
     "outcome outcomes controller parameter folds period_doublings neimark_sackers "
     "halts ends stride_map knee_locked settled gaits walks strides friction stance_friction "
     "holds passed readings stride_index phases terrain terrain_seed struck ending needed_friction "
-    "charged_cost on_edge optimality stubs held point cycle stride mean taken strikes",
+    "charged_cost on_edge optimality stubs control_steps reward reward_per_control_step held point "
+    "cycle stride mean taken strikes",
     "angle": "slope stance_angle thigh_angle shank_angle tilt tilts knee_flexion",
     "time": "time times",
     "length": "clearance foot_clearance release_depth contact_x contact_y distance centre_of_mass "

@@ -355,6 +355,7 @@ OPTIONS = {
         dict(
             scene=Later(lambda: make_scene("level", tick=1.5)),
             speed=0.16,
+            reward=lambda step: step.distance,
             start=Later(lambda: gpw.optimal_gait(make_scene("level", tick=2.0), 0.14)),
             time_limit=To(1e-6, refused="no optimal gait at speed .* was found in 1e-06 s"),
         ),

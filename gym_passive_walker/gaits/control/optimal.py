@@ -75,7 +75,7 @@ def optimal_gait(
         scene: A scene in a form that `make_scene` takes, of one slope: says which torques
             there are, for how long they are held and how the motor is charged.
         speed: Speed over sqrt(g l); of a `System`, in its own units.
-        reward: Function of a `Transition`, or weights, as of a scene. Its derivatives are exact. It
+        reward: Function of a `Transition`, or weights, as in a scene. Its derivatives are exact. It
             must be smooth at the optimum. The push-off is an action of equal size in all control
             steps.
         start: A gait at a neighbouring speed; None is the nearest of those stored for the scene if
@@ -100,8 +100,8 @@ def optimal_gait(
         >>> import gym_passive_walker as gpw
         >>> scene = {"slope": 0.03, "control": "stride"}
         >>> gait = gpw.optimal_gait(scene, reward=lambda step: step.distance - 5.0 * step.energy)
-        >>> print(f"{gait.reward:.3f}")
-        0.000
+        >>> print(f"{gait.reward:.4f}")
+        0.6347
     """
     scene = make_scene(scene)
     check_supports(scene.walker, "optimal gaits")
@@ -147,21 +147,27 @@ def _most_rewarded(problem: Problem, begun: OptimalGait) -> OptimalGait:
         TimeoutError: if the problem's deadline has passed.
         ValueError: if the reward is not smooth there.
     """
-    count = problem.ticks
-    found: dict[int, OptimalGait | None] = {count: _solved(problem, begun, begun)}
+    solved: dict[int, tuple[float, Problem, NDArray]] = {}
+
+    def add(problem: Problem, z: NDArray) -> None:
+        solved[problem.ticks] = problem.at(z)[0], problem, z
+
+    add(problem, _solved(problem, begun, lambda: begun))
+    tried = {problem.ticks, 0}
     while problem.steps:
-        count, best = min(((n, g) for n, g in found.items() if g), key=lambda each: _cost(each[1]))
-        untried = [n for n in (count + 1, count - 1) if n not in found and n > 0]
-        if not untried:
+        count = min(solved, key=lambda count: solved[count][0])
+        if tried >= {count + 1, count - 1}:
             break
-        found[untried[0]] = None
+        cost, there, z = solved[count]
+        other = problem.with_ticks(count + 1 if count + 1 not in tried else count - 1)
+        tried.add(other.ticks)
         with suppress(GaitNotFound):
-            other = problem.with_ticks(untried[0])
-            z = other.solve(other.begun_at(best), known=_cost(best))
-            if other.allowed(z):
-                found[untried[0]] = _with_corners(other, z)
-    best = found[count]
-    assert best is not None and problem.reward is not None
+            start = other.begun_at(there.measured(z))
+            z = other.solve(start, known=cost)
+            add(other, z if other.allowed(z) else _clearing(other, [start]))
+    _, there, z = min(solved.values(), key=lambda each: each[0])
+    best = _with_corners(there, z)
+    assert problem.reward is not None
     if problem.reward.corner and best.optimality > _STATIONARY:
         raise ValueError(
             f"the reward has {problem.reward.corner}, and the best gait found is at a corner of "
@@ -186,9 +192,11 @@ def _best(
         TimeoutError: if the problem's deadline has passed.
     """
     scene, speed = problem.scene, problem.speed
-    best = first = _solved(
-        problem, begun, begun if start is None else _at_hand(scene, speed) or constant_gait(scene)
-    )
+
+    def other() -> OptimalGait:
+        return begun if start is None else _at_hand(scene, speed) or constant_gait(scene)
+
+    best = first = _with_corners(problem, _solved(problem, begun, other))
     if near is None and problem.ticks > 1:
         # From a start so far away, torques may have come to lie in ticks too late or too early.
         for shifted in _shifted(first):
@@ -199,21 +207,22 @@ def _best(
     return best
 
 
-def _solved(problem: Problem, begun: OptimalGait, other: OptimalGait) -> OptimalGait:
-    """Return the gait that a search comes to, on which the toe clears the ground if it has to.
+def _solved(problem: Problem, begun: OptimalGait, other: Callable[[], OptimalGait]) -> NDArray:
+    """Return the solution that a search comes to; the toe clears the ground if it has to.
 
     Args:
         problem: The problem.
         begun: Gait from which the search begins.
-        other: Gait from which it begins again if it comes to none that the scene allows.
+        other: Returns the gait from which it begins again if it comes to none that the scene
+            allows.
 
     Raises:
         GaitNotFound: if there is none.
     """
     z = problem.solve(problem.begun_at(begun))
     if not problem.allowed(z):
-        z = _clearing(problem, [z, problem.begun_at(begun), problem.begun_at(other)])
-    return _with_corners(problem, z)
+        return _clearing(problem, [z, problem.begun_at(begun), problem.begun_at(other())])
+    return z
 
 
 def _with_corners(problem: Problem, z: NDArray) -> OptimalGait:
@@ -231,8 +240,7 @@ def _with_corners(problem: Problem, z: NDArray) -> OptimalGait:
 
 def _cost(gait: OptimalGait) -> float:
     """Return what is least of an optimal gait; minus the mean reward, if that is most."""
-    paid = gait.reward_per_control_step
-    return gait.charged_cost if paid is None else -paid
+    return gait.charged_cost if gait.reward is None else -gait.reward_per_control_step
 
 
 def _cheaper(known: OptimalGait, found: OptimalGait) -> OptimalGait:

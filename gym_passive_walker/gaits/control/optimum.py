@@ -104,9 +104,12 @@ class OptimalGait(Measured, Table):
         return len(next(iter(self.held.values())))
 
     @property
-    def reward_per_control_step(self) -> float | None:
-        """Reward of a stride over its control steps: an episode of N of them earns N times it."""
-        return None if self.reward is None else self.reward / self.control_steps
+    def reward_per_control_step(self) -> float:
+        """Reward of a stride over its control steps; NaN of a gait of least cost.
+
+        An episode of N control steps earns N times it.
+        """
+        return math.nan if self.reward is None else self.reward / self.control_steps
 
     @property
     def walker(self) -> Walker:

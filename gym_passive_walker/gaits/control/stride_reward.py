@@ -55,7 +55,7 @@ class StrideReward:
         function: Function of a `Transition`, or weights of `TERMS`.
 
     Attributes:
-        corner: Operation of the reward whose derivative may jump; empty if there is none.
+        corner: Operation of the reward with a derivative that may jump; empty if there is none.
         digest: Hash of the traced reward.
 
     Raises:
@@ -158,10 +158,8 @@ class StrideReward:
             command = of("command")
             lost = rules.command_penalty(length, period, command, scene.command_weight)
             reward = reward - where(struck, lost, 0.0)
-        hip, ankle = (
-            (net.get(name, zero), absolute.get(name, zero))
-            for name in (*self._works, None, None)[:2]
-        )
+        first = [*self._works, "", ""][:2]
+        hip, ankle = ((net.get(name, zero), absolute.get(name, zero)) for name in first)
         return Transition(
             before=state("before"), state=state("state"), knee_locked=of("knee_locked") > 0.5,
             distance=distance, duration=of("duration"), time=of("time"), energy=energy,
