@@ -506,13 +506,13 @@ class Batch:
             outcome in OUTCOMES, (2, count); the walkers that have ended a stride; and their
             EVERY_STRIDE, (walkers, entries), which is zero for all others.
         """
-        ended = (stepped & (self.ledger["outcome"] != 0)).nonzero()[0]
-        steps = np.empty((len(task.EVERY_STEP) - 1, self.count))
-        counts = np.empty((2, self.count), np.int64)
-        measures = np.empty((len(ended), len(task.EVERY_STRIDE)))
-        given = stepped, ended, steps, counts, measures
-        self.entry_point.write_info(self.entry_point.address, *given)
-        return steps, counts, ended, measures
+        first, size = len(task.EVERY_STEP) - 1, len(task.EVERY_STRIDE)
+        steps, counts = np.empty((first, self.count)), np.empty((2, self.count), np.int64)
+        write, where = self.entry_point.write_info, self.entry_point.address
+        in_parts(lambda a, b: write(where, a, b, stepped, steps, counts), self.count, self.threads)
+        ended = counts[1].nonzero()[0]
+        words = self.ledger.view(np.float64).reshape(self.count, -1)
+        return steps, counts, ended, words[ended, first : first + size]
 
     def step(
         self,
@@ -549,8 +549,19 @@ class Batch:
                 self.refuse(-1 - answer)
             strides, endings = ticks.counts(answer)
         else:
-            at_once = False
-            strides, endings = self._step_in_parts(seen, *results)
+            if (wrong := entry_point.kernels.first_invalid(entry_point.address)) >= 0:
+                self.refuse(wrong)  # before any walker steps
+            if at_once:
+                self._prepare()
+            self.unfinished, counted = True, []
+
+            def job(a: int, b: int) -> None:
+                work = [part.ctypes.data for part in thread_workspace(layout=self.layout)]
+                given = entry_point.address, a, b, *work, at_once, seen, *results
+                counted.append(ticks.counts(entry_point.step(*given)))
+
+            in_parts(job, self.count, self.threads)
+            strides, endings = np.sum(counted, axis=0).tolist()
         if self._apart:
             self._write_proportions(seen)
             if self.custom and not self.custom.native:
@@ -559,24 +570,6 @@ class Batch:
         if again and not at_once:
             self.start(np.flatnonzero(self.records["outcome"][:, 0] == RESTING), observations)
         return strides, endings
-
-    def _step_in_parts(
-        self, observations: NDArray[np.float32], *results: NDArray
-    ) -> tuple[int, int]:
-        """Step many walkers by several threads; see `step`."""
-        entry_point, ended = self.entry_point, []
-        finite = np.isfinite(entry_point.actions.reshape(self.count, -1)).all(axis=1)
-        for wrong in np.flatnonzero(~finite & ~self.over):  # before any walker steps
-            self.refuse(int(wrong))
-        self.unfinished = True
-
-        def job(a: int, b: int) -> None:
-            at = [part.ctypes.data for part in thread_workspace(layout=self.layout)]
-            given = entry_point.address, a, b, *at, False, observations, *results
-            ended.append(ticks.counts(entry_point.step(*given)))
-
-        in_parts(job, self.count, self.threads)
-        return sum(strides for strides, _ in ended), sum(endings for _, endings in ended)
 
     def step_alone(self, action: NDArray[np.floating]) -> tuple[int, int]:
         """Step a batch of one; the results go to the arrays of the `EntryPoint`."""

@@ -82,6 +82,7 @@ class Kernels(NamedTuple):
 
     begin: Kernel
     begin_alike: Kernel
+    first_invalid: Kernel
     step: Kernel
     step_here: Kernel
     observe: Kernel
@@ -188,6 +189,12 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         return strides << _HALF | endings
 
     @within(Kernel)
+    def first_invalid(where):
+        """Return the first walker in an episode with a non-finite action, or -1."""
+        here = arrays_at(where, arrays)
+        return task.first_invalid(here, 0, len(here.ledger))
+
+    @within(Kernel)
     def step(
         where, first, last, tiles, histories, again, observations, rewards, terminated, truncated
     ):  # fmt: skip
@@ -239,39 +246,39 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         return endings
 
     @within(Kernel)
-    def write_info(where, asked, ended, steps, counts, measures):
-        """Write the entries of `info` for selected walkers; entries of the others are zero.
+    def write_info(where, first, last, asked, steps, counts):
+        """Write what every step reports of the walkers from `first` to before `last`.
 
         Args:
             where: Address from `EntryPoint.address`.
-            asked: Whether each walker is selected, (count,).
-            ended: Walkers that have ended a stride.
+            first: Index of the first walker.
+            last: Index after that of the last walker.
+            asked: Whether each walker is selected, (count,); entries of the others are zero.
             steps: Filled with the entries of EVERY_STEP except the last, (entries, count).
             counts: Filled with the number of strides and the outcome as a number, (2, count). The
                 outcome is 0 if no stride or episode ends.
-            measures: Filled with EVERY_STRIDE of the walkers in `ended`, (walkers, entries).
         """
-        ledger, first = arrays_at(where, arrays).ledger, len(steps)
-        words = view(address(ledger), (len(ledger), row_words), _NUMBER)  # EVERY_STEP, EVERY_STRIDE
-        for i in range(len(ledger)):
-            for k in range(first):
+        ledger = arrays_at(where, arrays).ledger
+        words = view(address(ledger), (len(ledger), row_words), _NUMBER)  # EVERY_STEP first
+        for i in range(first, last):
+            for k in range(len(steps)):
                 steps[k, i] = words[i, k] if asked[i] else 0.0
             counts[0, i] = ledger[i].strides if asked[i] else 0
             outcome = ledger[i].outcome
             if ledger[i].truncated != 0 and ledger[i].ending == 0:
                 outcome = TIMED_OUT
             counts[1, i] = outcome if asked[i] else 0
-        for row, i in enumerate(ended):
-            for k in range(measures.shape[1]):
-                measures[row, k] = words[i, first + k]
 
     if custom:  # these kernels are the same for several kinds of scenes
         observe = kernels_for(layout, disturbed, False).observe
     if disturbed:
         enter = kernels_for(layout, False, custom).enter
     if disturbed or custom:
-        write_info = kernels_for(layout, False, False).write_info
-    return Kernels(begin, begin_alike, step, step_here, observe, enter, write_info)
+        plain = kernels_for(layout, False, False)
+        first_invalid, write_info = plain.first_invalid, plain.write_info
+    return Kernels(
+        begin, begin_alike, first_invalid, step, step_here, observe, enter, write_info
+    )  # fmt: skip
 
 
 class EntryPoint:
@@ -321,9 +328,8 @@ class EntryPoint:
     @cached_property
     def write_info(self) -> Any:
         """The machine code of `Kernels.write_info`."""
-        lanes, table = np.zeros(0, np.int64), np.zeros((1, 1))
-        given = self.results[1], lanes, table, np.zeros((1, 1), np.int64), table
-        return self.kernels.write_info.native(0, *given)
+        tables = np.zeros((1, 1)), np.zeros((1, 1), np.int64)
+        return self.kernels.write_info.native(0, 0, 0, self.results[1], *tables)
 
     def _put(self, **arrays: NDArray) -> None:
         for name, array in arrays.items():
