@@ -174,6 +174,7 @@ class Batch:
         self.rules = rules_of(scene, self.system, step_limit)
         self.randoms: list[np.random.Generator] = []
         self.unfinished = True
+        self._report: tuple[NDArray, NDArray] | None = None  # of the last step, if it is written
         self.arrays: dict[str, NDArray] = {}
         self._connect()
         self.records, self.ledger = self.arrays["records"], self.arrays["ledger"]
@@ -507,9 +508,12 @@ class Batch:
             EVERY_STRIDE, (walkers, entries), which is zero for all others.
         """
         first, size = len(task.EVERY_STEP) - 1, len(task.EVERY_STRIDE)
-        steps, counts = np.empty((first, self.count)), np.empty((2, self.count), np.int64)
-        write, where = self.entry_point.write_info, self.entry_point.address
-        in_parts(lambda a, b: write(where, a, b, stepped, steps, counts), self.count, self.threads)
+        if (report := self._report) is None:
+            report = self._new_report()
+            self.entry_point.write_info(self.entry_point.address, 0, self.count, *report)
+        steps, counts = report
+        if not stepped.all():
+            steps, counts = np.where(stepped, steps, 0.0), np.where(stepped, counts, 0)
         ended = counts[1].nonzero()[0]
         words = self.ledger.view(np.float64).reshape(self.count, -1)
         return steps, counts, ended, words[ended, first : first + size]
@@ -539,6 +543,7 @@ class Batch:
         entry_point, at_once = self.entry_point, again and self.starts_alike
         seen = observations if self._plain is None else self._plain
         entry_point.actions[...] = actions
+        self._report = None
         if self.count < _SHARED_FROM:
             if at_once:
                 self._prepare()
@@ -553,14 +558,17 @@ class Batch:
                 self.refuse(wrong)  # before any walker steps
             if at_once:
                 self._prepare()
-            self.unfinished, counted = True, []
+            self.unfinished, counted, report = True, [], self._new_report()
 
             def job(a: int, b: int) -> None:
                 work = [part.ctypes.data for part in thread_workspace(layout=self.layout)]
                 given = entry_point.address, a, b, *work, at_once, seen, *results
                 counted.append(ticks.counts(entry_point.step(*given)))
+                entry_point.write_info(entry_point.address, a, b, *report)  # still in its caches
 
             in_parts(job, self.count, self.threads)
+            if not self.custom or self.custom.native:  # else an episode may end below
+                self._report = report
             strides, endings = np.sum(counted, axis=0).tolist()
         if self._apart:
             self._write_proportions(seen)
@@ -582,6 +590,11 @@ class Batch:
         if answer < 0:
             self.refuse(-1 - answer)
         return ticks.counts(answer)
+
+    def _new_report(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return arrays for `write_info`."""
+        rows = len(task.EVERY_STEP) - 1
+        return np.empty((rows, self.count)), np.empty((2, self.count), np.int64)
 
     def refuse(self, wrong: int) -> NoReturn:
         """Raise an error for the action of a walker in the `EntryPoint`."""

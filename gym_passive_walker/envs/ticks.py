@@ -246,14 +246,13 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         return endings
 
     @within(Kernel)
-    def write_info(where, first, last, asked, steps, counts):
+    def write_info(where, first, last, steps, counts):
         """Write what every step reports of the walkers from `first` to before `last`.
 
         Args:
             where: Address from `EntryPoint.address`.
             first: Index of the first walker.
             last: Index after that of the last walker.
-            asked: Whether each walker is selected, (count,); entries of the others are zero.
             steps: Filled with the entries of EVERY_STEP except the last, (entries, count).
             counts: Filled with the number of strides and the outcome as a number, (2, count). The
                 outcome is 0 if no stride or episode ends.
@@ -262,12 +261,12 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         words = view(address(ledger), (len(ledger), row_words), _NUMBER)  # EVERY_STEP first
         for i in range(first, last):
             for k in range(len(steps)):
-                steps[k, i] = words[i, k] if asked[i] else 0.0
-            counts[0, i] = ledger[i].strides if asked[i] else 0
+                steps[k, i] = words[i, k]
+            counts[0, i] = ledger[i].strides
             outcome = ledger[i].outcome
             if ledger[i].truncated != 0 and ledger[i].ending == 0:
                 outcome = TIMED_OUT
-            counts[1, i] = outcome if asked[i] else 0
+            counts[1, i] = outcome
 
     if custom:  # these kernels are the same for several kinds of scenes
         observe = kernels_for(layout, disturbed, False).observe
@@ -329,7 +328,7 @@ class EntryPoint:
     def write_info(self) -> Any:
         """The machine code of `Kernels.write_info`."""
         tables = np.zeros((1, 1)), np.zeros((1, 1), np.int64)
-        return self.kernels.write_info.native(0, 0, 0, self.results[1], *tables)
+        return self.kernels.write_info.native(0, 0, 0, *tables)
 
     def _put(self, **arrays: NDArray) -> None:
         for name, array in arrays.items():
