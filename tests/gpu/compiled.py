@@ -7,56 +7,9 @@ devices gets the kind of device as an argument.
 from __future__ import annotations
 
 import sys
-from types import ModuleType, SimpleNamespace
-from unittest import mock
+from types import ModuleType
 
 import numpy as np
-
-
-def ptx(capability: int, scene: str) -> dict[str, str]:
-    """PTX of all kernels of a scene."""
-    import numba.cuda.api
-    import numba.cuda.cudadrv.devices as devices
-    import numba.cuda.dispatcher
-    from numba import cuda
-    from numba.cuda.typing.typeof import typeof
-
-    context = SimpleNamespace(device=SimpleNamespace(compute_capability=(capability, 0), id=0))
-    for module, name in (
-        (devices, "get_context"),
-        (numba.cuda.dispatcher, "get_context"),
-        (numba.cuda.api, "current_context"),
-    ):
-        setattr(module, name, lambda *_: context)
-    from gym_passive_walker.devices.gpu import batch, device
-
-    found = {}
-
-    def compiled(kernel, count, *arguments, stream):
-        kinds = tuple(map(typeof, arguments))
-        found[kernel.py_func.__name__] = cuda.compile_ptx(
-            kernel.py_func, kinds, cc=(capability, 0)
-        )[0]
-
-    here = mock.patch.multiple(
-        device, need_device=lambda: None, upload=_put, empty=_room, launch=compiled
-    )
-    with here:
-        there = batch.DeviceBatch(2, eval(scene))
-        there.reset()
-        there.step()
-    return found
-
-
-def _put(array):
-    from gym_passive_walker.devices.gpu.device import kind
-
-    array = np.array(array, order="C")
-    return array.view(kind(array.dtype)) if array.dtype.fields else array
-
-
-def _room(shape, of):
-    return _put(np.zeros(shape, of))
 
 
 def on_cpu(name: str) -> float:
@@ -127,5 +80,8 @@ if __name__ == "__main__":
     elif what == "silence":
         in_silence()
     else:
-        for name, text in ptx(int(what), *reported).items():
-            print(name, text.count(f".target sm_{what}0"), text.count(".entry"), "malloc" in text)
+        from benchmarks.gpu_code import parameters, ptx
+
+        for name, text in ptx(eval(reported[0]), int(what)).items():
+            counts = text.count(f".target sm_{what}0"), text.count(".entry"), parameters(text)
+            print(name, *counts, "malloc" in text)

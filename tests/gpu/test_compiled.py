@@ -71,6 +71,7 @@ def test_the_devices_functions_are_the_cpus_to_the_last_bit(name):
 @pytest.mark.parametrize("capability", ["8", "9"])
 @pytest.mark.parametrize("scene", ["'level'", "{'walker': 'E'}", EVERYTHING, OWN])
 def test_kernels_compile_for_devices_of_two_kinds(scene, capability):
+    """Each is one entry with one parameter, and allocates nothing."""
     said = run("-m", "tests.gpu.compiled", capability, scene).splitlines()
     reported = {line.split()[0]: line.split()[1:] for line in said if "_kernel" in line}
-    assert reported == {name: ["1", "1", "False"] for name in ("reset_kernel", "step_kernel")}
+    assert reported == {name: ["1", "1", "1", "False"] for name in ("reset_kernel", "step_kernel")}

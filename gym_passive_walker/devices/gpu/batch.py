@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import whole
-from gym_passive_walker.devices.gpu import device, episodes
+from gym_passive_walker.devices.gpu import device, episodes, primitives
 from gym_passive_walker.devices.gpu.lane import DeviceCode, device_code, scratch_types
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.engine.run import options
@@ -39,9 +39,9 @@ DRAWN = 4096
 
 
 @lru_cache
-def _kernels(here: DeviceCode, system: str, has_disturbances: bool) -> tuple[Any, Any]:
-    """Return the kernels that reset and step walkers of a system."""
-    bound = here.bound
+def _kernels(here: DeviceCode, system: str, has_disturbances: bool, kinds: Any) -> tuple[Any, Any]:
+    """Return the kernels that reset and step walkers of a system in arrays of some kinds."""
+    bound = here.bound.instead({episodes.unpack: primitives.unpacker(kinds)})
     if has_disturbances:
         bound = bound.instead({
             disturbance_kernels.integrate_past_events: one_walker.integrate_past_events,
@@ -124,9 +124,10 @@ class DeviceBatch:
             watched=bool(self.scene.constraints),
             rules=tuple(self.custom.rules.values()),
         )
-        self._reset, self._step = _kernels(here, self._system.name, disturbed(self.scene))
         self.step_limit = step_limit
-        self.arrays = self._arrays(here, seed, shown)
+        self._place(self._arrays(here, seed, shown))
+        kinds = primitives.kind_of(self.arrays)
+        self._reset, self._step = _kernels(here, self._system.name, disturbed(self.scene), kinds)
 
     def _drawn(self, starts: Starts) -> list[Drawn]:
         """Return what episodes draw, of each level of a curriculum one after another."""
@@ -179,6 +180,11 @@ class DeviceBatch:
             there["shown"] = there["observations"]
         return memory.named_arrays(tuple(there))(**there)
 
+    def _place(self, arrays: Any) -> None:
+        """Set the arrays that kernels find."""
+        self.arrays = arrays
+        self._table, self._words = device.placed(primitives.words_of(arrays))
+
     def _keys(self, seed: int | Sequence[int]) -> NDArray[np.uint64]:
         if not isinstance(seed, Sequence | np.ndarray):
             return np.uint64(seed % 2**64) + np.arange(self.count, dtype=np.uint64)
@@ -196,7 +202,8 @@ class DeviceBatch:
             ValueError: if there is not one key for each walker.
         """
         keys, none = self._keys(seed), np.zeros(self.count, np.int64)
-        self.arrays = self.arrays._replace(keys=device.upload(keys), episodes=device.upload(none))
+        fresh = {"keys": device.upload(keys), "episodes": device.upload(none)}
+        self._place(self.arrays._replace(**fresh))
 
     def set_energy_cost(self, energy: str | None) -> None:
         """Set the work that the energy term counts; see `PassiveWalkerEnv`.
@@ -206,7 +213,7 @@ class DeviceBatch:
         """
         scene = self.scene if energy is None else make_scene(self.scene, energy=energy)
         rules = device.upload(rules_of(scene, self._system, self.step_limit))
-        self.arrays = self.arrays._replace(rules=rules)
+        self._place(self.arrays._replace(rules=rules))
 
     def reset(self, *, stream: Any = 0) -> None:
         """Begin an episode of every walker."""
@@ -220,4 +227,4 @@ class DeviceBatch:
         self._launch(self._step, stream)
 
     def _launch(self, kernel: Any, stream: Any) -> None:
-        device.launch(kernel, self.count, self.arrays, stream=stream)
+        device.launch(kernel, self.count, self._table, stream=stream)

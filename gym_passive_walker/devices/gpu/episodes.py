@@ -95,6 +95,10 @@ def which_drawn(growth, key, episode):
     return level * size + int(uniform(key, 0, WHICH) * size)
 
 
+def unpack(table):
+    """Return the arrays of the batch; `primitives.unpacker` returns the function instead."""
+
+
 # Functions of scenes with disturbances or users' functions replace the next seven.
 
 
@@ -181,18 +185,18 @@ def step_and_restart(here, i, tiles, histories, scratch):
         begin_episode(here, i, scratch)
 
 
-def reset_kernel(here):
+def reset_kernel(table):
     """Begin an episode of every walker."""
-    i = cuda.grid(1)
+    i, here = cuda.grid(1), unpack(table)
     if i < len(here.records):
         scratch = cuda.local.array(1, SCRATCH)
         begin_episode(here, i, scratch[0])
         here.reported_draw[i] = here.drawn[i]
 
 
-def step_kernel(here):
+def step_kernel(table):
     """Step every walker."""
-    i = cuda.grid(1)
+    i, here = cuda.grid(1), unpack(table)
     if i < len(here.records):
         tiles, histories = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
         scratch = cuda.local.array(1, SCRATCH)

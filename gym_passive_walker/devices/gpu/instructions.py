@@ -8,15 +8,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import wraps
+from itertools import chain, count
 from typing import Any
 
 import numba.cuda.extending
+import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.cuda.np.arrayobj import populate_array
+from numba.cuda.typing.typeof import typeof
 
 intrinsic: Any = numba.cuda.extending.intrinsic
 
 _NUMBER, _WORD = ir.DoubleType(), ir.IntType(64)
+_GLOBAL = 1  # address space of arrays of the GPU
 _FLOAT, _INTEGER = types.float64, types.int64
 exp, sqrt, tanh = math.exp, math.sqrt, math.tanh
 
@@ -52,6 +57,48 @@ def address(typing_context, array):
         return builder.ptrtoint(data, _WORD)
 
     return _INTEGER(array), code
+
+
+kind_of = typeof
+"""Returns the type of a named tuple of arrays."""
+
+
+def unpacker(kinds):
+    """Return a function of kernels: the arrays whose `words_of` are at an address.
+
+    Args:
+        kinds: Type of the named tuple of arrays, from `kind_of`.
+    """
+
+    def code(context, builder, signature, arguments):
+        table = builder.inttoptr(arguments[0], _WORD.as_pointer(_GLOBAL))
+        places = count()
+
+        def word():
+            loaded = builder.load(builder.gep(table, [_WORD(next(places))]))
+            loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
+            return loaded
+
+        found = []
+        for kind in kinds:
+            array = context.make_array(kind)(context, builder)
+            entry = array.data.type.pointee
+            data = builder.inttoptr(word(), entry.as_pointer(_GLOBAL))
+            shape, strides = ([word() for _ in range(kind.ndim)] for _ in range(2))
+            size = context.get_constant(types.intp, context.get_abi_sizeof(entry))
+            data = builder.addrspacecast(data, array.data.type)
+            populate_array(array, data, shape, strides, size, None)
+            found.append(array._getvalue())
+        return context.make_tuple(builder, kinds, found)
+
+    return intrinsic(lambda typing_context, table: (kinds(_INTEGER), code))
+
+
+def words_of(arrays):
+    """Return addresses, shapes and strides in bytes of arrays, (words,)."""
+    parts = [(array.__cuda_array_interface__["data"][0], *array.shape, *array.strides)
+             for array in arrays]  # fmt: skip
+    return np.array(list(chain.from_iterable(parts)), np.int64)
 
 
 @_emitting(_FLOAT(_INTEGER, _INTEGER))

@@ -93,8 +93,9 @@ def _compiled(source: Source, name: str) -> Any:
     exec(compile(str(source), name, "exec"), names)
     for part in source.parts:
         names[part] = primitives.inlined(names[part])
-    for function in (*source.names, "call"):
+    for function in (*source.names, "dispatch"):
         names[function] = primitives.jitted(names[function])
+    names["call"] = primitives.inlined(names["call"])
     return names["call"]
 
 

@@ -25,6 +25,10 @@ BY_NAME: dict[str, Any] = {name: getattr(_own, name) for name in NAMES}
 """The primitives, by name."""
 
 
+kind_of, unpacker, words_of = _own.kind_of, _own.unpacker, _own.words_of
+"""How a kernel finds arrays by one argument; see `instructions`."""
+
+
 def jitted(function: Callable[..., Any]) -> Any:
     """Compile a function for calls from kernels."""
     return cuda.jit(device=True)(function)

@@ -31,6 +31,20 @@ def address(array):
     return array.reshape(-1).view(np.ndarray).view(np.float64)
 
 
+def kind_of(arrays):
+    """Return None: kernels of the simulator take arrays of any type."""
+
+
+def unpacker(kinds):
+    """Return a function of kernels, which returns the arrays that are its argument."""
+    return lambda arrays: arrays
+
+
+def words_of(arrays):
+    """Return the arrays: a kernel of the simulator takes them as they are."""
+    return arrays
+
+
 def get(first, word):
     """Return the float at a word after an address."""
     return first[word]

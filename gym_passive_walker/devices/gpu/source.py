@@ -65,8 +65,10 @@ class Source(Module):
             f"    if function == {i}:\n        return {name}(first, second, x, y)\n"
             for i, name in enumerate(self.names, 1)
         )
-        head = "def call(function, first, second, lane, tangents, x, y):\n    apart()\n"
-        return self.text() + head + cases
+        # Compiled once for all callers, whose lanes and tangents are other constants.
+        head = "def dispatch(function, first, second, x, y):\n    apart()\n"
+        call = "\n\ndef call(function, first, second, lane, tangents, x, y):\n"
+        return f"{self.text()}{head}{cases}{call}    dispatch(function, first, second, x, y)\n"
 
 
 class _Function(Function):
