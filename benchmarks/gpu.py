@@ -146,7 +146,8 @@ def ticks() -> None:
 def _tick(there: DeviceBatch) -> float:
     """Seconds for a control step of a batch on the GPU."""
     random = np.random.default_rng(0)
-    few = [device.upload(random.uniform(-1.0, 1.0, len(there.arrays.actions))) for _ in range(4)]
+    shape = there.arrays.actions.shape
+    few = [device.upload(random.uniform(-1.0, 1.0, shape)) for _ in range(4)]
     there.reset()
 
     def job() -> None:

@@ -69,7 +69,7 @@ def ptx(scene: Any, capability: int = CAPABILITY) -> dict[str, str]:
             return array.view(device.kind(array.dtype)) if array.dtype.fields else array
 
         there = mock.patch.multiple(
-            device, need_device=lambda: None, upload=put, launch=compiled,
+            device, need_device=lambda: None, upload=put, launch=compiled, write=lambda *_: None,
             empty=lambda shape, of: put(np.zeros(shape, of)), placed=lambda _: (0, None),
         )  # fmt: skip
         with there, mock.patch.object(primitives, "words_of"):

@@ -384,7 +384,7 @@ def test_gpu(name):
         np.testing.assert_array_equal(infos.pop("outcome"), ledger_outcomes)
         for entry, values in infos.items():
             np.testing.assert_array_equal(values, ledger[entry], err_msg=entry)
-        assert envs.batch.arrays.reported.tobytes() == ledger.tobytes()
+        assert envs.batch.arrays.reported.to_host().tobytes() == ledger.tobytes()
         endings += int((parts[1] | parts[2]).sum())
     assert endings >= COUNT
     assert envs.batch.arrays.episodes.sum() == COUNT + endings

@@ -64,7 +64,7 @@ def test_a_pool_has_the_walkers_of_the_other_environments():
     assert len(walkers) == 3 and {*walkers} == {*here.batch.walkers}
     there.reset()
     constants = bodies(*walkers)[:, 0]  # readings of checks are behind them
-    found = np.asarray(there.batch.arrays.bodies)[:, 0, : constants.shape[1]]
+    found = np.asarray(there.batch.arrays.bodies)[: constants.shape[1]].T
     assert all((own == constants).all(axis=1).any() for own in found)
 
 

@@ -22,4 +22,4 @@ def test_legs_exchange_at_each_heelstrike_as_on_a_cpu():
             there.step()
             paid = here.step(np.zeros(1))[1]
             np.testing.assert_array_equal(np.asarray(there.arrays.rewards), paid)
-            strides = int(np.asarray(there.arrays.ledger)["strides"][0])
+            strides = int(there.arrays.ledger["strides"][0])

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker.devices.gpu import device, episodes, primitives
+from gym_passive_walker.devices.gpu.columns import Columns
 from gym_passive_walker.devices.gpu.lane import DeviceCode, device_code, scratch_types
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.engine.run import options
@@ -23,7 +24,7 @@ from gym_passive_walker.envs import (
     task,
     transitions,
 )
-from gym_passive_walker.envs.batch import observed_bodies, radii_of, rules_of, system_in
+from gym_passive_walker.envs.batch import observed_bodies, rules_of, system_in
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.disturbances import Disturbances, disturbed
@@ -39,9 +40,25 @@ DRAWN = 4096
 
 
 @lru_cache
-def _kernels(here: DeviceCode, system: str, has_disturbances: bool, kinds: Any) -> tuple[Any, Any]:
-    """Return the kernels that reset and step walkers of a system in arrays of some kinds."""
-    bound = here.bound.instead({episodes.unpack: primitives.unpacker(kinds)})
+def _kernels(
+    here: DeviceCode, system: str, has_disturbances: bool, kinds: Any, own: Any, read: int
+) -> tuple[Any, Any]:
+    """Return the kernels that reset and step walkers of a system.
+
+    Args:
+        here: Code of the system.
+        system: Its name.
+        has_disturbances: Whether the scene has disturbances.
+        kinds: Types of the arrays, from `primitives.kind_of`.
+        own: Names of arrays in the columns, and their places.
+        read: Words of a column that a step reads.
+    """
+    words = {"READ": read, "WORDS": sum(place.words for _, place in own)}
+    bound = here.bound.instead({episodes.unpack: primitives.unpacker(kinds, dict(own))})
+    for each in (episodes.fetch, episodes.keep):
+        moved = bound.rebound(each)
+        moved.__globals__.update(words)
+        bound = bound.instead({each: primitives.jitted(moved)})
     if has_disturbances:
         bound = bound.instead({
             disturbance_kernels.integrate_past_events: one_walker.integrate_past_events,
@@ -59,7 +76,8 @@ def _kernels(here: DeviceCode, system: str, has_disturbances: bool, kinds: Any) 
     if "observation" in here.rules:
         bound = bound.instead({episodes.show_observation: episodes.own_show})
     reset, step = (bound.rebound(each) for each in (episodes.reset_kernel, episodes.step_kernel))
-    step.__globals__.update(scratch_types(SYSTEMS[system]))
+    for each in (reset, step):
+        each.__globals__.update(words | scratch_types(SYSTEMS[system]))
     return device.cuda.jit(reset), device.cuda.jit(step)
 
 
@@ -80,8 +98,10 @@ class DeviceBatch:
         scene: The scene; one with `domain_randomization` has a `randomization_pool` here.
         drawn: Values that a scene with `domain_randomization` draws, by name, each (pool,): rows of
             the arrays `drawn` and `reported_draw`.
-        arrays: Arrays on the GPU; see `envs.memory` and `episodes.DEVICE_ARRAYS`. Fill `actions`
-            before a step, which fills `shown` (observations), `rewards`, `terminated`, `truncated`.
+        arrays: Arrays on the GPU, by name; see `envs.memory` and `episodes.DEVICE_ARRAYS`. Their
+            last axis is of walkers. Fill `actions`, (actions, count), before a step, which fills
+            `shown` (observations), (size, count), and `rewards`, `terminated`, `truncated`, each
+            (count,). Arrays of structures are `columns.Fields`: `arrays.ledger["steps"]`.
         step_limit: Steps after which an episode is truncated.
 
     Raises:
@@ -125,9 +145,12 @@ class DeviceBatch:
             rules=tuple(self.custom.rules.values()),
         )
         self.step_limit = step_limit
-        self._place(self._arrays(here, seed, shown))
-        kinds = primitives.kind_of(self.arrays)
-        self._reset, self._step = _kernels(here, self._system.name, disturbed(self.scene), kinds)
+        self._columns = there = self._made(here, shown)
+        self._place()
+        self.seed(seed)
+        kinds, own = primitives.kind_of(there.ones), tuple(there.own.items())
+        of = here, self._system.name, disturbed(self.scene)
+        self._reset, self._step = _kernels(*of, kinds, own, there.read)
 
     def _drawn(self, starts: Starts) -> list[Drawn]:
         """Return what episodes draw, of each level of a curriculum one after another."""
@@ -137,9 +160,9 @@ class DeviceBatch:
         levels = range(CURRICULUM_LEVELS + 1) if drawing.curriculum else (CURRICULUM_LEVELS,)
         return [drawing.member(index, level) for level in levels for index in range(pool)]
 
-    def _arrays(self, code: DeviceCode, seed: int, shown: int) -> Any:
+    def _made(self, code: DeviceCode, shown: int) -> Columns:
         """Return the arrays on the GPU."""
-        scene, count, starts = self.scene, self.count, Starts(self.scene)
+        scene, starts = self.scene, Starts(self.scene)
         draws = self._drawn(starts)
         drawn, names = [each.walker for each in draws], scene.randomized
         values = np.array([each.values for each in draws]).reshape(len(draws), -1)
@@ -148,7 +171,7 @@ class DeviceBatch:
         if len(nodes) == 1:  # the same initial state for all slopes
             nodes, states = np.array([nodes[0], np.inf]), np.repeat(states, 2, axis=0)
         given = {
-            "phases": code.phases, "hooks": code.hooks, "keys": self._keys(seed), "nodes": nodes,
+            "phases": code.phases, "hooks": code.hooks, "nodes": nodes,
             "options": options(scene.tolerance, scuff=bool(scene.end_on_toe_stub)),
             "rules": rules_of(scene, self._system, self.step_limit), "pool": pool,
             "slope_range": np.array([starts.low, starts.high]), "states": states,
@@ -161,29 +184,25 @@ class DeviceBatch:
         features, width = [], pool.shape[1]
         if disturbed(scene):
             features, width = ["disturbed"], width + ROOM
-            given |= Disturbances(scene, self._system.name, count).arrays()
+            given |= Disturbances(scene, self._system.name, 1).arrays()
         if self.custom.rules:
             features.append("custom")
             given |= self.custom.arrays(code.rules)
-        alike = len(drawn) == 1 and scene.walker.legs_alike
-        if alike and not disturbed(scene):  # all walkers share one row
-            given |= {"bodies": pool[:, None], "radii": radii_of(drawn)}
         lengths = {
-            "walkers": count, "rows": count, "constants": width, "seen": shown,
+            "walkers": 1, "rows": 1, "constants": width, "seen": shown,
             "channels": len(scene.actions), "delay": int(scene.ends("action_delay")[1]),
             "shown": self.observation_size,
         }  # fmt: skip
         declared = memory.present(*features) | episodes.DEVICE_ARRAYS
-        found = memory.made(declared, layout_of(self._system), lengths, given)
-        there = {name: device.upload(array) for name, array in found.items()}
+        one = memory.made(declared, layout_of(self._system), lengths, given)
         if not self.custom.observation_size:
-            there["shown"] = there["observations"]
-        return memory.named_arrays(tuple(there))(**there)
+            one["shown"] = one["observations"]
+        return Columns(self.count, declared, one, episodes.PASSED, episodes.WRITTEN)
 
-    def _place(self, arrays: Any) -> None:
+    def _place(self) -> None:
         """Set the arrays that kernels find."""
-        self.arrays = arrays
-        self._table, self._words = device.placed(primitives.words_of(arrays))
+        self.arrays = self._columns.arrays
+        self._table, self._words = device.placed(primitives.words_of(self._columns))
 
     def _keys(self, seed: int | Sequence[int]) -> NDArray[np.uint64]:
         if not isinstance(seed, Sequence | np.ndarray):
@@ -201,9 +220,8 @@ class DeviceBatch:
         Raises:
             ValueError: if there is not one key for each walker.
         """
-        keys, none = self._keys(seed), np.zeros(self.count, np.int64)
-        fresh = {"keys": device.upload(keys), "episodes": device.upload(none)}
-        self._place(self.arrays._replace(**fresh))
+        device.write(self.arrays.keys, self._keys(seed))
+        device.write(self.arrays.episodes, np.zeros(self.count, np.int64))
 
     def set_energy_cost(self, energy: str | None) -> None:
         """Set the work that the energy term counts; see `PassiveWalkerEnv`.
@@ -212,8 +230,8 @@ class DeviceBatch:
             SceneError: if the kind of work is unknown.
         """
         scene = self.scene if energy is None else make_scene(self.scene, energy=energy)
-        rules = device.upload(rules_of(scene, self._system, self.step_limit))
-        self._place(self.arrays._replace(rules=rules))
+        self._columns.replace(rules=rules_of(scene, self._system, self.step_limit))
+        self._place()
 
     def reset(self, *, stream: Any = 0) -> None:
         """Begin an episode of every walker."""

@@ -59,10 +59,22 @@ def kind(layout: np.dtype) -> np.dtype:
 
 def upload(array: NDArray) -> Any:
     """Return a copy of an array on the GPU."""
-    array = np.array(array, order="C")
-    if array.dtype.fields:
-        array = array.view(kind(array.dtype))
+    array = typed(np.array(array, order="C"))
     return array if SIMULATED else cuda.to_device(array)
+
+
+def typed(array: NDArray) -> NDArray:
+    """Return an array with the type that it has on the GPU."""
+    return array.view(kind(array.dtype)) if array.dtype.fields else array
+
+
+def write(array: Any, values: NDArray) -> None:
+    """Write values into an array on the GPU, after all that the GPU has been given to do."""
+    if SIMULATED:
+        array[:] = values
+        return
+    cuda.synchronize()
+    array.copy_to_device(values)
 
 
 def empty(shape: int | tuple[int, ...], of: Any) -> Any:

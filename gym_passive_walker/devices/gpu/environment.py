@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from gym_passive_walker._tools.extras import extra
 from gym_passive_walker.devices.gpu.batch import DeviceBatch
 from gym_passive_walker.devices.gpu.device import SIMULATED, cuda
@@ -68,10 +66,7 @@ class PassiveWalkerGpuEnv:
         self._draws = {
             name: torch.as_tensor(x, device=self.device) for name, x in self.batch.drawn.items()
         }
-        self._reported, self._ledger = (
-            _tensor(each.view(np.float64)).view(num_envs, -1)
-            for each in (here.reported, here.ledger)
-        )
+        self._reported, self._steps = _tensor(here.reported.words), _tensor(here.ledger["steps"])
 
     @one_thread
     def reset(self, *, seed: int | Sequence[int] | None = None) -> tuple[Tensor, dict[str, Any]]:
@@ -108,7 +103,7 @@ class PassiveWalkerGpuEnv:
             `info` as in `PassiveWalkerTorchEnv`. "final_obs", (num_envs, k), are the observations
             before new episodes began.
         """
-        self._at["actions"].copy_(actions.detach().reshape(-1))
+        self._at["actions"].copy_(actions.detach().reshape(self.num_envs, -1).T)
         self.batch.step(stream=_stream())
         rewards, terminated, late = (
             self._at[name].clone() for name in ("rewards", "terminated", "truncated")
@@ -121,10 +116,10 @@ class PassiveWalkerGpuEnv:
         """Return the infos of the last step; outcomes without the time limit."""
         reported = self._reported.clone()
         infos: dict[str, Any] = {
-            name: reported[:, _column(name)] for name in (*task.EVERY_STEP, *task.EVERY_STRIDE)
+            name: reported[_row(name)] for name in (*task.EVERY_STEP, *task.EVERY_STRIDE)
         }
         whole = reported.view(torch.int64)
-        infos |= {name: whole[:, _column(name)] for name in ("strides", "outcome")}
+        infos |= {name: whole[_row(name)] for name in ("strides", "outcome")}
         infos["final_obs"] = self._rows("last")
         if self._draws:
             rows = self._at["reported_draw"]
@@ -139,23 +134,22 @@ class PassiveWalkerGpuEnv:
     @property
     def elapsed_steps(self) -> Tensor:
         """Number of steps of each walker's episode, (num_envs,)."""
-        return self._ledger.view(torch.int64)[:, _column("steps")].clone()
+        return self._steps.clone()
 
     @one_thread
     def set_elapsed_steps(self, steps: Tensor) -> None:
         """Set the number of steps of each walker's episode; see `PassiveWalkerVectorEnv`."""
         limit = self.batch.step_limit
         found = interface.elapsed_steps(steps.cpu().numpy(), self.num_envs, limit)
-        self._ledger.view(torch.int64)[:, _column("steps")] = torch.from_numpy(found).to(
-            self.device
-        )
+        self._steps.copy_(torch.from_numpy(found))
 
     def _rows(self, name: str) -> Tensor:
-        return self._at[name].view(self.num_envs, -1).clone()
+        """Return a copy with a row for each walker."""
+        return self._at[name].T.clone(memory_format=torch.contiguous_format)
 
 
-def _column(name: str) -> int:
-    """Return the index of a field in a row of the ledger, in words of 8 bytes."""
+def _row(name: str) -> int:
+    """Return the row of a field of the ledger, in words of 8 bytes."""
     return task.LEDGER.fields[name][1] // 8  # type: ignore[index]
 
 

@@ -42,6 +42,18 @@ DEVICE_ARRAYS = {
 }
 """Arrays of a batch on a GPU, besides those of `memory`."""
 
+PASSED = (
+    "actions", "acted", "observations", "shown", "numbers", "last", "rewards", "terminated",
+    "truncated",
+)  # fmt: skip
+"""Arrays outside the columns: what a step takes and returns."""
+
+WRITTEN = ("reported", "reported_draw")
+"""Arrays in the columns that a step only writes."""
+
+READ = WORDS = 0
+"""Numbers of words of a column, which a step reads and writes; set for each scene."""
+
 SCRATCH = kind(np.dtype([
     ("lanes", "i8", (1,)),
     ("slopes", "f8", (1,)),
@@ -95,8 +107,20 @@ def which_drawn(growth, key, episode):
     return level * size + int(uniform(key, 0, WHICH) * size)
 
 
-def unpack(table):
-    """Return the arrays of the batch; `primitives.unpacker` returns the function instead."""
+def unpack(table, i, column):
+    """Return the arrays of walker i; `primitives.unpacker` returns the function instead."""
+
+
+def fetch(words, i, column):
+    """Copy the column of walker i to the memory of the thread."""
+    for k in range(READ):
+        column[k] = words[k, i]
+
+
+def keep(column, words, i):
+    """Copy a column back."""
+    for k in range(WORDS):
+        words[k, i] = column[k]
 
 
 # Functions of scenes with disturbances or users' functions replace the next seven.
@@ -187,17 +211,23 @@ def step_and_restart(here, i, tiles, histories, scratch):
 
 def reset_kernel(table):
     """Begin an episode of every walker."""
-    i, here = cuda.grid(1), unpack(table)
-    if i < len(here.records):
+    i, column = cuda.grid(1), cuda.local.array(WORDS, np.float64)
+    here = unpack(table, i, column)
+    if i < here.words.shape[1]:
         scratch = cuda.local.array(1, SCRATCH)
-        begin_episode(here, i, scratch[0])
-        here.reported_draw[i] = here.drawn[i]
+        fetch(here.words, i, column)
+        begin_episode(here, 0, scratch[0])
+        here.reported_draw[0] = here.drawn[0]
+        keep(column, here.words, i)
 
 
 def step_kernel(table):
     """Step every walker."""
-    i, here = cuda.grid(1), unpack(table)
-    if i < len(here.records):
+    i, column = cuda.grid(1), cuda.local.array(WORDS, np.float64)
+    here = unpack(table, i, column)
+    if i < here.words.shape[1]:
         tiles, histories = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
         scratch = cuda.local.array(1, SCRATCH)
-        step_and_restart(here, i, tiles, histories, scratch[0])
+        fetch(here.words, i, column)
+        step_and_restart(here, 0, tiles, histories, scratch[0])
+        keep(column, here.words, i)

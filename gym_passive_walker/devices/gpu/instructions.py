@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from functools import wraps
 from itertools import chain, count
+from math import prod
 from typing import Any
 
 import numba.cuda.extending
@@ -63,15 +64,18 @@ kind_of = typeof
 """Returns the type of a named tuple of arrays."""
 
 
-def unpacker(kinds):
-    """Return a function of kernels: the arrays whose `words_of` are at an address.
+def unpacker(kinds, own):
+    """Return a function of kernels: the arrays of walker i, from the address of their `words_of`.
 
     Args:
         kinds: Type of the named tuple of arrays, from `kind_of`.
+        own: Arrays in the walker's column, by name; see `columns.Columns`.
     """
 
     def code(context, builder, signature, arguments):
-        table = builder.inttoptr(arguments[0], _WORD.as_pointer(_GLOBAL))
+        table, i, column = arguments
+        table = builder.inttoptr(table, _WORD.as_pointer(_GLOBAL))
+        column = context.make_array(signature.args[2])(context, builder, column).data
         places = count()
 
         def word():
@@ -80,24 +84,40 @@ def unpacker(kinds):
             return loaded
 
         found = []
-        for kind in kinds:
+        for name, kind in zip(kinds.fields, kinds, strict=True):
             array = context.make_array(kind)(context, builder)
             entry = array.data.type.pointee
-            data = builder.inttoptr(word(), entry.as_pointer(_GLOBAL))
-            shape, strides = ([word() for _ in range(kind.ndim)] for _ in range(2))
-            size = context.get_constant(types.intp, context.get_abi_sizeof(entry))
-            data = builder.addrspacecast(data, array.data.type)
-            populate_array(array, data, shape, strides, size, None)
+            size = context.get_abi_sizeof(entry)
+            if name in own:
+                first, lengths, _ = own[name]
+                data = builder.bitcast(builder.gep(column, [_WORD(first)]), array.data.type)
+                shape = [_WORD(length) for length in lengths]
+                strides = [_WORD(prod(lengths[k + 1 :]) * size) for k in range(kind.ndim)]
+            else:
+                data = builder.add(word(), builder.mul(word(), i))
+                data = builder.inttoptr(data, entry.as_pointer(_GLOBAL))
+                data = builder.addrspacecast(data, array.data.type)
+                shape, strides = ([word() for _ in range(kind.ndim)] for _ in range(2))
+            populate_array(array, data, shape, strides, _WORD(size), None)
             found.append(array._getvalue())
         return context.make_tuple(builder, kinds, found)
 
-    return intrinsic(lambda typing_context, table: (kinds(_INTEGER), code))
+    return intrinsic(
+        lambda typing_context, table, i, column: (kinds(_INTEGER, _INTEGER, column), code)
+    )
 
 
-def words_of(arrays):
-    """Return addresses, shapes and strides in bytes of arrays, (words,)."""
-    parts = [(array.__cuda_array_interface__["data"][0], *array.shape, *array.strides)
-             for array in arrays]  # fmt: skip
+def words_of(columns):
+    """Return address, step to the next walker, shape and strides of arrays, (words,).
+
+    Args:
+        columns: A `columns.Columns`; arrays in its columns have no words.
+    """
+    parts = [
+        (array.__cuda_array_interface__["data"][0], step, *array.shape, *array.strides)
+        for name, array, step in zip(columns.ones._fields, columns.ones, columns.steps, strict=True)
+        if name not in columns.own
+    ]
     return np.array(list(chain.from_iterable(parts)), np.int64)
 
 

@@ -35,14 +35,14 @@ def kind_of(arrays):
     """Return None: kernels of the simulator take arrays of any type."""
 
 
-def unpacker(kinds):
-    """Return a function of kernels, which returns the arrays that are its argument."""
-    return lambda arrays: arrays
+def unpacker(kinds, own):
+    """Return a function of kernels: the arrays of walker i, from a `columns.Columns`."""
+    return lambda columns, i, column: columns.of_one(i, address(column))
 
 
-def words_of(arrays):
-    """Return the arrays: a kernel of the simulator takes them as they are."""
-    return arrays
+def words_of(columns):
+    """Return the columns: a kernel of the simulator takes them as they are."""
+    return columns
 
 
 def get(first, word):
