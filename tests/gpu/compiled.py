@@ -82,6 +82,6 @@ if __name__ == "__main__":
     else:
         from benchmarks.gpu_code import parameters, ptx
 
-        for name, text in ptx(eval(reported[0]), int(what)).items():
+        for name, text in ptx(eval(reported[0]), int(what))[0].items():
             counts = text.count(f".target sm_{what}0"), text.count(".entry"), parameters(text)
             print(name, *counts, "malloc" in text)

@@ -145,12 +145,41 @@ def test_the_same_seed_is_the_same_walk_whatever_the_batch():
             np.testing.assert_array_equal(whole[3 : 3 + len(own)], own)
 
 
+def test_a_walk_does_not_depend_on_the_blocks_of_threads(monkeypatch):
+    """Threads of a block part its walkers by phase; the last block has a thread to spare."""
+    scene = {"slope": 0.03, "tick": 0.6}
+    apart = rows(scene, 7, steps=6)
+    monkeypatch.setattr(device, "THREADS", 4)
+    for one, other in zip(apart, rows(scene, 7, steps=6), strict=True):
+        assert all(map(same, one, other))
+
+
+def test_the_second_kernel_steps_the_walkers_with_events_alone():
+    there = DeviceBatch(5, {"slope": 0.03, "tick": 0.3}, step_limit=9)
+    there.reset()
+    steps, listed = there.arrays.ledger["steps"], []
+    for k in range(12):
+        before = steps.copy()
+        there._launch(there._plain, 0)
+        first, others, _ = there.arrays.counts
+        over = np.zeros(5, bool)
+        over[there.arrays.listed[[*range(first), *range(5 - others, 5)]]] = True
+        assert (steps == before + ~over).all()
+        listed.append(over)
+        there._launch(there._events, 0)
+        assert (steps[over] == 0 if k == 8 else steps == before + 1).all()
+        assert not there.arrays.counts.any()
+    assert listed[8].all()  # their episodes end
+    assert 0 < np.sum(listed[:8]) < 40
+
+
 def test_an_action_that_is_no_number_stops_its_walker_alone():
     there = DeviceBatch(3, "level")
     there.reset()
     there.arrays.actions[:] = [0.1, np.nan, 0.2]
-    before = there.arrays.shown.copy()
+    before, reported = there.arrays.shown.copy(), there.arrays.reported.words.copy()
     there.step()
+    assert same(there.arrays.reported.words[:, 1], reported[:, 1])
     moved = (there.arrays.shown != before).any(axis=0)
     assert moved.tolist() == [True, False, True]
     assert np.isnan(there.arrays.rewards).tolist() == [False, True, False]

@@ -74,4 +74,5 @@ def test_kernels_compile_for_devices_of_two_kinds(scene, capability):
     """Each is one entry with one parameter, and allocates nothing."""
     said = run("-m", "tests.gpu.compiled", capability, scene).splitlines()
     reported = {line.split()[0]: line.split()[1:] for line in said if "_kernel" in line}
-    assert reported == {name: ["1", "1", "1", "False"] for name in ("reset_kernel", "step_kernel")}
+    names = "plain_kernel", "event_kernel", "reset_kernel"
+    assert reported == {name: ["1", "1", "1", "False"] for name in names}

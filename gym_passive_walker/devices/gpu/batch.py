@@ -14,6 +14,7 @@ from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker.devices.gpu import device, episodes, primitives
 from gym_passive_walker.devices.gpu.columns import Columns
 from gym_passive_walker.devices.gpu.lane import DeviceCode, device_code, scratch_types
+from gym_passive_walker.engine import lanes
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.engine.run import options
 from gym_passive_walker.envs import (
@@ -42,8 +43,8 @@ DRAWN = 4096
 @lru_cache
 def _kernels(
     here: DeviceCode, system: str, has_disturbances: bool, kinds: Any, own: Any, read: int
-) -> tuple[Any, Any]:
-    """Return the kernels that reset and step walkers of a system.
+) -> list[Any]:
+    """Return the kernels that reset and step walkers of a system; see `episodes`.
 
     Args:
         here: Code of the system.
@@ -53,8 +54,11 @@ def _kernels(
         own: Names of arrays in the columns, and their places.
         read: Words of a column that a step reads.
     """
-    words = {"READ": read, "WORDS": sum(place.words for _, place in own)}
-    bound = here.bound.instead({episodes.unpack: primitives.unpacker(kinds, dict(own))})
+    places = dict(own)
+    records = places["records"]
+    phase = records.first + records.kind.fields["phase"][1] // 8
+    words = {"READ": read, "WORDS": sum(place.words for place in places.values()), "PHASE": phase}
+    bound = here.bound.instead({episodes.unpack: primitives.unpacker(kinds, places)})
     for each in (episodes.fetch, episodes.keep):
         moved = bound.rebound(each)
         moved.__globals__.update(words)
@@ -75,10 +79,15 @@ def _kernels(
         })  # fmt: skip
     if "observation" in here.rules:
         bound = bound.instead({episodes.show_observation: episodes.own_show})
-    reset, step = (bound.rebound(each) for each in (episodes.reset_kernel, episodes.step_kernel))
-    for each in (reset, step):
-        each.__globals__.update(words | scratch_types(SYSTEMS[system]))
-    return device.cuda.jit(reset), device.cuda.jit(step)
+    once = bound.instead({lanes.integrate_phase: episodes.integrate_once})
+    made = [
+        once.rebound(episodes.plain_kernel),
+        bound.rebound(episodes.event_kernel),
+        bound.rebound(episodes.reset_kernel),
+    ]
+    for kernel in made:
+        kernel.__globals__.update(words | scratch_types(SYSTEMS[system]))
+    return [device.cuda.jit(kernel) for kernel in made]
 
 
 class DeviceBatch:
@@ -150,7 +159,7 @@ class DeviceBatch:
         self.seed(seed)
         kinds, own = primitives.kind_of(there.ones), tuple(there.own.items())
         of = here, self._system.name, disturbed(self.scene)
-        self._reset, self._step = _kernels(*of, kinds, own, there.read)
+        self._plain, self._events, self._reset = _kernels(*of, kinds, own, there.read)
 
     def _drawn(self, starts: Starts) -> list[Drawn]:
         """Return what episodes draw, of each level of a curriculum one after another."""
@@ -191,7 +200,7 @@ class DeviceBatch:
         lengths = {
             "walkers": 1, "rows": 1, "constants": width, "seen": shown,
             "channels": len(scene.actions), "delay": int(scene.ends("action_delay")[1]),
-            "shown": self.observation_size,
+            "shown": self.observation_size, "listable": self.count,
         }  # fmt: skip
         declared = memory.present(*features) | episodes.DEVICE_ARRAYS
         one = memory.made(declared, layout_of(self._system), lengths, given)
@@ -242,7 +251,8 @@ class DeviceBatch:
 
         A non-finite action leaves its walker unchanged, and its reward is NaN.
         """
-        self._launch(self._step, stream)
+        self._launch(self._plain, stream)
+        self._launch(self._events, stream)
 
     def _launch(self, kernel: Any, stream: Any) -> None:
         device.launch(kernel, self.count, self._table, stream=stream)

@@ -18,8 +18,11 @@ cuda: Any = numba.cuda
 SIMULATED = bool(cuda.config.ENABLE_CUDASIM)
 """Whether numba simulates a GPU: ``NUMBA_ENABLE_CUDASIM=1``."""
 
-BLOCK = 64
-"""Threads of a block; blocks are small because a thread uses nearly all registers."""
+BLOCK = 128
+"""Largest number of threads of a block; a thread uses nearly all registers."""
+
+THREADS = 1 if SIMULATED else BLOCK
+"""Threads of a block; the simulator runs one after the other."""
 
 _MISSING = (
     "this needs a CUDA GPU, and there is none here: simulate on the CPU (gpw.stride, "
@@ -103,11 +106,12 @@ def placed(words: Any) -> tuple[Any, Any]:
 
 def launch(kernel: Any, count: int, *arguments: Any, stream: Any = 0) -> None:
     """Run a kernel on a stream, with one thread for each of `count` walkers."""
+    blocks = (count + THREADS - 1) // THREADS
     if not SIMULATED:
         known = kernel.overloads
         with nullcontext() if known else compiling(f"{kernel.py_func.__name__} for the GPU"):
-            kernel[(count + BLOCK - 1) // BLOCK, BLOCK, stream](*arguments)
+            kernel[blocks, THREADS, stream](*arguments)
         return
     with warnings.catch_warnings():  # a GPU does not warn
         warnings.simplefilter("ignore", RuntimeWarning)
-        kernel[count, 1](*arguments)
+        kernel[blocks, THREADS](*arguments)

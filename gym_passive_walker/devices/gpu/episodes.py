@@ -11,17 +11,24 @@ import math
 
 import numpy as np
 
-from gym_passive_walker.devices.gpu.device import cuda, kind
+from gym_passive_walker.devices.gpu.device import BLOCK, cuda, kind
 from gym_passive_walker.devices.gpu.lane import RUN, TILE
+from gym_passive_walker.engine import lanes
 from gym_passive_walker.engine.counter_rng import uniform, word
+from gym_passive_walker.engine.event_location import TIME_UP
+from gym_passive_walker.engine.jit import address, call
+from gym_passive_walker.engine.lanes import WAITING
 from gym_passive_walker.engine.layout import WIDE
+from gym_passive_walker.engine.step import UP
 from gym_passive_walker.envs import disturbance_kernels, task, transitions
 from gym_passive_walker.envs.memory import BatchArray
 from gym_passive_walker.envs.randomized import SETTLED
 from gym_passive_walker.envs.task import ledger_for
 from gym_passive_walker.gaits.scenes.randomization import CURRICULUM_LEVELS, WHICH
 from gym_passive_walker.gaits.scenes.starts import DRAWS, between
+from gym_passive_walker.models.equations.hybrid import Outcome
 
+_STALLED = int(Outcome.STALLED)
 _START = 200  # stream of random numbers of a walker's key
 
 DEVICE_ARRAYS = {
@@ -36,6 +43,8 @@ DEVICE_ARRAYS = {
     "growth": BatchArray("i8", "2"),  # members of the pool at a level; episodes of a curriculum
     "drawn": BatchArray("i8", "walkers"),  # index in the pool
     "reported_draw": BatchArray("i8", "walkers"),  # before another episode began
+    "listed": BatchArray("i8", "listable"),  # walkers that `plain_kernel` leaves, from both ends
+    "counts": BatchArray("i8", "3"),  # their numbers; blocks of `event_kernel` that have read them
     "last": BatchArray("f4", "walkers*shown"),  # observations before another episode began
     "shown": BatchArray("f4", "walkers*shown"),  # results of a user's observation
     "numbers": BatchArray("f8", "walkers shown"),  # the same, in double precision
@@ -51,8 +60,8 @@ PASSED = (
 WRITTEN = ("reported", "reported_draw")
 """Arrays in the columns that a step only writes."""
 
-READ = WORDS = 0
-"""Numbers of words of a column, which a step reads and writes; set for each scene."""
+READ = WORDS = PHASE = 0
+"""Words of a column that a step reads and writes, and the row of the phase; set for each scene."""
 
 SCRATCH = kind(np.dtype([
     ("lanes", "i8", (1,)),
@@ -61,6 +70,25 @@ SCRATCH = kind(np.dtype([
     ("gaits", "f8", (1, 2 * WIDE.links)),
 ]))  # fmt: skip
 """Working memory of a thread: the start of one walker."""
+
+
+def integrate_once(records, bodies, phase, number, tiles, histories, options):
+    """Integrate the one walker that waits in a phase by a step, which must reach its time limit.
+
+    Else the outcome is STALLED. See `lanes.integrate_phase` for the arguments.
+    """
+    record = records[0, 0]
+    if record.phase != number or record.outcome != WAITING:
+        return
+    tile = address(tiles)
+    call(phase.load_constants, tile, address(bodies[0]), 0, 0, 0.0, 0.0)
+    call(phase.load, tile, address(records[0]), 0, 0, options.first_step, 0.0)
+    call(phase.first, tile, tile, 0, 0, 0.0, 0.0)
+    call(phase.sweep, tile, tile, 0, 0, options.fineness, float(options.scuff))
+    if tiles[0].verdict[0] == UP:
+        lanes.leave(records[0], bodies[0], tiles, phase, 0, TIME_UP, options)
+    else:
+        record.outcome = _STALLED
 
 
 def begin_episode(here, i, scratch):
@@ -188,14 +216,18 @@ def own_show(here, i):
         here.shown[i * count + k] = here.numbers[i, k]
 
 
-def step_and_restart(here, i, tiles, histories, scratch):
-    """Step a walker, and begin its next episode if this one has ended."""
+def step_walker(here, i, tiles, histories):
+    """Step a walker; an episode that has ended is not begun again.
+
+    Returns:
+        Whether its action is finite; else it is left unchanged.
+    """
     finite, count = True, here.rules[0].actions
     for j in range(count):
         finite = finite and math.isfinite(here.actions[i * count + j])
     if not finite:
         here.rewards[i], here.terminated[i], here.truncated[i] = math.nan, False, False
-        return
+        return False
     before_step(here, i, i + 1)
     task.step(here, i, i + 1, tiles, histories)
     observe_body(here, i)
@@ -205,29 +237,74 @@ def step_and_restart(here, i, tiles, histories, scratch):
     size = len(here.last) // len(here.records)
     for k in range(i * size, (i + 1) * size):
         here.last[k] = here.shown[k]
-    if here.terminated[i] or here.truncated[i]:
-        begin_episode(here, i, scratch)
+    return True
 
 
 def reset_kernel(table):
     """Begin an episode of every walker."""
     i, column = cuda.grid(1), cuda.local.array(WORDS, np.float64)
-    here = unpack(table, i, column)
-    if i < here.words.shape[1]:
+    words = unpack(table, 0, column).words
+    if i < words.shape[1]:
         scratch = cuda.local.array(1, SCRATCH)
-        fetch(here.words, i, column)
+        here = unpack(table, i, column)
+        fetch(words, i, column)
         begin_episode(here, 0, scratch[0])
-        here.reported_draw[0] = here.drawn[0]
-        keep(column, here.words, i)
+        here.reported[0], here.reported_draw[0] = here.ledger[0], here.drawn[0]
+        keep(column, words, i)
 
 
-def step_kernel(table):
-    """Step every walker."""
-    i, column = cuda.grid(1), cuda.local.array(WORDS, np.float64)
-    here = unpack(table, i, column)
-    if i < here.words.shape[1]:
+def plain_kernel(table):
+    """Step every walker for which one integration step suffices, and list the others.
+
+    The others have an event, need more integration steps, or end their episodes. The result of
+    their step is not kept here. Each phase has its own integration step. The first threads of a
+    block therefore take the walkers in the first phase, and the last threads take the others.
+    """
+    column, thread = cuda.local.array(WORDS, np.float64), cuda.threadIdx.x
+    found = cuda.shared.array(2, np.int32)  # walkers of this block in the first phase, and others
+    order = cuda.shared.array(BLOCK, np.int64)
+    i, words = cuda.grid(1), unpack(table, 0, column).words
+    order[thread] = -1
+    if thread == 0:
+        found[0], found[1] = 0, 0
+    cuda.syncthreads()
+    if i < words.shape[1]:
+        if words[PHASE, i] == 0.0:  # the bits of an integer
+            order[cuda.atomic.add(found, 0, 1)] = i
+        else:
+            order[cuda.blockDim.x - 1 - cuda.atomic.add(found, 1, 1)] = i
+    cuda.syncthreads()
+    i = order[thread]
+    if i >= 0:
+        tiles, histories = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
+        here = unpack(table, i, column)
+        fetch(words, i, column)
+        if not step_walker(here, 0, tiles, histories):
+            return
+        if here.records[0, 0].outcome == WAITING and not (here.terminated[0] or here.truncated[0]):
+            keep(column, words, i)
+        elif words[PHASE, i] == 0.0:
+            here.listed[cuda.atomic.add(here.counts, 0, 1)] = i
+        else:
+            here.listed[words.shape[1] - 1 - cuda.atomic.add(here.counts, 1, 1)] = i
+
+
+def event_kernel(table):
+    """Step the walkers in the list; where an episode ends, begin the next one."""
+    column, k = cuda.local.array(WORDS, np.float64), cuda.grid(1)
+    here = unpack(table, 0, column)
+    first, others, count = here.counts[0], here.counts[1], here.words.shape[1]
+    cuda.syncthreads()  # all threads of the block have read
+    if cuda.threadIdx.x == 0 and cuda.atomic.add(here.counts, 2, 1) == cuda.gridDim.x - 1:
+        for entry in range(3):  # the last block clears the list
+            here.counts[entry] = 0
+    if k < first + others:
+        i = here.listed[k if k < first else count - 1 - (k - first)]
         tiles, histories = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
         scratch = cuda.local.array(1, SCRATCH)
+        here = unpack(table, i, column)
         fetch(here.words, i, column)
-        step_and_restart(here, 0, tiles, histories, scratch[0])
+        step_walker(here, 0, tiles, histories)
+        if here.terminated[0] or here.truncated[0]:
+            begin_episode(here, 0, scratch[0])
         keep(column, here.words, i)

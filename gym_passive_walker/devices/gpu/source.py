@@ -65,7 +65,7 @@ class Source(Module):
             f"    if function == {i}:\n        return {name}(first, second, x, y)\n"
             for i, name in enumerate(self.names, 1)
         )
-        # Compiled once for all callers, whose lanes and tangents are other constants.
+        # Without lanes and tangents, which are constants, `dispatch` is compiled only once.
         head = "def dispatch(function, first, second, x, y):\n    apart()\n"
         call = "\n\ndef call(function, first, second, lane, tangents, x, y):\n"
         return f"{self.text()}{head}{cases}{call}    dispatch(function, first, second, x, y)\n"
