@@ -29,6 +29,7 @@ SCRIPTS = {
     **{f"benchmarks/{part}": f"throughput {part}" for part in (
         "accelerations", "strides", "ticks", "learning", "on_tensors")},
     **{f"gpu/gpu {part}": f"gpu {part}" for part in ("strides", "ticks", "learning")},
+    **{f"gpu/gpu {part}": f"gpu_code {part}" for part in ("launch", "warps", "kernels")},
     "benchmarks/scene cost": "scene_cost",
     "benchmarks/cold start": "cold_start waits",
     **{f"benchmarks/{part}": f"cold_start {part}" for part in ("wheel", "levels", "kernels")},
