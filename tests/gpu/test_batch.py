@@ -228,6 +228,7 @@ def test_functions_of_ones_own_are_those_of_plain_python():
         there.arrays.actions[:] = [0.3, 0.9]
         there.step()
         seen, notes = np.array(there.arrays.numbers), there.arrays.notes.to_host()
+        assert notes.shape == (2,)
         expected = plain_values(COMPILED, notes, Shape(1))
         np.testing.assert_allclose(seen, expected, rtol=1e-12, atol=1e-14)
         over = np.array(there.arrays.terminated)

@@ -137,7 +137,7 @@ class DeviceBatch:
                 "walkers on a GPU have one observation for actor and critic: give observation a "
                 "function, or use the CPU"
             )
-        self.custom = Custom(self.scene, self.count)
+        self.custom = Custom(self.scene, 1)  # as a thread has them
         for name, rule in self.custom.rules.items():
             if not rule.native:
                 raise SceneError(

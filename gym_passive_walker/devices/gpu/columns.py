@@ -121,8 +121,10 @@ class Columns:
         rows = self.words[own.first : own.first + own.words]
         if own.kind.fields:
             return Fields(rows, own.kind)
-        shape = [length for length in own.shape if length != 1]
-        return rows.view(own.kind).reshape(*shape, rows.shape[1])
+        shape = (*(length for length in own.shape if length != 1), rows.shape[1])
+        if not own.words:
+            return device.upload(np.zeros(shape, own.kind))
+        return rows.view(own.kind).reshape(*shape)
 
     def of_one(self, i: int, column: NDArray[np.float64]) -> Any:
         """Return the arrays of walker i in the simulator, with its column in the CPU's memory."""

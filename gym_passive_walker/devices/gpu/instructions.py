@@ -16,8 +16,6 @@ import numba.cuda.extending
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.cuda.np.arrayobj import populate_array
-from numba.cuda.typing.typeof import typeof
 
 intrinsic: Any = numba.cuda.extending.intrinsic
 
@@ -60,8 +58,11 @@ def address(typing_context, array):
     return _INTEGER(array), code
 
 
-kind_of = typeof
-"""Returns the type of a named tuple of arrays."""
+def kind_of(arrays):
+    """Return the type of a named tuple of arrays."""
+    from numba.cuda.typing.typeof import typeof  # of the extra
+
+    return typeof(arrays)
 
 
 def unpacker(kinds, own):
@@ -71,6 +72,7 @@ def unpacker(kinds, own):
         kinds: Type of the named tuple of arrays, from `kind_of`.
         own: Arrays in the walker's column, by name; see `columns.Columns`.
     """
+    from numba.cuda.np.arrayobj import populate_array  # of the extra
 
     def code(context, builder, signature, arguments):
         table, i, column = arguments
