@@ -70,7 +70,7 @@ def ptx(scene: Any, capability: int = CAPABILITY) -> tuple[dict[str, str], Any]:
 
         there = mock.patch.multiple(
             device, need_device=lambda: None, upload=put, launch=compiled, write=lambda *_: None,
-            empty=lambda shape, of: put(np.zeros(shape, of)), placed=lambda _: (0, None),
+            placed=lambda _: (0, None),
         )  # fmt: skip
         with there, mock.patch.object(primitives, "words_of"):
             walkers = batch.DeviceBatch(2, scene)

@@ -196,7 +196,7 @@ def test_a_step_moves_nothing_to_or_from_the_device(monkeypatch):
     def refuse(*_, **__):
         raise AssertionError("something is moved")
 
-    for name in ("upload", "to_host", "empty"):
+    for name in ("upload", "to_host", "write", "placed"):
         monkeypatch.setattr(device, name, refuse)
     there.step()
     assert there.arrays.ledger["steps"].tolist() == [2] * 4

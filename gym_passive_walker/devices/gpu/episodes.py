@@ -8,6 +8,7 @@ therefore give equal trajectories in any batch.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -135,7 +136,7 @@ def which_drawn(growth, key, episode):
     return level * size + int(uniform(key, 0, WHICH) * size)
 
 
-def unpack(table, i, column):
+def unpack(table, i, column) -> Any:
     """Return the arrays of walker i; `primitives.unpacker` returns the function instead."""
 
 

@@ -60,7 +60,7 @@ def address(typing_context, array):
 
 def kind_of(arrays):
     """Return the type of a named tuple of arrays."""
-    from numba.cuda.typing.typeof import typeof  # of the extra
+    from numba.cuda.typing.typeof import typeof  # type: ignore[import-not-found]
 
     return typeof(arrays)
 
@@ -72,7 +72,7 @@ def unpacker(kinds, own):
         kinds: Type of the named tuple of arrays, from `kind_of`.
         own: Arrays in the walker's column, by name; see `columns.Columns`.
     """
-    from numba.cuda.np.arrayobj import populate_array  # of the extra
+    from numba.cuda.np.arrayobj import populate_array  # type: ignore[import-not-found]
 
     def code(context, builder, signature, arguments):
         table, i, column = arguments
