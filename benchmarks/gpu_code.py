@@ -239,7 +239,11 @@ def warps() -> None:
     ]  # fmt: skip
     share = np.mean([(s.sweeps.sum(axis=1) == 1) & ~s.events.any(1) & ~s.ends for s in steps])
     text = table(["kernels", "instructions"], [(name, round(cost, -2)) for name, cost in rows])
-    said = f"{100.0 * share:.0f} % of control steps are one integration step without an event."
+    ends = 100.0 * np.mean([step.ends for step in steps])
+    said = (
+        f"{100.0 * share:.0f} % of control steps are one integration step without an event; "
+        f"{ends:.1f} % end an episode."
+    )
     _report("gpu warps", f"{text}\n\n{said}")
 
 
