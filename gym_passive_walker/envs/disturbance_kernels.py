@@ -83,7 +83,9 @@ SETTINGS = np.dtype([
 INTERVAL = 0.1
 """Largest time between checks of contact and knees, in sqrt(l/g); a stride takes about 3."""
 
-_INSTANT = 1e-9  # times closer than this are equal
+INSTANT = 1e-9
+"""Times closer than this are equal."""
+
 _DEPTH = 1e-9  # rounding of a foot's height
 _FIRST_REASON = len(Outcome)
 _HEELSTRIKE, _WORK, _ROOM = int(Outcome.HEELSTRIKE), len(constraints.NOTES) - 1, constraints.ROOM
@@ -92,6 +94,16 @@ RADIUS = StraightBody._fields.index("foot_radius")  # of every kind's constants
 _CONTACT, _FRICTION, _KNEE = range(len(CHECKS) - 1)
 # Streams of a walker's key.
 _WHEN, _HOW_HARD, _SENSOR, _MOTOR, _COMMAND = range(5)
+
+
+def observation_draw(key, steps, size, k):
+    """Return the normal number of the noise on entry k of `size` observed ones, after `steps`."""
+    return normal(key, size * steps + k, _SENSOR)
+
+
+def action_draw(key, steps, count, j):
+    """Return the normal number of the noise on action j of `count`, in the step after `steps`."""
+    return normal(key, count * steps + j, _MOTOR)
 
 
 @jitted
@@ -104,7 +116,7 @@ def add_observation_noise(here, i):
     if settings.noisy:
         for k in range(size):
             if settings.noise[k] > 0.0:
-                draw = normal(disturbance.key, size * row.steps + k, _SENSOR)
+                draw = observation_draw(disturbance.key, row.steps, size, k)
                 error = settings.noise[k] * draw
                 noisy = observations[first + k] + error
                 observations[first + k] = clip(noisy, LOWEST[k], BOUNDS[k]) if count == 0 else noisy
@@ -155,6 +167,12 @@ def time_to_push(disturbance, settings):
     return -math.log(1.0 - uniform(disturbance.key, disturbance.pushes, _WHEN)) / settings.rate
 
 
+def drawn_impulse(disturbance, settings):
+    """Return the impulse of the next random push, over m sqrt(g l)."""
+    low, high = settings.push[0], settings.push[1]
+    return low + (high - low) * uniform(disturbance.key, disturbance.pushes, _HOW_HARD)
+
+
 def clear_readings(here, i):
     """Set the readings of a walker's checks to those before any check."""
     for k in range(len(_BLANK)):
@@ -196,7 +214,7 @@ def disturb_actions(here, first, last):
                 sent, here.pending[i, step % late, j] = here.pending[i, step % late, j], share
                 share = sent
             if noise > 0.0:
-                share += noise * normal(disturbance.key, step * count + j, _MOTOR)
+                share += noise * action_draw(disturbance.key, step, count, j)
             here.acted[i * count + j] = clip(share, -1.0, 1.0) * disturbance.strength[j]
 
 
@@ -207,9 +225,8 @@ def apply_due_events(here, i):
     native = here.hooks[record.phase]
     if native.look != 0:
         call(native.look, address(here.records[i]), address(here.bodies[i]), 0, 0, 0.0, 0.0)
-    while disturbance.due <= record.time + _INSTANT:
-        low, high = settings.push[0], settings.push[1]
-        impulse = low + (high - low) * uniform(disturbance.key, disturbance.pushes, _HOW_HARD)
+    while disturbance.due <= record.time + INSTANT:
+        impulse = drawn_impulse(disturbance, settings)
         if disturbance.known != 0.0:
             impulse, disturbance.known = disturbance.known, 0.0
         call(native.push, address(here.records[i]), address(here.bodies[i]), 0, 0, -impulse, 0.0)
@@ -219,7 +236,7 @@ def apply_due_events(here, i):
         if native.look != 0:
             call(native.look, address(here.records[i]), address(here.bodies[i]), 0, 0, 0.0, 0.0)
     end = min(disturbance.until, disturbance.due, record.time + settings.interval)
-    record.end = disturbance.until if disturbance.until - end < _INSTANT else end
+    record.end = disturbance.until if disturbance.until - end < INSTANT else end
 
 
 @jitted

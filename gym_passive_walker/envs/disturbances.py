@@ -60,7 +60,7 @@ class Disturbances:
     def __init__(self, scene: Scene, system: str, count: int) -> None:
         self.scene, self._system = scene, system
         self.states = np.zeros(count, disturbance_kernels.DISTURBANCE)
-        self.settings = _settings(scene)
+        self.settings = settings_of(scene)
         self.terrain = (scene.terrain or Terrain()).arrays()
 
     @property
@@ -107,7 +107,7 @@ class Disturbances:
         return found
 
 
-def _settings(scene: Scene) -> NDArray:
+def settings_of(scene: Scene) -> NDArray:
     """Return the settings of a scene's disturbances, (1,) of SETTINGS."""
     settings = np.zeros(1, disturbance_kernels.SETTINGS)
     if scene.pushes:

@@ -16,7 +16,8 @@ except ImportError as error:
     ) from error
 
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
-from gym_passive_walker.torch.rollouts import Rollout, RolloutState, initial_state, rollout
+from gym_passive_walker.torch.rollouts import Rollout, initial_state, rollout
+from gym_passive_walker.torch.steps import RolloutState
 from gym_passive_walker.torch.walks import Stride, Tick, stride, tick
 
 __all__ = [
