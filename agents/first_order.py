@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
@@ -37,15 +38,15 @@ from torch import Tensor, nn
 
 from agents.networks import FallCriticPolicy
 from agents.ppo_fast import advantages
-from gym_passive_walker.envs.evaluation.linearization import Linear, StepRecorder
+from gym_passive_walker.gaits.scenes.checks import CHECKS
+from gym_passive_walker.torch.linearization import Linear, StepRecorder
 
-_STATE = slice(0, 6)  # the state within an observation
 _LISTENING = 10
 """Horizons over which the steps of the actions grow to their full size. At first the critic is
 untrained, and once all walkers have learned to fall, the gradient is zero."""
 
-_FARTHEST = 1.2
-"""Largest action that a policy learns: a little beyond the bound of 1, so that it can return."""
+_BEYOND = 0.2
+"""How far beyond its bounds an action is learned, so that it can return."""
 
 _LIKELY = 0.3
 """Least probability of a fall that changes an action's gradient."""
@@ -67,6 +68,7 @@ class Taped(VecEnvWrapper):
         seen: Observations after each step, before a reset; one array (n, k) for each step.
         ended: Whether the episode ended with the step; one boolean array (n,) for each step.
         fell: Whether it ended by a fall, with no later rewards; a boolean array (n,) for each step.
+        violated: Whether a violated constraint was that fall; a boolean array (n,) for each step.
     """
 
     def __init__(self, venv: VecEnv, recorder: Any = None) -> None:
@@ -82,6 +84,7 @@ class Taped(VecEnvWrapper):
         self.seen: list[NDArray] = []
         self.ended: list[NDArray] = []
         self.fell: list[NDArray] = []
+        self.violated: list[NDArray] = []
 
     def reset(self) -> VecEnvObs:
         """Reset every environment."""
@@ -95,12 +98,13 @@ class Taped(VecEnvWrapper):
     def step_wait(self) -> VecEnvStepReturn:
         """Finish a step, and record its results."""
         observations, rewards, dones, infos = self.venv.step_wait()
-        seen, fell = np.array(observations), dones.copy()
+        seen, fell, violated = np.array(observations), dones.copy(), np.zeros_like(dones)
         for i in np.flatnonzero(dones):
             seen[i] = infos[i]["terminal_observation"]
             fell[i] = not infos[i]["TimeLimit.truncated"]
-        for kept, new in ((self.seen, seen), (self.ended, dones), (self.fell, fell)):
-            kept.append(new)
+            violated[i] = infos[i]["outcome"] in CHECKS
+        for name, new in {"seen": seen, "ended": dones, "fell": fell, "violated": violated}.items():
+            getattr(self, name).append(new)
         return observations, rewards, dones, infos
 
 
@@ -118,38 +122,47 @@ def backwards(
     This is the chain rule with the weights of TD(lambda), which mix in the critic after each step.
     Along an episode that neither ends nor leaves the horizon, the costate before a step is
 
-        rewards_by_state + gamma A' m + policy (rewards_by_action + gamma B' m),
+        rewards_by_state + gamma A' m + policy' (rewards_by_action + gamma B' m),
 
-    where A and B are the derivatives of the step's end by its initial state and its action. The
-    vector m mixes the costate after the step with the critic's derivative there.
+    where A and B are the derivatives of the step's end by its initial state and its actions. The
+    vector m mixes the costate after the step with the critic's derivative there. The critic does
+    not know what is not observed: there, m is the costate.
 
     Args:
-        linear: Derivatives of the steps.
-        policy: Derivative of each action by the state before it, shape (T, n, 6).
-        critic: Derivative of the value by the state after each step, shape (T, n, 6); 0 at falls.
+        linear: Derivatives of the steps, by states of s numbers, the first m of which are observed.
+        policy: Derivative of the k actions by the state before each step, shape (T, n, k, m).
+        critic: Derivative of the value by the state after each step, shape (T, n, m); 0 at falls.
         ended: Whether the episode ended with the step, shape (T, n).
         gamma: Discount factor.
         gae_lambda: Weight of the later steps relative to the critic.
 
     Returns:
-        Derivative of the return from each step by its action, shape (T, n); and by the state before
-        it, shape (T, n, 6), the costate.
+        Derivative of the return from each step by its actions, shape (T, n, k); and by the state
+        before it, shape (T, n, m), the costate.
     """
-    gains, costates = np.empty(ended.shape), np.empty(critic.shape)
-    costate = critic[-1]
+    gains, costates = np.empty(linear.rewards_by_action.shape), np.empty(critic.shape)
+    size, costate = critic.shape[-1], linear.ahead.copy()
+    costate[:, :size] = critic[-1]
     for t in reversed(range(len(ended))):
-        mixed = (1.0 - gae_lambda) * critic[t] + gae_lambda * costate
-        after = gamma * np.where(ended[t][:, None], critic[t], mixed)
+        over = ended[t][:, None]
+        mixed = (1.0 - gae_lambda) * critic[t] + gae_lambda * costate[:, :size]
+        after = np.where(over, 0.0, costate)
+        after[:, :size] = np.where(over, critic[t], mixed)
+        after *= gamma
         gains[t] = linear.rewards_by_action[t]
-        gains[t] += np.einsum("ni,ni->n", linear.states_by_action[t], after)
-        costate = linear.rewards_by_state[t] + gains[t][:, None] * policy[t]
-        costate += np.einsum("nij,ni->nj", linear.states_by_state[t], after)
-        costates[t] = costate
+        gains[t] += np.einsum("nik,ni->nk", linear.states_by_action[t], after)
+        costate = linear.rewards_by_state[t] + np.einsum(
+            "nij,ni->nj", linear.states_by_state[t], after
+        )
+        costate[:, :size] += np.einsum("nkj,nk->nj", policy[t], gains[t])
+        costates[t] = costate[:, :size]
     return gains, costates
 
 
 class SHAC(OnPolicyAlgorithm):
-    """A short-horizon actor-critic on exact gradients, for walkers with a hip actuator.
+    """A short-horizon actor-critic on exact gradients.
+
+    `env.recorder.left_out` has a sentence on each part of the scene without a derivative.
 
     Args:
         policy: "MlpPolicy", or `FallCriticPolicy`.
@@ -220,8 +233,8 @@ class SHAC(OnPolicyAlgorithm):
         return super().collect_rollouts(env, *args, **kwargs)
 
     def action(self, seen: Tensor) -> Tensor:
-        """The policy's action without noise, (...), from observations (..., k)."""
-        return self.policy.action_net(self.policy.mlp_extractor.forward_actor(seen))[..., 0]
+        """The policy's actions without noise, (..., actions), from observations (..., k)."""
+        return self.policy.action_net(self.policy.mlp_extractor.forward_actor(seen))
 
     def value(self, seen: Tensor) -> Tensor:
         """The critic's value, (...), from observations (..., k)."""
@@ -241,18 +254,19 @@ class SHAC(OnPolicyAlgorithm):
         self.policy.set_training_mode(True)
         self._update_learning_rate(self.policy.optimizer)
         seen = torch.as_tensor(self.rollout_buffer.observations)
-        gains, costates = self._gradients(seen.numpy())
+        gains, slopes, shown = self._gradients(seen.numpy())
         rows = seen.reshape(-1, seen.shape[-1])
         reach = self.reach * min(1.0, self._n_updates / (self.n_epochs * _LISTENING))
         with torch.no_grad():
-            actions = self.action(rows) + reach * _single(gains).reshape(-1)
-            actions.clamp_(-_FARTHEST, _FARTHEST)
+            actions = self.action(rows) + reach * _single(gains).flatten(0, 1)
+            low, high = map(torch.as_tensor, self._bounds())
+            actions = actions.clamp(low - _BEYOND, high + _BEYOND)
         values = _single(self.rollout_buffer.returns).reshape(-1)
-        slopes = _single(costates).reshape(len(rows), -1)
+        slopes, shown = _single(slopes).flatten(0, 1), _single(shown).flatten(0, 1)
         falls = self._falls_to_come(seen).reshape(-1)
         for _ in range(self.n_epochs):
             for batch in torch.randperm(len(rows)).split(self.batch_size):
-                learned = rows, actions, values, slopes, falls
+                learned = rows, actions, values, slopes, shown, falls
                 self._fit(*(each[batch] for each in learned))
         self._n_updates += self.n_epochs
 
@@ -269,60 +283,92 @@ class SHAC(OnPolicyAlgorithm):
             fell.float(), now, after, ended, gamma=self.gamma, gae_lambda=self.gae_lambda
         )
 
-    def _gradients(self, seen: NDArray) -> tuple[NDArray, NDArray]:
-        """Gradients by actions over their root mean square, (T, n), and by states, (T, n, 6).
+    def _bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The smallest and the largest actions, (k,) each."""
+        assert isinstance(self.action_space, Box)
+        return self.action_space.low, self.action_space.high
 
-        The states are scaled as the networks' inputs are.
+    def _gradients(self, seen: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Gradients by actions, over the root mean square of each, and slopes that critics learn.
+
+        Returns:
+            Gradients, (T, n, k). Slopes of the return by each number of the state, (T, n, m); each
+            is scaled as what is observed of it. And the directions of these slopes in observations,
+            (T, n, numbers, m).
         """
-        env, actions = self.env, self.rollout_buffer.actions[..., 0]
+        env, actions = self.env, self.rollout_buffer.actions
         assert isinstance(env, Taped)
         normalizer, spread = self.get_vec_normalize_env(), np.ones(seen.shape[-1])
         if normalizer is not None and normalizer.norm_obs:
             spread = np.sqrt(normalizer.obs_rms.var + normalizer.epsilon)  # type: ignore[union-attr]
-        spread = spread[_STATE]
-        beyond, fell = np.abs(actions) >= 1.0, np.stack(env.fell)
-        policy = _by_state(self.action, seen) / spread
-        policy[beyond] = 0.0
-        critic = _by_state(self.value, np.stack(env.seen)) / spread
+        linear = env.recorder.linearize(np.stack(env.violated))
+        before, after = (x / spread[:, None] for x in (linear.seen_by_state, linear.shown_by_state))
+        low, high = self._bounds()
+        below, above, fell = actions <= low, actions >= high, np.stack(env.fell)
+        policy = np.stack(
+            [
+                _by_seen(lambda x, k=k: self.action(x)[..., k], seen, before)
+                for k in range(actions.shape[-1])
+            ],
+            axis=2,
+        )
+        policy[below | above] = 0.0
+        critic = _by_seen(self.value, np.stack(env.seen), after)
         critic[fell] = 0.0
-        linear = env.recorder.linearize()
         gains, costates = backwards(
             linear, policy, critic, np.stack(env.ended),
             gamma=self.gamma, gae_lambda=self.gae_lambda,
         )  # fmt: skip
-        gains -= np.einsum("tni,tni->tn", linear.states_by_action, self._price_of_falls() / spread)
+        by_action = linear.states_by_action[:, :, : critic.shape[-1]]
+        gains -= np.einsum("tnik,tni->tnk", by_action, self._price_of_falls(after))
         # An action beyond its bounds is moved back towards them, but not further away.
-        gains[beyond & (actions * gains > 0.0)] = 0.0
-        typical = np.sqrt(np.mean(gains**2)) or 1.0
+        gains[(below & (gains < 0.0)) | (above & (gains > 0.0))] = 0.0
+        typical = np.sqrt(np.mean(gains**2, axis=(0, 1)))
+        typical[typical == 0.0] = 1.0
+        sizes = np.sqrt(np.mean(np.sum(before**2, axis=2), axis=(0, 1)))
+        scales = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0.0)
+        scales *= env.recorder.rewarded  # slopes without a reward's would be wrong
         return (
             np.clip(gains / typical, -_BOLDEST, _BOLDEST),
-            np.clip(costates * spread, -_STEEPEST, _STEEPEST),
+            np.clip(costates * scales, -_STEEPEST, _STEEPEST),
+            before * scales,
         )
 
-    def _price_of_falls(self) -> NDArray[np.float64]:
-        """Derivative by the state after each step of the return that falls cost, (T, n, 6).
+    def _price_of_falls(self, shown: NDArray) -> NDArray[np.float64]:
+        """Derivative by the state after each step of the return that falls cost, (T, n, m).
 
-        A fall costs the mean return. Where it is unlikely the derivative is 0: there it is mostly
+        `shown` has the derivatives of the observations there, (T, n, numbers, m). A fall costs the
+        mean return. Where it is unlikely the derivative is 0: there it is mostly
         an error of the critic, and larger than the effect of a torque on the work.
         """
         assert isinstance(self.env, Taped)
         after = np.stack(self.env.seen)
         with torch.no_grad():
             unlikely = self.falls(torch.as_tensor(after)).numpy() < _LIKELY
-        slopes = _by_state(self.falls, after)
+        slopes = _by_seen(self.falls, after, shown)
         slopes[unlikely | np.stack(self.env.fell)] = 0.0  # after a fall, none is to come
         return self.gamma * max(0.0, float(self.rollout_buffer.returns.mean())) * slopes
 
     def _fit(
-        self, seen: Tensor, actions: Tensor, values: Tensor, slopes: Tensor, falls: Tensor
+        self,
+        seen: Tensor,
+        actions: Tensor,
+        values: Tensor,
+        slopes: Tensor,
+        shown: Tensor,
+        falls: Tensor,
     ) -> None:
-        """Make one step of fitting to actions, values, their derivatives (k, 6), and falls."""
+        """Make one step of fitting to actions, values, their slopes (b, m), and falls.
+
+        `shown` has the direction of each slope in observations, (b, numbers, m).
+        """
         leaf = seen.clone().requires_grad_()
         expected = self.value(leaf)
-        (by_state,) = torch.autograd.grad(expected.sum(), leaf, create_graph=True)
+        (by_seen,) = torch.autograd.grad(expected.sum(), leaf, create_graph=True)
         loss = nn.functional.mse_loss(self.action(seen), actions)
         loss = loss + nn.functional.mse_loss(expected, values)
-        loss = loss + (by_state[:, _STATE] - slopes).square().sum(1).mean()
+        found = (by_seen[:, None] @ shown)[:, 0]
+        loss = loss + (found - slopes).square().sum(1).mean()
         if isinstance(self.policy, FallCriticPolicy):
             loss = loss + nn.functional.binary_cross_entropy(self.falls(seen), falls)
         self.policy.optimizer.zero_grad()
@@ -335,8 +381,13 @@ def _single(array: NDArray) -> Tensor:
     return torch.as_tensor(array, dtype=torch.float32)
 
 
-def _by_state(function: Callable[[Tensor], Tensor], seen: NDArray) -> NDArray[np.float64]:
-    """Derivative of a function of observations (T, n, k) by the state in each, (T, n, 6)."""
+def _by_seen(
+    function: Callable[[Tensor], Tensor], seen: NDArray, shown: NDArray
+) -> NDArray[np.float64]:
+    """Derivative of a function of observations (T, n, numbers) by the states, (T, n, m).
+
+    `shown` has the derivatives of the observations by the states, (T, n, numbers, m).
+    """
     leaf = torch.tensor(seen, requires_grad=True)
     (gradient,) = torch.autograd.grad(function(leaf).sum(), leaf)
-    return gradient[..., _STATE].double().numpy()
+    return (gradient.double().numpy()[..., None, :] @ shown)[..., 0, :]

@@ -30,9 +30,11 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 from torch import Tensor
 
 from agents.first_order import SHAC, Taped
-from gym_passive_walker.envs.evaluation.linearization import Linear, differentiable, stands
 from gym_passive_walker.gaits.scenes import rules
-from gym_passive_walker.gaits.scenes.scene import undisturbed
+from gym_passive_walker.gaits.scenes.checks import SceneError
+from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS
+from gym_passive_walker.gaits.scenes.scene import CALM, undisturbed
+from gym_passive_walker.torch.linearization import Linear
 
 _STANCE, _THIGH, _LOCKED = 0, 1, 6  # columns of an observation
 _STATE = slice(0, 6)
@@ -139,12 +141,22 @@ class LearnedSteps:
             outputs are the state after the step, and the distance that is rewarded.
 
     Raises:
-        SceneError: as for `differentiable`, or if the scene has a command.
+        SceneError: if the scene has other actions than the hip's torque, disturbances, a command,
+            or other rules of observation, reward or termination.
     """
 
+    left_out: tuple[str, ...] = ()
+    rewarded = True
+
     def __init__(self, envs: Any) -> None:
-        self._batch = envs.batch
-        self._scene = undisturbed(differentiable(envs.scene), "derivatives of steps are learned")
+        self._batch, scene = envs.batch, envs.scene
+        if scene.actions != ("hip",) or "units" not in scene.walker.supports:
+            raise SceneError(
+                "walkers whose derivatives are learned are driven by the hip alone, and this "
+                f'scene\'s actions are {scene.actions}: choose make_scene(scene, actions=("hip",))'
+            )
+        calm = CALM | dict.fromkeys(FUNCTIONS)
+        self._scene = undisturbed(scene, "derivatives of steps are learned", calm)
         self.model = StepModel(self._batch.observation_size, 7)
         self.clear()
 
@@ -173,8 +185,11 @@ class LearnedSteps:
         *begun, earlier = self._begun
         self._steps.append((*begun, after.astype(float), rewards, strides > earlier, fell))
 
-    def linearize(self) -> Linear:
-        """Learn from the steps since the last `clear`, and return their derivatives."""
+    def linearize(self, violated: NDArray[np.bool_] | None = None) -> Linear:
+        """Learn from the steps since the last `clear`, and return their derivatives.
+
+        No scene has constraints here, so none is `violated`.
+        """
         before, actions, begins, after, rewards, struck, fell = map(
             np.stack, zip(*self._steps, strict=True)
         )
@@ -207,12 +222,30 @@ class LearnedSteps:
         direct = sign * rules.motor_charge(charged, sign, moved, abs(moved))
         work[..., 6] += self._scene.max_hip_torque * direct
         paid = slopes[..., 6, :] - pays * ~fell[..., None] * work
+        shown = np.eye(before.shape[-1], 6)
         return Linear(
             states_by_state=slopes[..., _STATE, _STATE],
-            states_by_action=slopes[..., _STATE, 6],
+            states_by_action=slopes[..., _STATE, 6:],
             rewards_by_state=paid[..., _STATE],
-            rewards_by_action=paid[..., 6],
+            rewards_by_action=paid[..., 6:],
+            seen_by_state=np.broadcast_to(shown, (*fell.shape, *shown.shape)),
+            shown_by_state=np.broadcast_to(shown, (*fell.shape, *shown.shape)),
+            ahead=np.zeros((fell.shape[1], 6)),
         )
+
+
+def stands(fell: NDArray[np.bool_], begins: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return whether each step's stride does not end in a fall, as far as is known, (T, n).
+
+    Args:
+        fell: Whether each walker falls in a step, (T, n).
+        begins: Whether a stride begins with it, (T, n).
+    """
+    standing, so_far = np.empty(fell.shape, bool), np.ones(fell.shape[1], bool)
+    for step in reversed(range(len(fell))):
+        standing[step] = so_far & ~fell[step]
+        so_far = standing[step] | begins[step]
+    return standing
 
 
 def _hip_angle(states: NDArray) -> NDArray:

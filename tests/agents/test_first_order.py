@@ -10,56 +10,68 @@ from agents import envs
 from agents.config import ConfigError, configure
 from agents.first_order import SHAC, backwards
 from agents.learner import LearnedPolicy, _tensors, build
-from gym_passive_walker.envs.evaluation.linearization import Linear, StepRecorder
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.torch import rollout
+from gym_passive_walker.torch.linearization import Linear, StepRecorder
+
+SIZE, HIDDEN = 6, 2  # numbers of a state that are observed, and that are not
 
 
-def drawn(steps=12, count=3, seed=0):
+def drawn(steps=12, count=3, actions=2, seed=0):
     """Random steps, a policy and a critic, stable enough for a dozen steps."""
-    rng = np.random.default_rng(seed)
+    rng, whole = np.random.default_rng(seed), SIZE + HIDDEN
     linear = Linear(
-        states_by_state=0.3 * rng.normal(size=(steps, count, 6, 6)),
-        states_by_action=rng.normal(size=(steps, count, 6)),
-        rewards_by_state=rng.normal(size=(steps, count, 6)),
-        rewards_by_action=rng.normal(size=(steps, count)),
+        states_by_state=0.3 * rng.normal(size=(steps, count, whole, whole)),
+        states_by_action=rng.normal(size=(steps, count, whole, actions)),
+        rewards_by_state=rng.normal(size=(steps, count, whole)),
+        rewards_by_action=rng.normal(size=(steps, count, actions)),
+        seen_by_state=np.empty(0),
+        shown_by_state=np.empty(0),
+        ahead=np.pad(rng.normal(size=(count, HIDDEN)), ((0, 0), (SIZE, 0))),
     )
-    policy, critic = 0.3 * rng.normal(size=(2, steps, count, 6))
-    return linear, policy, critic
+    policy = 0.3 * rng.normal(size=(steps, count, actions, SIZE))
+    return linear, policy, 0.3 * rng.normal(size=(steps, count, SIZE))
 
 
 def returned(linear, policy, critic, start, extra, gamma):
     """Returns of linear walkers under a linear policy, by the definition."""
     state, total = start, 0.0
     for t in range(len(extra)):
-        action = (policy[t] * state).sum(1) + extra[t]
-        reward = (linear.rewards_by_state[t] * state).sum(1) + linear.rewards_by_action[t] * action
+        action = torch.einsum("nkj,nj->nk", policy[t], state[:, :SIZE]) + extra[t]
+        reward = (linear.rewards_by_state[t] * state).sum(1)
+        reward = reward + (linear.rewards_by_action[t] * action).sum(1)
         total = total + gamma**t * reward
         state = torch.einsum("nij,nj->ni", linear.states_by_state[t], state)
-        state = state + linear.states_by_action[t] * action[:, None]
-    return total + gamma ** len(extra) * (critic[-1] * state).sum(1)
+        state = state + torch.einsum("nik,nk->ni", linear.states_by_action[t], action)
+    after = (critic[-1] * state[:, :SIZE]).sum(1) + (linear.ahead * state).sum(1)
+    return total + gamma ** len(extra) * after
 
 
 def test_without_the_critic_on_the_way_the_sweep_is_the_gradient_of_the_discounted_return():
     linear, policy, critic = drawn()
     nobody = np.zeros(policy.shape[:2], bool)
     gains, costates = backwards(linear, policy, critic, nobody, gamma=0.9, gae_lambda=1.0)
-    start = torch.zeros((3, 6), dtype=torch.float64, requires_grad=True)
-    extra = torch.zeros((12, 3), dtype=torch.float64, requires_grad=True)
+    start = torch.zeros((3, SIZE + HIDDEN), dtype=torch.float64, requires_grad=True)
+    extra = torch.zeros((12, 3, 2), dtype=torch.float64, requires_grad=True)
     tensors = Linear(*map(torch.from_numpy, linear)), *map(torch.from_numpy, (policy, critic))
     returned(*tensors, start, extra, 0.9).sum().backward()
-    np.testing.assert_allclose(costates[0], start.grad, rtol=1e-12)
-    discounts = 0.9 ** np.arange(12)[:, None]
+    np.testing.assert_allclose(costates[0], start.grad[:, :SIZE], rtol=1e-12)
+    discounts = 0.9 ** np.arange(12)[:, None, None]
     np.testing.assert_allclose(discounts * gains, extra.grad, rtol=1e-10)
 
 
 def test_the_critic_alone_speaks_at_lambda_zero_and_where_an_episode_ends():
+    """Of what it observes: nothing is known of the rest at the end of an episode."""
     linear, policy, critic = drawn()
-    ended = np.random.default_rng(1).random(policy.shape[:2]) < 0.3
-    alone = linear.rewards_by_action + 0.9 * np.sum(linear.states_by_action * critic, axis=-1)
-    nobody = np.zeros_like(ended)
-    gains, _ = backwards(linear, policy, critic, nobody, gamma=0.9, gae_lambda=0.0)
+    ended = np.random.default_rng(1).random(critic.shape[:2]) < 0.3
+    by_action = linear.states_by_action[:, :, :SIZE]
+    alone = linear.rewards_by_action + 0.9 * np.einsum("tnik,tni->tnk", by_action, critic)
+    observed = linear._replace(
+        states_by_state=linear.states_by_state * (np.arange(SIZE + HIDDEN) < SIZE)[:, None],
+        states_by_action=linear.states_by_action * (np.arange(SIZE + HIDDEN) < SIZE)[:, None],
+    )
+    gains, _ = backwards(observed, policy, critic, np.zeros_like(ended), gamma=0.9, gae_lambda=0.0)
     np.testing.assert_allclose(gains, alone, rtol=1e-12)
     gains, _ = backwards(linear, policy, critic, ended, gamma=0.9, gae_lambda=0.7)
     np.testing.assert_allclose(gains[ended], alone[ended], rtol=1e-12)
@@ -69,22 +81,26 @@ def test_the_critic_alone_speaks_at_lambda_zero_and_where_an_episode_ends():
 def test_costates_mix_as_lambda_returns_do():
     """A reward for position alone, which each step halves: a geometric series."""
     halved = np.broadcast_to(0.5 * np.eye(6), (40, 1, 6, 6))
-    ones, none = np.ones((40, 1, 6)), np.zeros((40, 1, 6))
-    linear = Linear(halved, none, ones, np.zeros((40, 1)))
+    ones, none = np.ones((40, 1, 6)), np.zeros((40, 1, 6, 1))
+    empty = np.empty(0)
+    linear = Linear(halved, none, ones, np.zeros((40, 1, 1)), empty, empty, np.zeros((1, 6)))
     for share in (0.0, 0.5, 1.0):
         _, costates = backwards(
-            linear, none, 3.0 * ones, np.zeros((40, 1), bool), gamma=0.8, gae_lambda=share
-        )
+            linear, np.zeros((40, 1, 1, 6)), 3.0 * ones, np.zeros((40, 1), bool), gamma=0.8,
+            gae_lambda=share,
+        )  # fmt: skip
         settled = (1.0 + 0.4 * (1.0 - share) * 3.0) / (1.0 - 0.4 * share)
         np.testing.assert_allclose(costates[0], settled, rtol=1e-12)
 
 
-@pytest.mark.parametrize("scene", ["level", "rolling", "steep", "lab"])
+@pytest.mark.parametrize("scene", ["level", "rolling", "steep", "lab", "rough", "pushed"])
 def test_the_sweep_over_walkers_is_what_autograd_says_of_their_walk(scene):
-    """Two derivations: recorded steps of the environment, and single operations of torch."""
+    """Recorded steps of the environment, each by itself, and one walk with all of them."""
     torch.manual_seed(1)
     policy = torch.nn.Sequential(
-        torch.nn.Linear(8, 16), torch.nn.Tanh(), torch.nn.Linear(16, 1)
+        torch.nn.Linear(12 if scene == "rough" else 8, 16),
+        torch.nn.Tanh(),
+        torch.nn.Linear(16, 1),
     ).double()
     scene, count = make_scene(scene, tolerance=1e-12), 5
     steps = 3 if scene.control == "stride" else 70
@@ -102,11 +118,12 @@ def test_the_sweep_over_walkers_is_what_autograd_says_of_their_walk(scene):
     ended = np.concatenate([going[:-1] & ~going[1:], going[-1:]])
     critic = np.zeros((steps, count, 6))
     gains, _ = backwards(
-        recorder.linearize(), by_seen.numpy()[..., :6], critic, ended, gamma=1.0, gae_lambda=1.0
-    )
+        recorder.linearize(), by_seen.numpy()[..., None, :6], critic, ended, gamma=1.0,
+        gae_lambda=1.0,
+    )  # fmt: skip
     first = np.cumsum(ended, axis=0) - ended == 0  # the environment begins another episode
     ours = torch.autograd.grad(
-        (actions * torch.from_numpy(gains * first)).sum(), policy.parameters()
+        (actions * torch.from_numpy(gains[..., 0] * first)).sum(), policy.parameters()
     )
     assert first.sum() > 0.4 * steps * count
     for gradient, parameter in zip(ours, policy.parameters(), strict=True):
@@ -130,10 +147,10 @@ def test_an_update_moves_actions_up_their_gradients():
         """SHAC that records what it learns from."""
 
         def _gradients(self, seen):
-            reported["gains"], costates = super()._gradients(seen)
-            reported["seen"] = torch.as_tensor(seen)
+            found = super()._gradients(seen)
+            reported["gains"], reported["seen"] = found[0], torch.as_tensor(seen)
             reported["before"] = self.action(reported["seen"]).detach()
-            return reported["gains"], costates
+            return found
 
     model.__class__ = Watched
     model._n_updates = 1000  # it has listened to its critic for long
@@ -172,12 +189,13 @@ def test_steps_before_a_fall_have_its_discounted_probability(faller):
 
 
 def test_a_probable_fall_costs_the_mean_return_and_an_improbable_one_nothing(faller):
-    assert (faller._price_of_falls() == 0.0).all()  # all falls are rare
+    shown = np.broadcast_to(np.eye(9, 6), (4, 2, 9, 6))
+    assert (faller._price_of_falls(shown) == 0.0).all()  # all falls are rare
     last = faller.policy.fall_critic[-1]
     torch.nn.init.normal_(last.weight)
     torch.nn.init.constant_(last.bias, 1.0)
     seen = torch.from_numpy(faller.env.seen)
-    price, falls = faller._price_of_falls(), faller.falls(seen).detach().numpy()
+    price, falls = faller._price_of_falls(shown), faller.falls(seen).detach().numpy()
     likely = (falls > 0.3) & ~faller.env.fell
     assert likely.any() and (price[~likely] == 0.0).all()
     for k in range(6):
@@ -203,7 +221,8 @@ def test_without_a_critic_of_falls_they_change_no_gradient():
     config = configure("shac", "level", n_envs=2)
     model = build(config, envs.training_envs(config))
     model.learn(2 * config.hyperparams["n_steps"])
-    assert (model._price_of_falls() == 0.0).all()
+    shown = np.eye(model.observation_space.shape[0], 6)
+    assert (model._price_of_falls(shown) == 0.0).all()
 
 
 def test_without_arguments_it_has_the_numbers_of_its_preset():

@@ -1,5 +1,7 @@
 """SHAC on learned derivatives: the model of steps, and its derivatives beside the engine's."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import torch
@@ -7,11 +9,11 @@ import torch
 from agents import envs
 from agents.config import ConfigError, configure
 from agents.first_order import Taped
-from agents.learned_steps import LearnedSteps, StepModel, Watched
+from agents.learned_steps import LearnedSteps, StepModel, Watched, stands
 from agents.learner import build, restore_weights
 from gym_passive_walker import load_policy
-from gym_passive_walker.envs.evaluation.linearization import StepRecorder, stands
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+from gym_passive_walker.torch.linearization import StepRecorder
 
 WALKERS, STEPS = 32, 32
 
@@ -103,6 +105,17 @@ def test_falls_have_no_derivative_and_the_strides_before_them_no_distance():
     assert np.median(errors) < 0.01
     errors = np.abs(learned.rewards_by_action - exact.rewards_by_action)[doomed]
     assert np.median(errors) < 0.05 * np.std(exact.rewards_by_action)
+
+
+def test_a_stride_stands_unless_it_ends_in_a_fall():
+    rng = np.random.default_rng(1)
+    fell, begins = rng.random((40, 7)) < 0.1, rng.random((40, 7)) < 0.3
+    found = stands(fell, begins)
+    for lane in range(7):
+        starts = [0, *(k for k in range(1, 40) if begins[k, lane]), 40]
+        for first, end in pairwise(starts):
+            for k in range(first, end):
+                assert found[k, lane] == (not fell[k:end, lane].any())
 
 
 def test_each_step_is_learned_once():

@@ -2,7 +2,6 @@
 
 import csv
 import math
-from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +11,6 @@ import gym_passive_walker as gpw
 from gym_passive_walker.envs.evaluation import gauntlet as gauntlets
 from gym_passive_walker.envs.evaluation import robustness as measures
 from gym_passive_walker.envs.evaluation.gauntlet import TESTS, Gauntlet
-from gym_passive_walker.envs.evaluation.linearization import at_first_steps, stands
 from gym_passive_walker.envs.evaluation.robustness import Robustness, _Tries, robustness
 from gym_passive_walker.envs.evaluation.walks import (
     TIME_LIMIT,
@@ -403,26 +401,3 @@ def test_a_response_is_infinite_if_a_walker_falls_and_else_the_difference_by_the
     assert asked == [(2, 60, {"height_changes": [1e-4, -1e-4]})]
     made = np.array([60, 59])
     assert np.isinf(tries.period_response()).all()
-
-
-# The chain of strides of a differentiated walk.
-
-
-def test_a_stride_stands_unless_it_ends_in_a_fall():
-    rng = np.random.default_rng(1)
-    fell, begins = rng.random((40, 7)) < 0.1, rng.random((40, 7)) < 0.3
-    amounts = rng.normal(size=(40, 7))
-    found, moved = stands(fell, begins), at_first_steps(amounts, begins)
-    for lane in range(7):
-        starts = [0, *(k for k in range(1, 40) if begins[k, lane]), 40]
-        for first, end in pairwise(starts):
-            for k in range(first, end):
-                assert found[k, lane] == (not fell[k:end, lane].any())
-            own = amounts[first:end, lane].sum() if begins[first, lane] else 0.0
-            assert moved[first, lane] == pytest.approx(own)
-            assert (moved[first + 1 : end, lane] == 0.0).all()
-    going = rng.normal(size=7)
-    added = at_first_steps(amounts, begins, going) - moved
-    last = 39 - np.argmax(begins[::-1], axis=0)
-    np.testing.assert_allclose(added[last, np.arange(7)], going)
-    assert np.count_nonzero(added) == 7

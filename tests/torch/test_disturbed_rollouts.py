@@ -5,8 +5,7 @@ import pytest
 import torch
 
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
-from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.torch import initial_state, rollout
 
 COUNT, HORIZON = 5, 60

@@ -1,0 +1,383 @@
+"""Steps of an environment, recorded as they are made and differentiated all at once.
+
+A step begins where the one before has ended, so once all are made each can be differentiated by
+itself: any number of walkers and steps are one call of the engine, and the chain rule, backwards
+through the steps, is left to the caller.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from gym_passive_walker.envs.transitions import Transition
+from gym_passive_walker.envs.views import of_notes, samples, shape_of
+from gym_passive_walker.gaits.flow import states_in
+from gym_passive_walker.gaits.scenes import rules
+from gym_passive_walker.gaits.scenes.rewards import rule_of
+from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.torch.counting import applied, check_alone, each_tensor
+from gym_passive_walker.torch.operation import columns_of
+from gym_passive_walker.torch.steps import (
+    RolloutState,
+    exchanged,
+    exchanged_names,
+    is_ruled,
+    take_step,
+)
+
+_STRUCK = int(Outcome.HEELSTRIKE)
+_GIVEN = ("slope", "height_change", "slope_change", "command", "push", "strides", "steps")
+"""Fields of a `Transition` that do not change with actions, but for jumps."""
+
+
+class Linear(NamedTuple):
+    """Derivatives of T steps of n walkers by the state before each step and its k actions.
+
+    A state has s numbers. The first m are those of `Batch.states`, dimensionless: of a walker the
+    first six of the environment's own observation. The others are not observed, and present if a
+    reward or a later step depends on them: the coordinates with which the stride began, the
+    distance of the hip in the stride, the time of the next push since the stride began, time and
+    action of the last step, and the actions that have not acted yet.
+
+    Actions are those within their bounds. What was drawn at random is a constant. A fall has no
+    derivative but that it takes back the distance of its stride.
+
+    Attributes:
+        states_by_state: (T, n, s, s): [..., i, j] is the end's i by the start's j.
+        states_by_action: (T, n, s, k).
+        rewards_by_state: (T, n, s).
+        rewards_by_action: (T, n, k).
+        seen_by_state: Observations before each step by the first m numbers, (T, n, numbers, m).
+        shown_by_state: The same after each step, before a reset.
+        ahead: Derivative of what is known to be earned after the last step by the state there,
+            (n, s).
+    """
+
+    states_by_state: NDArray[np.float64]
+    states_by_action: NDArray[np.float64]
+    rewards_by_state: NDArray[np.float64]
+    rewards_by_action: NDArray[np.float64]
+    seen_by_state: NDArray[np.float64]
+    shown_by_state: NDArray[np.float64]
+    ahead: NDArray[np.float64]
+
+
+class StepRecorder:
+    """Record of the steps of an environment, for differentiation.
+
+    Args:
+        envs: A vector environment, for Gymnasium or stable-baselines3.
+        learning: Whether the derivatives of a command's penalty are those that learners need. They
+            ignore the bound of the penalty, so that they point to the commanded speed where a
+            stride earns nothing. And a stride that has not ended has, by its start, the derivative
+            of the stride before it in the same episode, if there is one.
+
+    Attributes:
+        left_out: What of the scene has no derivative, and which derivative is left out; a sentence
+            each.
+        rewarded: Whether rewards have derivatives; they are 0 if not.
+    """
+
+    def __init__(self, envs: Any, *, learning: bool = False) -> None:
+        self._batch, self._learning = envs.batch, learning
+        scene = envs.scene
+        parts, self.left_out = _parts(scene)
+        self.rewarded = scene.reward is None or "reward" in parts
+        kept = {name: getattr(scene, name) if name in parts else None for name in _OWN}
+        # What ends episodes is known from the environment.
+        self._scene = make_scene(scene, **kept, terminated=None, constraints={})
+        self._own_observation = scene.observation is not None
+        self._ends_by_constraints = "end" in scene.constraints.values()
+        self._checked = False
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all steps."""
+        self._before: list[dict[str, NDArray]] = []
+        self._actions: list[NDArray] = []
+        self._walkers: list = []
+
+    def record(self, actions: NDArray) -> None:
+        """Record a step that is about to be made, with its actions, (n,) or (n, k).
+
+        Raises:
+            ValueError: if `schedule_events` has added a push or a step in the ground.
+        """
+        batch, names = self._batch, ("records", "ledger", "disturbances", "pending", "notes")
+        now = {name: batch.arrays[name].copy() for name in names if name in batch.arrays}
+        if "disturbances" in now and any(
+            now["disturbances"][name].any() for name in ("known", "extra_height")
+        ):
+            raise ValueError(
+                "scheduled pushes and steps in the ground have no recorded derivative: give the "
+                "scene pushes or a terrain of its own"
+            )
+        self._before.append(now)
+        self._actions.append(np.array(actions, dtype=float).reshape(batch.count, -1))
+        self._walkers += batch.walkers
+
+    def linearize(self, violated: NDArray[np.bool_] | None = None) -> Linear:
+        """Return the derivatives of the steps since the last `clear`.
+
+        Args:
+            violated: Whether a violated constraint ended each walker's episode, (T, n); required if
+                the scene's constraints end episodes.
+        """
+        if violated is None and self._ends_by_constraints:
+            raise ValueError("linearize needs `violated`, since constraints end episodes here")
+        scene, here = self._episodes()
+        shape = len(self._before), self._batch.count
+        leaves = [
+            _packed(scene, here).requires_grad_(),
+            torch.from_numpy(np.concatenate(self._actions)).clamp(-1.0, 1.0).requires_grad_(),
+        ]
+        found, ends = take_step(
+            scene, _unpacked(scene, here, leaves[0]), leaves[1], by_parameters=False,
+            violated=None if violated is None else torch.from_numpy(violated.reshape(-1)),
+            penalty=_unbounded if self._learning else rules.command_penalty,
+        )  # fmt: skip
+        if is_ruled(scene) and not self._checked:
+            check_alone(scene, ends.last)
+            self._checked = True
+        after = _packed(scene, ends)
+        rewards = found.rewards * float(self.rewarded)
+        by_state, by_action = _derivatives(torch.cat([after, rewards[:, None]], 1), leaves)
+        by_state, by_action = (x.reshape(*shape, *x.shape[1:]) for x in (by_state, by_action))
+        struck = (found.outcomes == _STRUCK).numpy().reshape(shape)
+        goes_on = here.going.numpy().reshape(shape)[-1] & ends.going.numpy().reshape(shape)[-1]
+        ahead = np.zeros((shape[1], by_state.shape[-1]))
+        if self._learning and len(starts := _places(scene, here)["starts"]):
+            steps = here.steps.numpy().reshape(shape)[-1]
+            known = np.arange(shape[0])[::-1, None] <= steps  # in the last episode
+            last = _last(by_state[:, :, -1, starts], struck & known)
+            ahead[:, starts] = (goes_on & ~struck[-1])[:, None] * last
+        return Linear(
+            states_by_state=by_state[:, :, :-1],
+            states_by_action=by_action[:, :, :-1],
+            rewards_by_state=by_state[:, :, -1],
+            rewards_by_action=by_action[:, :, -1],
+            seen_by_state=self._shown(here.last, shape),
+            shown_by_state=self._shown(ends.last, shape),
+            ahead=ahead,
+        )
+
+    def _shown(self, step: Transition, shape: tuple[int, int]) -> NDArray[np.float64]:
+        """Return derivatives of observations after steps by the state, (T, n, numbers, m)."""
+        scene, size = self._scene, (self._batch.observation_size, self._scene.walker.size)
+        if not self._own_observation:
+            return np.broadcast_to(np.eye(*size), (*shape, *size))
+        if scene.observation is None:
+            return np.zeros((*shape, *size))
+        step = each_tensor(step, Tensor.detach)
+        states = torch.stack(list(step.state), 1).requires_grad_()
+        seen = applied(scene.observation, step._replace(state=type(step.state)(*states.T)))
+        return _derivatives(torch.stack(seen, 1), [states])[0].reshape(*shape, *size)
+
+    def _episodes(self) -> tuple[Scene, RolloutState]:
+        """Return the scene, and the states before all recorded steps, one behind the other."""
+        arrays = {
+            name: np.concatenate([now[name] for now in self._before]) for name in self._before[0]
+        }
+        charged = rules.ENERGIES[int(self._batch.rules["charged"][0])]
+        scene = make_scene(self._scene, energy=charged)
+        records, ledger = arrays["records"][:, 0], arrays["ledger"]
+        count, walker = len(records), scene.walker
+        zeros = torch.zeros(count, dtype=torch.float64)
+        slopes, keys, due = ledger["slope"], np.zeros(count, np.int64), np.full(count, np.inf)
+        commands, pushes = np.zeros(count), np.zeros(count, np.int64)
+        pending = np.zeros((count, 0, len(scene.actions)))
+        if "disturbances" in arrays:
+            each, pending = arrays["disturbances"], arrays["pending"]
+            slopes, due, pushes = each["slope"], each["due"], each["pushes"]
+            keys = np.ascontiguousarray(each["key"]).view(np.int64)
+            commands = each["command"] if scene.command is not None else commands
+        last = Transition._make([zeros] * len(Transition._fields))
+        if "notes" in arrays:
+            last = _tensors(of_notes(arrays["notes"], shape_of(scene)))
+        states = states_in(records, walker.coordinates)
+        starts = records["start"][:, : len(columns_of(walker).inputs["start"])]
+        over = (ledger["ending"] != 0) | (ledger["truncated"] != 0)
+        here = {
+            "states": states, "slopes": slopes, "phases": records["phase"].astype(np.int64),
+            "times": records["time"], "starts": starts, "progress": ledger["progress"],
+            "strides": ledger["strides"], "keys": keys, "footholds": np.zeros((0, count, 2)),
+            "commands": commands, "steps": ledger["steps"], "due": due, "pushes": pushes,
+            "pending": pending, "outcome": np.where(over, int(Outcome.STALLED), 0),
+        }  # fmt: skip
+        tensors = {name: torch.from_numpy(np.array(x)) for name, x in here.items()}
+        return scene, RolloutState(
+            **tensors, last=last, parameters=self._parameters(scene, tensors["strides"])
+        )
+
+    def _parameters(self, scene: Scene, strides: Tensor) -> dict[str, Tensor]:
+        """Return the parameters in which recorded walkers differ from the scene's, (T n,) each."""
+        each = {id(walker): walker for walker in self._walkers}
+        numbers = {key: walker.parameters for key, walker in each.items()}
+        usual, names = scene.walker.parameters, exchanged_names(scene)
+        names += [
+            name for name in usual
+            if name not in names and any(own[name] != usual[name] for own in numbers.values())
+        ]  # fmt: skip
+        found = {
+            name: torch.tensor([numbers[id(w)][name] for w in self._walkers], dtype=torch.float64)
+            for name in names
+        }
+        return exchanged(scene, found, strides % 2 == 1)
+
+
+_OWN = ("reward", "observation")
+
+
+def left_out(scene: Scene) -> list[str]:
+    """Return what of a scene has no derivative for learners, and which is left out, in sentences.
+
+    Terrain, pushes, noise, delays and random bodies have none: they are constants of a walk.
+    """
+    return _parts(scene)[1]
+
+
+def _parts(scene: Scene) -> tuple[set[str], list[str]]:
+    """Return the scene's own functions that have derivatives, and the sentences of `left_out`."""
+    parts, said = set(), []
+    for name in _OWN:
+        if getattr(scene, name) is None:
+            continue
+        try:
+            by = _fields_in(scene, rule_of(getattr(scene, name)))
+        except Exception as error:  # a user's function may raise anything
+            why = f"since it takes no tensors ({type(error).__name__}: {error}; see gpw.math)"
+            said.append(f"{name} has no derivative, {why}: {_WITHOUT[name]}.")
+            continue
+        if name == "reward" and not by:
+            said.append(f"reward is constant but for jumps: {_WITHOUT[name]}.")
+            continue
+        parts.add(name)
+        others = [field for field in by if field != "state"]
+        if name == "observation" and others:
+            said.append(
+                f"observation: its derivative by {', '.join(others)} is left out; that by the "
+                "state is not."
+            )
+    if scene.terminated is not None:
+        said.append("terminated: when it ends an episode has no derivative, which is left out.")
+    if "end" in scene.constraints.values():
+        said.append(
+            "constraints: when a violated one ends an episode has no derivative; it counts as a "
+            "fall."
+        )
+    if scene.command is not None:
+        said.append(
+            "command: the bound of its penalty is left out, so that derivatives point to the "
+            "commanded speed from afar."
+        )
+    return parts, said
+
+
+_WITHOUT = {
+    "reward": "its derivative is left out, and actions follow the critic's alone",
+    "observation": "what an action changes in later observations is left out",
+}
+
+
+def _fields_in(scene: Scene, function: Any) -> list[str]:
+    """Return the fields of a `Transition` by which a function has a derivative somewhere."""
+    shape = shape_of(scene)
+    step = _tensors(of_notes(samples(shape, begun=False), shape))
+    step = each_tensor(step, lambda x: x.requires_grad_() if x.is_floating_point() else x)
+    total = torch.stack([x.sum() for x in applied(function, step)]).sum()
+    if not total.requires_grad:
+        return []
+    found = []
+    for name in step._fields:
+        given = getattr(step, name)
+        leaves = [x for x in (given if isinstance(given, tuple) else (given,)) if x.requires_grad]
+        if name in _GIVEN or not leaves:
+            continue
+        slopes = torch.autograd.grad(total, leaves, retain_graph=True, materialize_grads=True)
+        if any(x.any() for x in slopes):
+            found.append(name)
+    return found
+
+
+def _tensors(part: Any) -> Any:
+    """Return nested arrays as tensors."""
+    if isinstance(part, np.ndarray):
+        return torch.from_numpy(np.array(part))
+    parts = [_tensors(x) for x in part]
+    return type(part)._make(parts) if hasattr(part, "_make") else tuple(parts)
+
+
+def _unbounded(length: Tensor, period: Tensor, command: Tensor, weight: float) -> Tensor:
+    """Return the penalty of `rules.command_penalty` without its bound."""
+    return weight * rules.command_error(length, period, command)
+
+
+def _whole(scene: Scene, here: RolloutState) -> dict[str, Tensor]:
+    """Return the parts of a `Linear`'s state by name, (n, numbers) each."""
+    ruled, none = is_ruled(scene), here.states[:, :0]
+    return {
+        "states": here.states,
+        "starts": here.starts if ruled or scene.command is not None else none,
+        "progress": here.progress[:, None],
+        "due": here.due[:, None] if scene.pushes else none,
+        "time": here.last.time[:, None] if ruled else none,
+        "action": torch.stack(here.last.action, 1) if ruled else none,
+        "pending": here.pending.flatten(1),
+    }
+
+
+def _places(scene: Scene, here: RolloutState) -> dict[str, NDArray[np.int64]]:
+    """Return the places of each part in a `Linear`'s state."""
+    sizes = {name: part.shape[1] for name, part in _whole(scene, here).items()}
+    ends = np.cumsum([*sizes.values()])
+    return {
+        name: np.arange(end - size, end)
+        for (name, size), end in zip(sizes.items(), ends, strict=True)
+    }
+
+
+def _packed(scene: Scene, here: RolloutState) -> Tensor:
+    """Return states as one tensor (n, s)."""
+    return torch.cat([*_whole(scene, here).values()], 1)
+
+
+def _unpacked(scene: Scene, here: RolloutState, whole: Tensor) -> RolloutState:
+    """Return states with the numbers of one tensor (n, s)."""
+    parts = {name: whole[:, at] for name, at in _places(scene, here).items() if len(at)}
+    last, pending = here.last, parts.get("pending", here.pending.flatten(1))
+    if "time" in parts:
+        last = last._replace(time=parts["time"][:, 0], action=tuple(parts["action"].T))
+    return here._replace(
+        states=parts["states"],
+        starts=parts.get("starts", here.starts),
+        progress=parts["progress"][:, 0],
+        due=parts["due"][:, 0] if "due" in parts else here.due,
+        pending=parts["pending"].reshape(here.pending.shape)
+        if "pending" in parts
+        else here.pending,
+        last=last,
+    )
+
+
+def _derivatives(results: Tensor, leaves: list[Tensor]) -> list[NDArray[np.float64]]:
+    """Return derivatives of results (n, r) of walkers by leaves (n, k) of theirs, (n, r, k)."""
+    rows = [
+        torch.autograd.grad(column.sum(), leaves, retain_graph=True, materialize_grads=True)
+        if column.requires_grad
+        else [torch.zeros_like(leaf) for leaf in leaves]
+        for column in results.T
+    ]
+    return [torch.stack(parts, 1).numpy() for parts in zip(*rows, strict=True)]
+
+
+def _last(amounts: NDArray, struck: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return amounts (n, k) at each walker's last heelstrike of (T, n) steps; 0 without one."""
+    last = len(struck) - 1 - np.argmax(struck[::-1], axis=0)
+    found = amounts[last, np.arange(amounts.shape[1])]
+    return np.where(struck.any(axis=0)[:, None], found, 0.0)
