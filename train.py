@@ -199,6 +199,7 @@ def train(args: argparse.Namespace) -> int:
     run = Run(config, folder, tensorboard=args.tensorboard, trust=args.trust)
     again = f"python train.py --resume {folder}{' --trust' * bool(config.outside)}"
     print(f"{envs.describe(config)}: {config.algo.upper()}, {config.steps:,} steps, in {folder}")
+    print(*(f"Left out: {sentence}\n" for sentence in run.left_out), sep="", end="")
     try:
         finished = run.train(progress=not args.quiet)
     except OSError as error:

@@ -15,7 +15,7 @@ import yaml
 from gym_passive_walker._tools.arguments import unknown, whole
 from gym_passive_walker._tools.loading import has_address, read_content, reason, untrusted
 from gym_passive_walker.gaits.scenes.named import outside, source_of, task_arguments
-from gym_passive_walker.gaits.scenes.scene import kept_argument, make_scene
+from gym_passive_walker.gaits.scenes.scene import SCENES, kept_argument, make_scene
 
 ALGORITHMS = ("ppo", "ppo-fast", "sac", "shac", "shac-learned")
 DEFAULT_SCENE = "level"
@@ -196,11 +196,11 @@ def presets(algo: str) -> dict[str, dict[str, Any]]:
 def preset_of(algo: str, scene: str, env: dict[str, Any]) -> dict[str, Any]:
     """A copy of the preset of a scene; `control` in `env` selects the preset of that name.
 
-    A scene of the user's own has the preset of its control.
+    A scene without a preset, such as one of the user's own, has that of its control.
     """
     of_algo = presets(algo)
     name = env.get("control", scene)
-    if has_address(name):
+    if has_address(name) or (name in SCENES and name not in of_algo):
         try:
             name = make_scene(scene, trust=True, **env).control
         except (TypeError, ValueError) as error:

@@ -38,7 +38,7 @@ from torch import Tensor, nn
 
 from agents.networks import FallCriticPolicy
 from agents.ppo_fast import advantages
-from gym_passive_walker.gaits.scenes.checks import CHECKS
+from gym_passive_walker.envs.interface import REASONS
 from gym_passive_walker.torch.linearization import Linear, StepRecorder
 
 _LISTENING = 10
@@ -50,6 +50,8 @@ _BEYOND = 0.2
 
 _LIKELY = 0.3
 """Least probability of a fall that changes an action's gradient."""
+
+_VIOLATED = frozenset(REASONS.values())  # outcomes of episodes that constraints end
 
 _BOLDEST, _STEEPEST = 5.0, 10.0
 """Bounds of the gradients by actions, in root mean squares, and of the derivatives of values.
@@ -102,7 +104,7 @@ class Taped(VecEnvWrapper):
         for i in np.flatnonzero(dones):
             seen[i] = infos[i]["terminal_observation"]
             fell[i] = not infos[i]["TimeLimit.truncated"]
-            violated[i] = infos[i]["outcome"] in CHECKS
+            violated[i] = infos[i]["outcome"] in _VIOLATED
         for name, new in {"seen": seen, "ended": dones, "fell": fell, "violated": violated}.items():
             getattr(self, name).append(new)
         return observations, rewards, dones, infos

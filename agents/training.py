@@ -74,6 +74,12 @@ class Run:
         """Environment steps made so far."""
         return self.model.num_timesteps
 
+    @property
+    def left_out(self) -> list[str]:
+        """Sentences on the derivatives that the algorithm leaves out; none if it takes none."""
+        recorder = getattr(self.model.env, "recorder", None)
+        return [] if recorder is None else [*recorder.left_out]
+
     def train(self, *, progress: bool = True) -> bool:
         """Train to the end, or until a stop request.
 

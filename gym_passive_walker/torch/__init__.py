@@ -16,17 +16,21 @@ except ImportError as error:
     ) from error
 
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
+from gym_passive_walker.torch.linearization import Linear, StepRecorder, left_out
 from gym_passive_walker.torch.rollouts import Rollout, initial_state, rollout
 from gym_passive_walker.torch.steps import RolloutState
 from gym_passive_walker.torch.walks import Stride, Tick, stride, tick
 
 __all__ = [
+    "Linear",
     "PassiveWalkerTorchEnv",
     "Rollout",
     "RolloutState",
+    "StepRecorder",
     "Stride",
     "Tick",
     "initial_state",
+    "left_out",
     "rollout",
     "stride",
     "tick",

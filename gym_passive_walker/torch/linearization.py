@@ -7,6 +7,7 @@ through the steps, is left to the caller.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -234,12 +235,18 @@ class StepRecorder:
 _OWN = ("reward", "observation")
 
 
-def left_out(scene: Scene) -> list[str]:
-    """Return what of a scene has no derivative for learners, and which is left out, in sentences.
+def left_out(scene: Scene | str | Mapping[str, Any]) -> list[str]:
+    """Return a sentence on each part of a scene without a derivative for learners.
 
-    Terrain, pushes, noise, delays and random bodies have none: they are constants of a walk.
+    Terrain, pushes, noise, delays and random bodies need none: they are constants of a walk.
+
+    Args:
+        scene: A scene, its name, or its arguments.
+
+    Raises:
+        SceneError: if there is no such scene.
     """
-    return _parts(scene)[1]
+    return _parts(make_scene(scene))[1]
 
 
 def _parts(scene: Scene) -> tuple[set[str], list[str]]:

@@ -37,7 +37,7 @@ def test_the_end_of_a_training_says_where_pictures_are_and_what_to_try_next(stee
     said = train.outlook(steep_run, Config.load(steep_run / files.CONFIG))
     assert str(steep_run / "gait.png") in said and f"train.py gait {steep_run} " in said
     assert "--algo shac --scene steep" in said and "--scene rolling" in said
-    for algo, scene, absent in (("shac", "level", "shac"), ("ppo", "rough", "shac")):
+    for algo, scene, absent in (("shac", "level", "shac"), ("ppo", "push-off", "shac")):
         assert absent not in train.outlook(Path("run"), configure(algo, scene))
     assert "slopes from" not in train.outlook(Path("run"), configure("ppo", "rolling"))
     assert "shac    learn" in train.outlook(Path("run"), configure("ppo", "level"))

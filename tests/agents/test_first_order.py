@@ -231,3 +231,12 @@ def test_without_arguments_it_has_the_numbers_of_its_preset():
     shared = set(given) & set(preset) - {"policy", "policy_kwargs", "learning_rate"}
     assert {name: given[name] for name in shared} == {name: preset[name] for name in shared}
     assert preset["learning_rate"] == f"lin_{given['learning_rate']:.0e}".replace("e-0", "e-")
+
+
+def test_a_violated_constraint_is_recorded_as_a_fall_of_its_own():
+    changes = {"constraints": {"friction": "end"}, "friction": 0.3}
+    config = configure("shac", "level", n_envs=16, env=changes)
+    model = build(config, envs.training_envs(config))
+    model.learn(16 * config.hyperparams["n_steps"])
+    violated, fell = np.stack(model.env.violated), np.stack(model.env.fell)
+    assert violated.any() and (violated <= fell).all()

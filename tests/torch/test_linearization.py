@@ -40,6 +40,10 @@ ALL = {"walker": "E", "slope": 0.009, "actions": ("hip", "ankle", "push_off"), "
        "max_ankle_torque": 0.003}  # fmt: skip
 
 
+SOME = {"tick": 0.1, "pushes": {"rate": 0.7, "impulse": 1e-4}, "action_noise": 0.01,
+        "action_delay": 1}  # fmt: skip
+
+
 def own_reward(step):
     """A reward of all that a step may depend on."""
     return (
@@ -56,8 +60,7 @@ def own_reward(step):
         **STRIDES},
         {"energy_weight": 0.0, "slope": 0.0, "reset_noise_scale": 0.3}, {"command": 0.16},
         {"command": (0.05, 0.3), "command_weight": 1.3, "observe_body": ("foot_radius",)},
-        ROUGH, OFTEN, NOISY, ROUGH | OFTEN | NOISY | {"command": 0.2}, ALL, 
-        ALL | {"tick": 0.1, "pushes": {"rate": 0.7, "impulse": 1e-4}, "action_noise": 0.01, "action_delay": 1},
+        ROUGH, OFTEN, NOISY, ROUGH | OFTEN | NOISY | {"command": 0.2}, ALL, ALL | SOME,
         {"reward": own_reward}, ROUGH | OFTEN | NOISY | {"reward": own_reward},
         {"reward": {"distance": 1.0, "action_change": -0.3, "command": -1.0}, "command": 0.1},
         OFTEN | {"constraints": {"friction": "report"}}, STRIDES | OFTEN | {"slope": 0.05},
@@ -189,7 +192,7 @@ def test_a_push_scheduled_by_hand_is_refused():
     env = world(**OFTEN)
     env.reset(seed=0)
     env.batch.schedule_events(impulses=0.01)
-    with pytest.raises(ValueError, match="scheduled pushes .* have no recorded derivative"):
+    with pytest.raises(ValueError, match=r"scheduled pushes .* have no recorded derivative"):
         StepRecorder(env).record(np.zeros(COUNT))
 
 
