@@ -152,7 +152,7 @@ class LearnedSteps:
         self._batch, scene = envs.batch, envs.scene
         if scene.actions != ("hip",) or "units" not in scene.walker.supports:
             raise SceneError(
-                "walkers whose derivatives are learned are driven by the hip alone, and this "
+                "derivatives are learned of walkers that are driven by the hip alone, and this "
                 f'scene\'s actions are {scene.actions}: choose make_scene(scene, actions=("hip",))'
             )
         calm = CALM | dict.fromkeys(FUNCTIONS)

@@ -40,11 +40,15 @@ _GIVEN = ("slope", "height_change", "slope_change", "command", "push", "strides"
 class Linear(NamedTuple):
     """Derivatives of T steps of n walkers by the state before each step and its k actions.
 
-    A state has s numbers. The first m are those of `Batch.states`, dimensionless: of a walker the
-    first six of the environment's own observation. The others are not observed, and present if a
-    reward or a later step depends on them: the coordinates with which the stride began, the
-    distance of the hip in the stride, the time of the next push since the stride began, time and
-    action of the last step, and the actions that have not acted yet.
+    A state has s numbers. The first m are coordinates and their rates, dimensionless: of a walker
+    the first six of the environment's own observation. The others are not observed. They are
+    present if a reward or a later step depends on them, in this order:
+
+    - the coordinates with which the stride began;
+    - the distance of the hip in the stride;
+    - the time of the next push since the stride began;
+    - time and actions of the last step;
+    - the actions that have not acted yet.
 
     Actions are those within their bounds. What was drawn at random is a constant. A fall has no
     derivative but that it takes back the distance of its stride.
@@ -357,17 +361,17 @@ def _packed(scene: Scene, here: RolloutState) -> Tensor:
 def _unpacked(scene: Scene, here: RolloutState, whole: Tensor) -> RolloutState:
     """Return states with the numbers of one tensor (n, s)."""
     parts = {name: whole[:, at] for name, at in _places(scene, here).items() if len(at)}
-    last, pending = here.last, parts.get("pending", here.pending.flatten(1))
+    last, pending = here.last, here.pending
     if "time" in parts:
         last = last._replace(time=parts["time"][:, 0], action=tuple(parts["action"].T))
+    if "pending" in parts:
+        pending = parts["pending"].reshape(pending.shape)
     return here._replace(
         states=parts["states"],
         starts=parts.get("starts", here.starts),
         progress=parts["progress"][:, 0],
         due=parts["due"][:, 0] if "due" in parts else here.due,
-        pending=parts["pending"].reshape(here.pending.shape)
-        if "pending" in parts
-        else here.pending,
+        pending=pending,
         last=last,
     )
 
@@ -387,4 +391,4 @@ def _last(amounts: NDArray, struck: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return amounts (n, k) at each walker's last heelstrike of (T, n) steps; 0 without one."""
     last = len(struck) - 1 - np.argmax(struck[::-1], axis=0)
     found = amounts[last, np.arange(amounts.shape[1])]
-    return np.where(struck.any(axis=0)[:, None], found, 0.0)
+    return np.where(np.any(struck, axis=0)[:, None], found, 0.0)

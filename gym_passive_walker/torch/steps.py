@@ -277,10 +277,8 @@ def _taken(scene: Scene, keys: Tensor, met: _Pushes, ready: Tensor, now: Tensor)
 def _joined(first: FlowResult, then: FlowResult, on: Tensor) -> FlowResult:
     """Return results of two parts of a motion, of which some walkers made the second, (n,)."""
     report = first.columns.report
-    latest = torch.zeros(first.values.shape[1], dtype=torch.bool)
-    latest[: report.size] = True
-    latest[[report.at[name] for name in ("step_length", "push_work")]] = True
-    values = torch.where(latest, then.values, first.values + then.values)
+    sums = (first.values + then.values)[:, report.size :]  # 0 before a stride has ended, or so far
+    values = torch.cat([then.states, sums], 1)
     values = torch.where((then.outcomes > _STRUCK)[:, None], values.detach(), values)
     return first._replace(
         values=torch.where(on[:, None], values, first.values),

@@ -43,8 +43,8 @@ OWN = {
         "observation_noise": 0.01, "action_noise": 0.05, "action_delay": 3,
     },
     "an own reward on rough ground with pushes": {
-        "reward": f"{HERE}:upright", "command": (0.1, 0.2), "terrain": {"rough": {"slope_std": 0.01}},
-        "terrain_lookahead": 1, "pushes": {"rate": 0.5, "impulse": 0.01},
+        "reward": f"{HERE}:upright", "command": (0.1, 0.2), "terrain_lookahead": 1,
+        "terrain": {"rough": {"slope_std": 0.01}}, "pushes": {"rate": 0.5, "impulse": 0.01},
         "domain_randomization": {"hip_mass": 0.2},
     },
     "own observations and ends": {

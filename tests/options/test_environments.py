@@ -524,6 +524,7 @@ def test_every_option_of_torch_is_heard():
                 ),
             ),
         ),
+        "left_out": Call(doors.left_out, dict(scene="level"), dict(scene="commanded")),
         "initial_state": Call(
             doors.initial_state,
             dict(scene="level", seed=0),

@@ -222,11 +222,11 @@ def test_a_push_of_a_rollout_is_the_environment_s(walker):
     np.testing.assert_allclose(walked.end.states, found, atol=1e-8)
 
 
-def test_what_is_no_push_or_not_known_beforehand_is_refused():
+def test_what_is_no_push_and_what_constraints_end_is_refused():
     with pytest.raises(ValueError, match=r"pushes must be a number or of shape \(5, 16\)"):
         rollout(lambda seen: seen[:, 0], "level", 5, pushes=np.zeros((4, 16)))
-    with pytest.raises(ValueError, match="walks with gradients go without pushes"):
-        rollout(network(), {"pushes": {"rate": 0.1, "impulse": 0.01}}, 5)
+    with pytest.raises(ValueError, match="rollouts check no constraints, and friction end"):
+        rollout(network(), {"constraints": {"friction": "end", "contact": "report"}}, 5)
 
 
 def test_a_heelstrike_just_after_the_start_of_a_control_step_has_its_margin():
