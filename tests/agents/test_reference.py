@@ -137,28 +137,30 @@ def test_shac_s_gradients_go_through_the_time_limit_to_the_critic_and_through_a_
     beyond = np.abs(actions) >= 1.0
     policy, critic = slopes(model.action, seen), slopes(model.value, after)
     linear = model.env.recorder.linearize()
+    assert linear.ahead.shape == (WALKERS, 7)  # the distance in the stride is not observed
     gains, costates = np.zeros(actions.shape), np.zeros((*actions.shape, 6))
     for i in range(WALKERS):
         later = None
         for t in reversed(range(STEPS)):
-            by_next = critic[t, i]
+            by_next = np.append(critic[t, i], 0.0)
             if fell[t, i]:
-                by_next = np.zeros(6)
+                by_next = np.zeros(7)
             elif not late[t, i] and later is not None:
-                by_next = (1.0 - LAMBDA) * critic[t, i] + LAMBDA * later
-            gains[t, i] = linear.rewards_by_action[t, i]
-            gains[t, i] += GAMMA * linear.states_by_action[t, i] @ by_next
+                by_next[:6] = (1.0 - LAMBDA) * critic[t, i] + LAMBDA * later[:6]
+                by_next[6] = later[6]
+            gains[t, i] = linear.rewards_by_action[t, i, 0]
+            gains[t, i] += GAMMA * linear.states_by_action[t, i, :, 0] @ by_next
             later = linear.rewards_by_state[t, i].copy()
             later += GAMMA * linear.states_by_state[t, i].T @ by_next
             if not beyond[t, i]:
-                later += gains[t, i] * policy[t, i]
-            costates[t, i] = later
+                later[:6] += gains[t, i] * policy[t, i]
+            costates[t, i] = later[:6]
     outwards = beyond & (actions * gains > 0.0)
     assert np.any(outwards & (actions * gains < 1.0)) and np.any(beyond & ~outwards)
     gains[outwards] = 0.0
     gains = np.clip(gains / np.sqrt(np.mean(gains**2)), -5.0, 5.0)
     found = model._gradients(seen)
-    np.testing.assert_allclose(found[0], gains, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(found[0][..., 0], gains, rtol=1e-4, atol=1e-5)
     np.testing.assert_allclose(found[1], np.clip(costates, -10.0, 10.0), rtol=1e-4, atol=1e-5)
 
 
@@ -200,7 +202,7 @@ def test_shac_s_gradients_are_only_ever_made_smaller(share, monkeypatch):
     model, _ = untrained("shac")
     draws = torch.Generator().manual_seed(0)
     seen, actions, values, by_state = (
-        torch.randn(size, generator=draws) for size in ((20, 8), (20,), (20,), (20, 6))
+        torch.randn(size, generator=draws) for size in ((20, 8), (20, 1), (20,), (20, 6))
     )
     leaf = seen.clone().requires_grad_()
     expected = model.value(leaf)
@@ -213,5 +215,5 @@ def test_shac_s_gradients_are_only_ever_made_smaller(share, monkeypatch):
     before, kept = flat(parameters), []
     model.max_grad_norm = share * float(np.linalg.norm(before))
     monkeypatch.setattr(model.policy.optimizer, "step", lambda: kept.append(flat(parameters)))
-    model._fit(seen, actions, values, by_state, torch.zeros(20))
+    model._fit(seen, actions, values, by_state, torch.eye(8, 6).expand(20, 8, 6), torch.zeros(20))
     np.testing.assert_allclose(kept[0], clipped(before, model.max_grad_norm), rtol=1e-4, atol=1e-7)

@@ -240,13 +240,14 @@ def test_shac_fits_each_state_once_an_epoch_to_an_action_along_its_gradient(upda
     model, callback = made("shac", reach=0.3)
     model.collect_rollouts(model.env, callback, model.rollout_buffer, 12)
     rows, rng = 48, np.random.default_rng(0)
-    gains, costates = rng.normal(size=(12, 4)), rng.normal(size=(12, 4, 6))
+    gains, costates = rng.normal(size=(12, 4, 1)), rng.normal(size=(12, 4, 6))
+    shown = np.tile(np.eye(8, 6), (12, 4, 1, 1))
     gains[0, 0] = 1e4  # an action no farther than its bound
     seen = torch.as_tensor(model.rollout_buffer.observations).clone()
     returns = model.rollout_buffer.returns.copy()
     before = model.action(seen).detach().numpy()
     batches = []
-    model._gradients = lambda observations: (gains, costates)
+    model._gradients = lambda observations: (gains, costates, shown)
     model._fit = lambda *batch: batches.append([x.clone() for x in batch])
     model._n_updates = updates
     model.train()
@@ -255,13 +256,14 @@ def test_shac_fits_each_state_once_an_epoch_to_an_action_along_its_gradient(upda
     shares = []
     for epoch in (batches[:3], batches[3:6], batches[6:]):
         places = []
-        for observations, actions, values, slopes, falls in epoch:
+        for observations, actions, values, slopes, directions, falls in epoch:
             own = [index[tuple(row.tolist())] for row in observations]
             places += own
             np.testing.assert_allclose(values, returns.reshape(-1)[own], rtol=1e-6)
             np.testing.assert_allclose(slopes, costates.reshape(rows, 6)[own], rtol=1e-6)
+            np.testing.assert_array_equal(directions[0], np.eye(8, 6))
             assert falls.shape == values.shape and ((falls >= 0.0) & (falls <= 1.0)).all()
-            moved = actions.numpy() - before.reshape(-1)[own]
+            moved = actions.numpy()[:, 0] - before.reshape(-1)[own]
             small = np.abs(gains.reshape(-1)[own]) < 100.0
             shares += (moved / (0.3 * gains.reshape(-1)[own]))[small].tolist()
             assert actions.abs().max() <= np.float32(1.2)
