@@ -7,7 +7,6 @@ through the steps, is left to the caller.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ from gym_passive_walker.envs.views import of_notes, samples, shape_of
 from gym_passive_walker.gaits.flow import states_in
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.rewards import rule_of
-from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike, make_scene
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.torch.counting import applied, check_alone, each_tensor
 from gym_passive_walker.torch.operation import columns_of
@@ -239,7 +238,7 @@ class StepRecorder:
 _OWN = ("reward", "observation")
 
 
-def left_out(scene: Scene | str | Mapping[str, Any]) -> list[str]:
+def left_out(scene: SceneLike) -> list[str]:
     """Return a sentence on each part of a scene without a derivative for learners.
 
     Terrain, pushes, noise, delays and random bodies need none: they are constants of a walk.
