@@ -6,7 +6,7 @@ import torch
 
 import gym_passive_walker as gpw
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.torch import (
     PassiveWalkerTorchEnv,
@@ -133,6 +133,10 @@ def test_an_argument_that_does_not_fit_is_refused_by_its_name(arguments, error, 
 
 GROUND = {"terrain": {"rough": {"height_std": 0.002, "slope_std": 0.002}}, "terrain_lookahead": 2}
 SCENES = {
+    "disturbed": {
+        "pushes": {"rate": 0.7, "impulse": (-0.003, 0.005)}, "observation_noise": 0.01,
+        "action_noise": 0.05, "action_delay": 2,
+    },
     "level": {}, "uneven": GROUND, "commanded": {"command": (0.1, 0.2), "command_weight": 1.0},
     "bodies": {"domain_randomization": {"foot_radius": 0.1}, "observe_body": ("foot_radius",)},
     "slopes": {"slope": (0.0, 0.03)}, "strides": {"control": "stride", "slope": 0.03},
@@ -267,14 +271,6 @@ def test_footholds_of_each_walker_are_its_own_and_come_one_a_stride():
         elif len(differs):
             assert struck[int(differs[0]), i] >= stride_number - 1
     assert (walked.distances[:, 1] != plain.distances[:, 1]).any()
-
-
-@pytest.mark.parametrize("option", ["observation_noise", "action_noise", "action_delay"])
-def test_noise_and_delays_have_no_gradient_and_are_refused_by_name(option):
-    value = 1 if option == "action_delay" else 0.01
-    for make in (lambda s: initial_state(s, 2), lambda s: rollout(played([]), s, 1)):
-        with pytest.raises(SceneError, match=f"walks with gradients go without.*{option}"):
-            make({option: value})
 
 
 # The environment on tensors.
