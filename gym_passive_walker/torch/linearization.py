@@ -14,12 +14,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from gym_passive_walker.envs.interface import observation_space
 from gym_passive_walker.envs.transitions import Transition
 from gym_passive_walker.envs.views import of_notes, samples, shape_of
 from gym_passive_walker.gaits.flow import states_in
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.rewards import rule_of
-from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike, make_scene
+from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike, make_scene, seen_by_policy
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.torch.counting import applied, check_alone, each_tensor
 from gym_passive_walker.torch.operation import columns_of
@@ -90,7 +91,7 @@ class StepRecorder:
 
     def __init__(self, envs: Any, *, learning: bool = False) -> None:
         self._batch, self._learning = envs.batch, learning
-        scene = envs.scene
+        scene = seen_by_policy(envs.scene)
         parts, self.left_out = _parts(scene)
         self.rewarded = scene.reward is None or "reward" in parts
         kept = {name: getattr(scene, name) if name in parts else None for name in _OWN}
@@ -173,15 +174,16 @@ class StepRecorder:
 
     def _shown(self, step: Transition, shape: tuple[int, int]) -> NDArray[np.float64]:
         """Return derivatives of observations after steps by the state, (T, n, numbers, m)."""
-        scene, size = self._scene, (self._batch.observation_size, self._scene.walker.size)
+        scene, size = self._scene, self._scene.walker.size
         if not self._own_observation:
-            return np.broadcast_to(np.eye(*size), (*shape, *size))
-        if scene.observation is None:
-            return np.zeros((*shape, *size))
+            own = np.eye(observation_space(scene).shape[0], size)
+            return np.broadcast_to(own, (*shape, *own.shape))
+        if not callable(scene.observation):
+            return np.zeros((*shape, self._batch.observation_size, size))
         step = each_tensor(step, Tensor.detach)
         states = torch.stack(list(step.state), 1).requires_grad_()
         seen = applied(scene.observation, step._replace(state=type(step.state)(*states.T)))
-        return _derivatives(torch.stack(seen, 1), [states])[0].reshape(*shape, *size)
+        return _derivatives(torch.stack(seen, 1), [states])[0].reshape(*shape, -1, size)
 
     def _episodes(self) -> tuple[Scene, RolloutState]:
         """Return the scene, and the states before all recorded steps, one behind the other."""
@@ -195,10 +197,12 @@ class StepRecorder:
         zeros = torch.zeros(count, dtype=torch.float64)
         slopes, keys, due = ledger["slope"], np.zeros(count, np.int64), np.full(count, np.inf)
         commands, pushes = np.zeros(count), np.zeros(count, np.int64)
-        pending = np.zeros((count, 0, len(scene.actions)))
+        pending, delays = np.zeros((count, 0, len(scene.actions))), np.zeros(count, np.int64)
+        strengths = np.ones((count, len(scene.actions)))
         if "disturbances" in arrays:
             each, pending = arrays["disturbances"], arrays["pending"]
             slopes, due, pushes = each["slope"], each["due"], each["pushes"]
+            delays, strengths = each["delay"], each["strength"][:, : len(scene.actions)]
             keys = np.ascontiguousarray(each["key"]).view(np.int64)
             commands = each["command"] if scene.command is not None else commands
         last = Transition._make([zeros] * len(Transition._fields))
@@ -212,7 +216,8 @@ class StepRecorder:
             "times": records["time"], "starts": starts, "progress": ledger["progress"],
             "strides": ledger["strides"], "keys": keys, "footholds": np.zeros((0, count, 2)),
             "commands": commands, "steps": ledger["steps"], "due": due, "pushes": pushes,
-            "pending": pending, "outcome": np.where(over, int(Outcome.STALLED), 0),
+            "pending": pending, "delays": delays, "strengths": strengths,
+            "outcome": np.where(over, int(Outcome.STALLED), 0),
         }  # fmt: skip
         tensors = {name: torch.from_numpy(np.array(x)) for name, x in here.items()}
         return scene, RolloutState(
@@ -249,7 +254,7 @@ def left_out(scene: SceneLike) -> list[str]:
     Raises:
         SceneError: if there is no such scene.
     """
-    return _parts(make_scene(scene))[1]
+    return _parts(seen_by_policy(make_scene(scene)))[1]
 
 
 def _parts(scene: Scene) -> tuple[set[str], list[str]]:

@@ -101,11 +101,14 @@ def initial_state(
     seed_randoms(batch, seed, range(count))
     batch.start(np.arange(count), np.empty(count * batch.observation_size, np.float32))
     slopes, keys, commands = batch.ledger["slope"], np.zeros(count, np.uint64), np.zeros(count)
-    due = np.full(count, np.inf)
+    due, delays = np.full(count, np.inf), np.zeros(count, np.int64)
+    strengths = np.ones((count, len(scene.actions)))
     if batch.disturbances:
         disturbances = batch.disturbances.states
         slopes, keys, commands = disturbances["slope"], disturbances["key"], disturbances["command"]
-        due = disturbances["due"]
+        due, delays = disturbances["due"], disturbances["delay"]
+        strengths = disturbances["strength"][:, : len(scene.actions)]
+    latest = int(scene.ends("action_delay")[1])
     coordinates, parameters_of = scene.walker.coordinates, [w.parameters for w in batch.walkers]
     values = {
         name: torch.tensor([each[name] for each in parameters_of], dtype=torch.float64)
@@ -140,7 +143,9 @@ def initial_state(
         steps=none,
         due=torch.from_numpy(due.copy()),
         pushes=none,
-        pending=torch.zeros((count, scene.action_delay, len(scene.actions)), dtype=torch.float64),
+        pending=torch.zeros((count, latest, len(scene.actions)), dtype=torch.float64),
+        delays=torch.from_numpy(delays.copy()),
+        strengths=torch.from_numpy(strengths.copy()),
         parameters=values | {name: value.expand(count) for name, value in given.items()},
         outcome=none,
     )

@@ -53,7 +53,9 @@ class RolloutState(NamedTuple):
         due: Time of the next random push since the stride began, in sqrt(l/g), (n,); infinite
             without random pushes. It depends on when the strides before it ended.
         pushes: Number of random pushes in the episode, (n,).
-        pending: Actions that have not acted yet, (n, delay, actions).
+        pending: Actions that have not acted yet, (n, largest delay, actions).
+        delays: Number of control steps between an action and its effect, (n,).
+        strengths: Effect of each action over its largest, (n, actions).
         parameters: Walker parameters that differ from the scene's, by name, (n,) each.
         outcome: Outcome of the episode, an `Outcome` as a number, (n,); RUNNING until it ends.
     """
@@ -73,6 +75,8 @@ class RolloutState(NamedTuple):
     due: Tensor
     pushes: Tensor
     pending: Tensor
+    delays: Tensor
+    strengths: Tensor
     parameters: dict[str, Tensor]
     outcome: Tensor
 
@@ -291,15 +295,16 @@ def _joined(first: FlowResult, then: FlowResult, on: Tensor) -> FlowResult:
 def _disturbed(scene: Scene, here: RolloutState, actions: Tensor) -> tuple[Tensor, Tensor]:
     """Return the actions that act in a step, with delay and noise, and those that are pending."""
     pending, acted = here.pending, actions
-    if late := pending.shape[1]:
-        lanes, place = torch.arange(len(actions)), here.steps % late
-        acted, pending = pending[lanes, place], pending.clone()
+    if pending.shape[1]:
+        lanes, place = torch.arange(len(actions)), here.steps % here.delays.clamp(min=1)
+        late = (here.delays > 0)[:, None]
+        acted, pending = torch.where(late, pending[lanes, place], actions), pending.clone()
         pending[lanes, place] = actions
     if scene.action_noise > 0.0:
         count = len(scene.actions)
         noise = drawn(kernels.action_draw, here, count, range(count))
         acted = acted + scene.action_noise * noise
-    return acted, pending
+    return rules.clip(acted, -1.0, 1.0) * here.strengths, pending
 
 
 def drawn(
