@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from gym_passive_walker.envs.interface import observation_space
-from gym_passive_walker.envs.transitions import Transition
 from gym_passive_walker.envs.views import of_notes, samples, shape_of
 from gym_passive_walker.gaits.flow import states_in
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.rewards import rule_of
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike, make_scene, seen_by_policy
+from gym_passive_walker.gaits.scenes.transition import Transition
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.torch.counting import applied, check_alone, each_tensor
 from gym_passive_walker.torch.operation import columns_of

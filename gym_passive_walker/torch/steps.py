@@ -20,10 +20,11 @@ from torch import Tensor
 
 from gym_passive_walker.envs import disturbance_kernels as kernels
 from gym_passive_walker.envs.disturbances import settings_of
-from gym_passive_walker.envs.transitions import STOPPED, Transition
+from gym_passive_walker.envs.transitions import STOPPED
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, rule_of
 from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.gaits.scenes.transition import Transition
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.systems import UNEVEN
 from gym_passive_walker.torch.counting import applied, each_tensor
