@@ -125,7 +125,7 @@ def restore(path: Path, model: BaseAlgorithm) -> dict[str, Any]:
 def last_policy(run: Path, *, trust: bool = False) -> tuple[Config, LearnedPolicy]:
     """A run's configuration, and the policy of its newest checkpoint.
 
-    A run may keep another one, that of its best evaluation (`training.KEEPS_LAST`). `trust` allows
+    A run may keep another one, that of its best evaluation (`training.Run.keeps_last`). `trust` allows
     a scene of the user's own.
 
     Raises:

@@ -31,7 +31,8 @@ KEEPS_LAST = ("ppo-fast", "shac", "shac-learned")
 
 Their noise and rates end near zero, so the last policy costs least. A single fall among the walks
 of an evaluation outweighs that. And a return counts control steps, of which a heelstrike ends one:
-of policies of equal cost the best evaluation has the gait of whole control steps.
+of policies of equal cost the best evaluation has the gait of whole control steps. A reward of the
+user's own is itself what counts, so the best evaluation is kept there.
 """
 
 
@@ -58,6 +59,7 @@ class Run:
             self.model.set_logger(Logger(None, []))
         self.exploring = explorers(config.algo, config.exploration)
         self.exam = envs.arena(config, EPISODES)
+        self.keeps_last = config.algo in KEEPS_LAST and envs.scene_of(config).reward is None
         self.notes: dict[str, Any] = {"best": None, "seconds": 0.0, "curve": []}
         newest = files.newest_checkpoint(folder)
         self.resumed = newest is not None
@@ -155,7 +157,7 @@ class Run:
         for name in ("reward", "distance", "strides"):  # beside the library's rollout/ep_rew_mean
             self.model.logger.record(f"eval/{name}", row[name])
         best = self.notes["best"]
-        if best is None or row["reward"] >= best or self.config.algo in KEEPS_LAST:
+        if best is None or row["reward"] >= best or self.keeps_last:
             self.notes["best"] = row["reward"]
             policy.save(self.folder)
         with replacing(self.folder / "learning_curve.csv") as path:

@@ -491,3 +491,23 @@ def test_each_evaluation_is_kept_beside_what_exploring_walks_earned(ran):
     assert {"reward", "distance", "exploring_reward"} <= set(header)
     written = b"".join(path.read_bytes() for path in (folder / "tensorboard").rglob("*tfevents*"))
     assert b"eval/reward" in written and b"rollout/ep_rew_mean" in written
+
+
+@pytest.mark.parametrize(
+    ("algo", "env", "last"),
+    [
+        ("ppo-fast", {}, True),
+        ("ppo-fast", {"reward": {"distance": 1.0}}, False),
+        ("ppo", {}, False),
+    ],
+)
+def test_the_last_policy_is_kept_or_the_best_where_the_reward_is_what_counts(
+    tmp_path, algo, env, last
+):
+    run = Run(small(algo, 128, every=128, env=env), tmp_path)
+    assert run.train(progress=False)
+    run.notes["best"], before = np.inf, (tmp_path / "model.zip").read_bytes()
+    with torch.no_grad():
+        next(run.model.policy.parameters()).add_(1.0)
+    run._evaluate(0.0)
+    assert ((tmp_path / "model.zip").read_bytes() != before) == last
