@@ -46,7 +46,8 @@ INLINE = sorted(
 """Commands within sentences and tables."""
 
 PARSE_NOTHING = (
-    "benchmarks.gpu", "examples.stride_controllers", "examples.potential_shaping",
+    "benchmarks.gpu", "examples.own_tasks", "examples.stride_controllers",
+    "examples.potential_shaping",
     "tests.control.test_matrix", "tests.everywhere", "tests.web.measure", "tests.words",
 )  # fmt: skip
 """Modules that run without a parser, or only where there is a GPU."""
@@ -67,6 +68,7 @@ USERS_OWN = ("own.yaml", "sample.json")
 """Files that a page leaves to the user, or that a long command before writes."""
 
 ONLY_PARSED = {
+    r"passive-walker \w+ policy|python train\.py gait brisk": "test_tutorial trains it",
     r"passive-walker video": "videos take a minute",
     r"passive-walker sweep": "ten thousand tasks",
     r"passive-walker warmup": "compiles everything, which takes minutes",
