@@ -17,7 +17,8 @@ class RecordedStep(NamedTuple):
 
     Attributes:
         actions: Actions of the policy, (n, actions).
-        observations: Next observations, (n, size); changes to them reach the policy.
+        observations: Next observations, (n, size), or groups of them by name; changes to them reach
+            the policy.
         rewards: Shape (n,).
         terminated: Whether each episode has ended, (n,).
         truncated: Whether each time limit is reached, (n,).
@@ -26,7 +27,7 @@ class RecordedStep(NamedTuple):
     """
 
     actions: NDArray[np.float32]
-    observations: NDArray[np.float32]
+    observations: Any
     rewards: NDArray[np.float64]
     terminated: NDArray[np.bool_]
     truncated: NDArray[np.bool_]
@@ -35,7 +36,7 @@ class RecordedStep(NamedTuple):
 
 
 def steps(
-    policy: Policy, envs: VectorEnv, observations: NDArray[np.float32]
+    policy: Policy, envs: VectorEnv, observations: NDArray[np.float32] | dict[str, Any]
 ) -> Iterator[RecordedStep]:
     """Yield the steps of an environment under a policy that acts deterministically, without end.
 
