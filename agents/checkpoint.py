@@ -125,8 +125,8 @@ def restore(path: Path, model: BaseAlgorithm) -> dict[str, Any]:
 def last_policy(run: Path, *, trust: bool = False) -> tuple[Config, LearnedPolicy]:
     """A run's configuration, and the policy of its newest checkpoint.
 
-    A run may keep another one, that of its best evaluation (`training.Run.keeps_last`). `trust` allows
-    a scene of the user's own.
+    A run may keep another one, that of its best evaluation (`training.Run.keeps_last`). `trust`
+    allows a scene of the user's own.
 
     Raises:
         ConfigError: if the folder is not a run, has no checkpoint yet, or is not trusted.
