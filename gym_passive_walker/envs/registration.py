@@ -34,6 +34,10 @@ EASY_REWARD_THRESHOLD = 476.0
 """`REWARD_THRESHOLD` of `EASY_ID`, between the passive walker's return, 88, and 519."""
 
 
+MUJOCO_ID = "PassiveWalkerMujoco-v0"
+"""The task of `ID` with the dynamics of MuJoCo; needs the extra "mujoco"."""
+
+
 def register() -> None:
     """Register the environments; a second call does nothing."""
     for name, threshold, kwargs in (
@@ -49,3 +53,9 @@ def register() -> None:
                 reward_threshold=threshold,
                 kwargs=kwargs,
             )
+    if MUJOCO_ID not in registry:
+        _register(
+            id=MUJOCO_ID,
+            entry_point="gym_passive_walker.bridge.mujoco:PassiveWalkerMujocoEnv",
+            max_episode_steps=MAX_EPISODE_STEPS,
+        )

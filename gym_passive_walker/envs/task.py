@@ -293,13 +293,43 @@ def count_progress(record, row):
 
 
 @jitted
+def account_step(here, i):
+    """Write the accounts, reward and termination of a walker whose record has ended a step.
+
+    Returns 1 if a stride ends, else 0.
+    """
+    record, row, rules = here.records[i, 0], here.ledger[i], here.rules[0]
+    if row.outcome != 0:
+        forget_stride(row)
+    row.outcome = outcome_of(record.outcome, record.time, rules.max_stride_time)
+    if row.violated != 0:
+        row.outcome = row.violated
+    struck = row.outcome == _HEELSTRIKE
+    row.ending = row.outcome if ends_episode(row.outcome) else 0
+    count_progress(record, row)
+    row.energy = 0.0
+    charge(record, row, rules)
+    row.episode_energy += row.energy
+    row.reward = reward(row.distance, row.energy, rules.energy_weight)
+    row.total += row.reward
+    row.steps += 1
+    if struck:
+        end_stride(record, row, rules)
+    if row.steps >= rules.step_limit:
+        row.truncated = 1
+    here.rewards[i] = row.reward
+    here.terminated[i], here.truncated[i] = row.ending != 0, row.truncated != 0
+    return 1 if struck else 0
+
+
+@jitted
 def finish_step(here, first, last):
     """Compute the reward, observation and termination of each walker after integration.
 
     Returns:
         Number of strides that end, and number of episodes that end.
     """
-    strides, endings, rules = 0, 0, here.rules[0]
+    strides, endings = 0, 0
     rewards, terminated, truncated = here.rewards, here.terminated, here.truncated
     for i in range(first, last):
         record, row = here.records[i, 0], here.ledger[i]
@@ -310,27 +340,7 @@ def finish_step(here, first, last):
         if record.outcome == _HEELSTRIKE:
             exchange_legs(here, i)
         place_hip(here, i)
-        if row.outcome != 0:
-            forget_stride(row)
-        row.outcome = outcome_of(record.outcome, record.time, rules.max_stride_time)
-        if row.violated != 0:
-            row.outcome = row.violated
-        struck = row.outcome == _HEELSTRIKE
-        row.ending = row.outcome if ends_episode(row.outcome) else 0
-        count_progress(record, row)
-        row.energy = 0.0
-        charge(record, row, rules)
-        row.episode_energy += row.energy
-        row.reward = reward(row.distance, row.energy, rules.energy_weight)
-        row.total += row.reward
-        row.steps += 1
-        if struck:
-            end_stride(record, row, rules)
-            strides += 1
-        if row.steps >= rules.step_limit:
-            row.truncated = 1
-        rewards[i] = row.reward
-        terminated[i], truncated[i] = row.ending != 0, row.truncated != 0
+        strides += account_step(here, i)
         endings += terminated[i] or truncated[i]
         write_observation(here, i)
     return strides, endings

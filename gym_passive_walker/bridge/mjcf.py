@@ -1,0 +1,137 @@
+"""A tree of rigid bodies as MJCF, the format of MuJoCo."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+from xml.etree import ElementTree as ET
+
+from gym_passive_walker.bridge.rigid import Body, Pose, Tree, foot_names
+
+POINT = 1e-6
+"""Radius in m of the sphere that stands for a point foot."""
+
+SOFTNESS = 2.0
+"""Time constant of contacts and latches in timesteps: the stiffest that MuJoCo allows."""
+
+STIFF = "0.9999 0.9999 0.001"
+"""Impedance of contacts and latches: nearly that of rigid ones."""
+
+FRICTION = 0.8
+"""Default coefficient of friction of foot and ground."""
+
+LIGHTEST = 1e-14
+"""Moment of inertia in kg m^2 of a point mass: about the smallest that MuJoCo takes."""
+
+_THICKNESS = 0.015  # of a leg in pictures, in m
+
+
+def numbers(*values: float) -> str:
+    """Numbers as text, with all their digits."""
+    return " ".join(repr(float(value) + 0.0) for value in values)
+
+
+def at(place: tuple[float, float]) -> str:
+    """A point (x, z) as text."""
+    return numbers(place[0], 0.0, place[1])
+
+
+def text_of(root: Any) -> str:
+    """The text of a file."""
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def mjcf(
+    tree: Tree,
+    slope: float,
+    timestep: float,
+    pose: Pose | None = None,
+    about: str = "",
+    *,
+    softness: float = SOFTNESS,
+    friction: float = FRICTION,
+) -> str:
+    """Return a tree as MJCF.
+
+    Args:
+        tree: The tree.
+        slope: Slope of the ground in rad, positive downhill.
+        timestep: Timestep in s.
+        pose: Coordinates and velocities of the keyframe "gait".
+        about: Text of the comment.
+        softness: Time constant of contacts and latches in timesteps.
+        friction: Coefficient of friction of foot and ground.
+    """
+    stiff = {"solref": numbers(softness * timestep, 1.0), "solimp": STIFF}
+    root = ET.Element("mujoco", model=tree.name)
+    if about:
+        root.append(ET.Comment(about))
+    ET.SubElement(root, "compiler", angle="radian", autolimits="true")
+    ET.SubElement(
+        root, "option", timestep=numbers(timestep), gravity=numbers(0.0, 0.0, -tree.gravity),
+        cone="elliptic", integrator="RK4",
+    )  # fmt: skip
+    world = ET.SubElement(root, "worldbody")
+    ET.SubElement(
+        world, "geom", name="ground", type="plane", size="0 0 1", euler=numbers(0.0, slope, 0.0),
+        contype="1", conaffinity="0",
+    )  # fmt: skip
+    sliding = {"friction": numbers(friction, 0.0, 0.0)}
+    places: dict[str | None, Any] = {None: world}
+    for body in tree.bodies:
+        places[body.name] = _body(places[body.parent], body, tree, stiff, stiff | sliding)
+    if tree.motors:
+        actuators = ET.SubElement(root, "actuator")
+        for motor in tree.motors:
+            ET.SubElement(
+                actuators, "motor", name=motor.name, joint=motor.joint, gear=numbers(motor.gear)
+            )
+    if any(body.stop for body in tree.bodies):
+        latches = ET.SubElement(root, "equality")
+        for body in tree.bodies:
+            if body.stop:
+                ET.SubElement(
+                    latches, "joint", name=f"{body.joint}_latch", joint1=body.joint,
+                    polycoef="0 0 0 0 0", active="false", **stiff,
+                )  # fmt: skip
+    if pose is not None:
+        keys = ET.SubElement(root, "keyframe")
+        ET.SubElement(keys, "key", name="gait", qpos=numbers(*pose[0]), qvel=numbers(*pose[1]))
+    return text_of(root)
+
+
+def _body(
+    parent: Any, body: Body, tree: Tree, stiff: dict[str, str], contact: dict[str, str]
+) -> Any:
+    """Add a body to its parent."""
+    here = ET.SubElement(parent, "body", name=body.name, pos=at(body.place))
+    inertia = max(body.inertia, LIGHTEST)
+    ET.SubElement(
+        here, "inertial", pos=at(body.com), mass=numbers(body.mass), diaginertia=numbers(*[inertia] * 3)
+    )
+    if body.parent is None:
+        for name, axis in (("x", "1 0 0"), ("z", "0 0 1")):
+            ET.SubElement(here, "joint", name=name, type="slide", axis=axis)
+    hinge = {"name": body.joint, "type": "hinge", "axis": "0 -1 0"}
+    if body.stop:
+        limits = {f"{name}limit": value for name, value in stiff.items()}
+        hinge |= {"range": numbers(-math.pi, 0.0), **limits}
+    if k := tree.stiffness.get(body.joint):
+        hinge["stiffness"] = numbers(k)
+    if c := tree.friction.get(body.joint):
+        hinge["damping"] = numbers(c)
+    ET.SubElement(here, "joint", **hinge)
+    unseen = {"contype": "0", "conaffinity": "0", "mass": "0"}
+    if math.hypot(*body.end) > 0.0:
+        ET.SubElement(
+            here, "geom", type="capsule", size=numbers(_THICKNESS), **unseen,
+            fromto=f"0.0 0.0 0.0 {at(body.end)}",
+        )  # fmt: skip
+    for name, foot in foot_names(body):
+        ET.SubElement(
+            here, "geom", name=name, type="sphere", pos=at(foot.centre),
+            size=numbers(foot.radius or POINT), contype="0", conaffinity="1", mass="0",
+            condim="3", priority="1", **contact,
+        )  # fmt: skip
+    return here
