@@ -36,7 +36,7 @@ class Loop:
     Args:
         walker: The walker.
         timestep: Largest step in s.
-        softness: Time constant of contacts and latches in timesteps.
+        softness: Time constant of contacts and latches in timesteps; None is MuJoCo's own.
         friction: Coefficient of friction of foot and ground.
         scuff: Whether a locked swing leg below the ground ends a walk.
 
@@ -58,7 +58,7 @@ class Loop:
         walker: Walker,
         timestep: float,
         *,
-        softness: float = SOFTNESS,
+        softness: float | None = SOFTNESS,
         friction: float = 0.8,
         scuff: bool = False,
     ) -> None:

@@ -49,7 +49,7 @@ def mjcf(
     pose: Pose | None = None,
     about: str = "",
     *,
-    softness: float = SOFTNESS,
+    softness: float | None = SOFTNESS,
     friction: float = FRICTION,
 ) -> str:
     """Return a tree as MJCF.
@@ -60,10 +60,12 @@ def mjcf(
         timestep: Timestep in s.
         pose: Coordinates and velocities of the keyframe "gait".
         about: Text of the comment.
-        softness: Time constant of contacts and latches in timesteps.
+        softness: Time constant of contacts and latches in timesteps; None leaves MuJoCo's own.
         friction: Coefficient of friction of foot and ground.
     """
-    stiff = {"solref": numbers(softness * timestep, 1.0), "solimp": STIFF}
+    stiff: dict[str, str] = {}
+    if softness is not None:
+        stiff = {"solref": numbers(softness * timestep, 1.0), "solimp": STIFF}
     root = ET.Element("mujoco", model=tree.name)
     if about:
         root.append(ET.Comment(about))

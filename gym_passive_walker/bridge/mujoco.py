@@ -89,7 +89,7 @@ class MujocoBatch(Batch):
         softness: Time constant of contacts in timesteps; see `mjcf`.
     """
 
-    def __init__(self, scene: Scene, timestep: float, softness: float) -> None:
+    def __init__(self, scene: Scene, timestep: float, softness: float | None) -> None:
         self.timestep, self.softness = timestep, softness
         super().__init__(check_scene(scene))
         self.loop = self._loop(self.walkers[0])
@@ -269,7 +269,8 @@ class PassiveWalkerMujocoEnv(PassiveWalkerEnv):
         scene: The scene.
         render_mode: "rgb_array" or None.
         timestep: Largest step of MuJoCo, in s.
-        softness: Time constant of contacts and latches, in timesteps, from 2 on.
+        softness: Time constant of contacts and latches in timesteps, from 2 on. None is MuJoCo's own
+            contacts, which are as soft at any timestep.
         **changes: Arguments of the scene that change.
 
     Raises:
@@ -287,7 +288,7 @@ class PassiveWalkerMujocoEnv(PassiveWalkerEnv):
         *,
         render_mode: str | None = None,
         timestep: float = TIMESTEP,
-        softness: float = SOFTNESS,
+        softness: float | None = SOFTNESS,
         **changes: Any,
     ) -> None:
         with extra("mujoco"):
@@ -324,11 +325,11 @@ class PassiveWalkerMujocoEnv(PassiveWalkerEnv):
         return self._screen.render()
 
 
-def checked_steps(timestep: float, softness: float) -> tuple[float, float]:
-    """Return a timestep in s and a softness in timesteps after a check.
+def checked_steps(timestep: float, softness: float | None) -> tuple[float, float | None]:
+    """Return a timestep in s and a softness in timesteps, or None, after a check.
 
     Raises:
         ValueError: if one is out of its range.
     """
-    step = number(timestep, "timestep", least=1e-7, most=1e-2)
-    return step, number(softness, "softness", least=2.0, most=1e6)
+    step = number(timestep, "timestep", above=0.0, most=0.1)
+    return step, None if softness is None else number(softness, "softness", least=2.0, most=1e6)
