@@ -5,6 +5,8 @@ from gym_passive_walker import math
 from gym_passive_walker._version import __version__ as __version__
 from gym_passive_walker.apps.play import play
 from gym_passive_walker.apps.sweeps.run import SweepResult, sweep
+from gym_passive_walker.bridge.comparison import Comparison, compare
+from gym_passive_walker.bridge.export import export
 from gym_passive_walker.engine.own.mechanics import Link
 from gym_passive_walker.engine.own.system import StatementError, System
 from gym_passive_walker.envs.evaluation.comparison import Evaluation, evaluate
@@ -74,6 +76,7 @@ __all__ = [
     "BifurcationDiagram",
     "BifurcationLocus",
     "Cascade",
+    "Comparison",
     "Design",
     "Evaluation",
     "FootVelocity",
@@ -110,10 +113,12 @@ __all__ = [
     "closed_loop_gait",
     "collision_matrix",
     "combine",
+    "compare",
     "crisis",
     "doubling_cascade",
     "evaluate",
     "explain",
+    "export",
     "find_gait",
     "find_gaits",
     "foot_velocity",

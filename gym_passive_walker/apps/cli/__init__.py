@@ -27,13 +27,13 @@ from gym_passive_walker.apps.cli.gaits import (
 from gym_passive_walker.apps.cli.pictures import figures, play, strobe, video
 from gym_passive_walker.apps.cli.report import plain
 from gym_passive_walker.apps.cli.sweeps import sweep
-from gym_passive_walker.apps.cli.walks import evaluate, export, scene, simulate
+from gym_passive_walker.apps.cli.walks import compare, evaluate, export, scene, simulate
 from gym_passive_walker.apps.cli.warmup import warmup
 from gym_passive_walker.gaits.gait import GaitNotFound
 
 COMMANDS = (
     walkers, gait, family, bifurcation, basin, check, robustness, gauntlet, sweep, scene, simulate,
-    strobe, video, figures, table, evaluate, export, play, warmup,
+    strobe, video, figures, table, evaluate, compare, export, play, warmup,
 )  # fmt: skip
 """All commands; each has the name of its function."""
 

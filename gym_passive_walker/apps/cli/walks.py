@@ -10,27 +10,38 @@ from gym_passive_walker._tools.files import prepare
 from gym_passive_walker._tools.shown import WRITERS, table_ending
 from gym_passive_walker.apps.cli.arguments import (
     A_SCENE,
+    A_WALKER,
     CONTROLLERS,
     OF_SCENE,
     AScene,
     ATerrain,
     AWalker,
+    Strides,
     Trust,
     Walk,
     read_policy,
 )
 from gym_passive_walker.apps.cli.report import SI, Report, listing, record, table
+from gym_passive_walker.bridge.comparison import TIMESTEPS
+from gym_passive_walker.bridge.comparison import compare as compared
+from gym_passive_walker.bridge.export import FORMATS
+from gym_passive_walker.bridge.export import export as exported
+from gym_passive_walker.bridge.mjcf import SOFTNESS
 from gym_passive_walker.envs import explain
 from gym_passive_walker.envs.evaluation.comparison import evaluate as evaluated
 from gym_passive_walker.envs.policies import TrainedPolicy, load_policy, shipped_policies
 from gym_passive_walker.gaits.control.controllers import acting
+from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.look.trajectory import simulate as simulated
+from gym_passive_walker.gaits.scenes.named import named_walker
 from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.gaits.terrain import ground_of
 from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.models.walkers import describe
 
 _STRIDE = ("duration", "step_length", "kneestrike_time", "kneestrike_loss", "heelstrike_loss")
 _STRIDE += ("hip_work",)
+_OF_GAIT = "slope", "stance_angle", "step_period", "step_length", "speed"
 
 
 def simulate(
@@ -73,30 +84,95 @@ def simulate(
 
 
 def export(
-    policy: Annotated[str, f"{', '.join(shipped_policies())}, or the folder of an exported policy"],
-    out: Annotated[Path, "the file; its name ends in .onnx", {"metavar": "FILE"}],
+    name: Annotated[
+        str,
+        f"for .onnx: {', '.join(shipped_policies())}, or the folder of an exported policy; else a "
+        f"walker: {A_WALKER}",
+    ],
+    out: Annotated[
+        Path, "the file; its name ends in .onnx, .xml (MJCF), .urdf or .sdf", {"metavar": "FILE"}
+    ],
     *,
+    slope: Annotated[
+        float | None, "slope in rad of the walker's gait, which is written too", {"metavar": "RAD"}
+    ] = None,
+    timestep: Annotated[float, "timestep of MJCF in s"] = 1e-3,
+    unit_length: Annotated[float | None, "unit of length of a System in m", {"metavar": "M"}] = None,
+    unit_mass: Annotated[float | None, "unit of mass of a System in kg", {"metavar": "KG"}] = None,
     trust: Trust = False,
 ) -> Report:
-    """Write a trained policy as an ONNX file, with its observation normalizer.
+    """Write a trained policy as an ONNX file, or a walker as a file for other simulators.
 
     passive-walker export level-ppo level-ppo.onnx
     passive-walker export my-policy my-policy.onnx
+    passive-walker export lab lab.xml --slope 0.036
+    passive-walker export C C.urdf
     """
-    if out.suffix.lower() != ".onnx":
-        raise ValueError(f"export takes a name that ends in .onnx, not {out}")
-    read = load_policy(policy, trust=trust)
-    if not isinstance(read, TrainedPolicy):
+    ending = out.suffix.lower()
+    if ending in FORMATS.values():
+        walker = named_walker(name)
+        gait = None if slope is None else find_gait(walker, slope)
+        sizes = {"timestep": timestep, "unit_length": unit_length, "unit_mass": unit_mass}
+        text = f"{describe(walker)}, {ending[1:]}"
+        if gait is not None:
+            text = listing(text, record(gait, _OF_GAIT))
+
+        def write(path: Path) -> None:
+            exported(walker if gait is None else gait, path, **sizes)
+
+        return Report(text, {"walker": name, "slope": slope}, {out: write})
+    if ending != ".onnx":
         raise ValueError(
-            f"export takes a policy of the package or an exported folder, not {policy}"
+            f"export takes a name that ends in .onnx, {', '.join(FORMATS.values())}, not {out}"
         )
-    sizes = {"observation": read.layers[0][0].shape[1], "action": len(read.layers[-1][1])}
+    if slope is not None:
+        raise ValueError("--slope is that of a walker's gait: an ONNX file has none")
+    read = load_policy(name, trust=trust)
+    if not isinstance(read, TrainedPolicy):
+        raise ValueError(f"export takes a policy of the package or an exported folder, not {name}")
+    shapes = {"observation": read.layers[0][0].shape[1], "action": len(read.layers[-1][1])}
     text = listing(
-        f"{policy}, {read.algorithm}",
-        {name: f"float32 (n, {size})" for name, size in sizes.items()},
+        f"{name}, {read.algorithm}",
+        {each: f"float32 (n, {size})" for each, size in shapes.items()},
     )
-    data = {"policy": policy, "algorithm": read.algorithm, **sizes}
+    data = {"policy": name, "algorithm": read.algorithm, **shapes}
     return Report(text, data, {out: read.to_onnx})
+
+
+def compare(
+    controller: Annotated[str, CONTROLLERS],
+    *,
+    scene: Annotated[Any, f"scene (the controller's own; level): {A_SCENE}", OF_SCENE] = None,
+    walker: AWalker = None,
+    slope: Annotated[float | None, "slope in rad (the scene's)", {"metavar": "RAD"}] = None,
+    simulator: Annotated[str, "simulator"] = "mujoco",
+    timesteps: Annotated[
+        list[float], "timesteps in s", {"nargs": "+", "type": float, "metavar": "S"}
+    ] = list(TIMESTEPS),  # noqa: B006
+    softness: Annotated[
+        list[float],
+        "time constants of contacts in timesteps; 0 for the simulator's own contacts",
+        {"nargs": "+", "type": float, "metavar": "N"},
+    ] = [SOFTNESS],  # noqa: B006
+    strides: Strides = 40,
+    trust: Trust = False,
+) -> Report:
+    """Walk in another simulator, and compare the gait with the exact one.
+
+    passive-walker compare passive --walker lab --slope 0.036
+    passive-walker compare level-ppo --timesteps 0.002 0.001 --softness 2 0
+    """
+    asked = {"slope": slope, "walker": walker}
+    changes = {name: value for name, value in asked.items() if value is not None}
+    given = read_policy(controller, trust)
+    _, where = acting(given, scene, **changes)
+    found = compared(
+        given, where, simulator=simulator, timesteps=timesteps, strides=strides,
+        softness=[soft or None for soft in softness],
+    )  # fmt: skip
+    columns = found.columns()
+    rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    return Report(str(found), {"exact": found.exact, "walks": rows})
 
 
 def scene(scene: AScene, *, trust: Trust = False) -> Report:

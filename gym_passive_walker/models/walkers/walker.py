@@ -7,6 +7,8 @@ from collections.abc import Collection, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
+from importlib import import_module
+from os import PathLike
 from types import SimpleNamespace
 from typing import Any, Literal
 
@@ -14,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker._tools.arguments import shown, unknown
+from gym_passive_walker._tools.loading import READERS
 from gym_passive_walker._tools.shown import Shown
 from gym_passive_walker.models.chart import Mirrored
 from gym_passive_walker.models.equations.bodies import body_from
@@ -200,6 +203,37 @@ class Walker(Shown, Model):
                 "a swing leg needs a moment of inertia about the hip: move some of its mass away "
                 "from the hip, or set both leg masses to 0 for the simplest walker"
             )
+
+    @classmethod
+    def from_mjcf(cls, path: str | PathLike[str]) -> Walker:
+        """Return the walker in an MJCF file: a planar body with two equal legs.
+
+        Bodies that are welded together are summed. Each leg has one link, or two with a knee whose
+        stop is at angle 0; its last link has a foot, a sphere or a cylinder across the plane. A
+        body between the hips is a point mass. Units are those of the file. Contacts, actuators and
+        what lies across the plane are ignored.
+
+        Args:
+            path: The file. MuJoCo reads it.
+
+        Raises:
+            WalkerError: if it is no such file; the message names the element that does not fit.
+            ImportError: if mujoco is not installed.
+        """
+        return import_module(READERS[0]).read_mjcf(path)
+
+    @classmethod
+    def from_urdf(cls, path: str | PathLike[str], gravity: float = 9.81) -> Walker:
+        """Return the walker in a URDF file; see `from_mjcf`.
+
+        Args:
+            path: The file.
+            gravity: Acceleration of gravity in m/s^2, which the format has not.
+
+        Raises:
+            WalkerError: if it is no such file; the message names the element that does not fit.
+        """
+        return import_module(READERS[0]).read_urdf(path, gravity)
 
     def titled(self, title: str) -> Walker:
         """Return a walker of equal parameters with a title; see `name_of`."""

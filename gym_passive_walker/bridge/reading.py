@@ -1,0 +1,544 @@
+"""Walkers from files of other simulators: planar bodies with two legs, in MJCF or URDF.
+
+A file becomes links in the pose in which all joints are at 0, in world coordinates. Links that are
+welded together are summed. What remains must be two equal legs of one or two links.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from os import PathLike, fsdecode
+from pathlib import Path
+from typing import Any, NamedTuple, NoReturn
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker._tools.console import cut
+from gym_passive_walker._tools.extras import extra
+from gym_passive_walker.bridge.mjcf import POINT
+from gym_passive_walker.models.walkers import Walker, WalkerError
+
+Vector = NDArray[np.float64]
+
+_CLOSE = 1e-6  # of lengths, masses and directions that have to be equal, relative
+_GRAVITY = 9.81  # of URDF, which has none
+
+
+class Joint(NamedTuple):
+    """A joint of a link to its parent.
+
+    Attributes:
+        name: Its name.
+        kind: "hinge", "slide", or "free" for one with several freedoms.
+        axis: Its axis in the world, (3,).
+        anchor: A point on the axis of a hinge, (3,).
+        limits: Smallest and largest angle in rad; None without limits.
+        stiffness: Of its spring.
+        damping: Viscous friction.
+    """
+
+    name: str
+    kind: str
+    axis: Vector
+    anchor: Vector
+    limits: tuple[float, float] | None = None
+    stiffness: float = 0.0
+    damping: float = 0.0
+
+
+class Round(NamedTuple):
+    """A round shape that touches the ground: its centre (3,) and its radius."""
+
+    centre: Vector
+    radius: float
+
+
+@dataclass
+class Part:
+    """A body of a file.
+
+    Attributes:
+        name: Its name.
+        parent: Name of its parent; None below the world.
+        joints: Its joints to the parent; without any it is welded to it.
+        mass: Its mass.
+        com: Centre of mass, (3,).
+        inertia: Moments of inertia about it, (3, 3).
+        feet: Its round shapes.
+    """
+
+    name: str
+    parent: str | None
+    joints: list[Joint]
+    mass: float = 0.0
+    com: Vector = field(default_factory=lambda: np.zeros(3))
+    inertia: Vector = field(default_factory=lambda: np.zeros((3, 3)))
+    feet: list[Round] = field(default_factory=list)
+
+    def add(self, other: Part) -> None:
+        """Weld another part to this one."""
+        total = self.mass + other.mass
+        if total > 0.0:
+            com = (self.mass * self.com + other.mass * other.com) / total
+            self.inertia = sum(
+                part.inertia + part.mass * _spread(part.com - com) for part in (self, other)
+            )  # type: ignore[assignment]
+            self.com = com
+        self.mass = total
+        self.feet = [*self.feet, *other.feet]
+
+
+def _spread(r: Vector) -> Vector:
+    """Inertia of a unit mass at a place, (3, 3)."""
+    return np.dot(r, r) * np.eye(3) - np.outer(r, r)
+
+
+def read_mjcf(path: str | PathLike[str]) -> Walker:
+    """Return the walker in a file of MuJoCo; see `Walker.from_mjcf`."""
+    name = cut(fsdecode(path))
+    _root_of(path, name, "mujoco")
+    with extra("mujoco"):
+        import mujoco
+    try:
+        model = mujoco.MjModel.from_xml_path(fsdecode(path))
+    except ValueError as error:
+        raise WalkerError(f"{name} is no model: {' '.join(str(error).split())}") from None
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    gravity = float(np.linalg.norm(model.opt.gravity))
+    return _Reader(name, _parts_of_model(model, data), gravity).walker()
+
+
+def read_urdf(path: str | PathLike[str], gravity: float = _GRAVITY) -> Walker:
+    """Return the walker in a file of ROS; see `Walker.from_urdf`."""
+    name = cut(fsdecode(path))
+    root = _root_of(path, name, "robot")
+    try:
+        parts = _parts_of_robot(root)
+    except (KeyError, ValueError, AttributeError) as error:
+        raise WalkerError(f"{name} is no model: {' '.join(str(error).split())}") from None
+    return _Reader(name, parts, gravity).walker()
+
+
+def _root_of(path: str | PathLike[str], name: str, tag: str) -> Any:
+    """Return the root element of a file.
+
+    Raises:
+        WalkerError: if it cannot be read, or is no such file.
+    """
+    try:
+        root = ET.parse(path).getroot()
+    except OSError as error:
+        raise WalkerError(f"{name} cannot be read: {error.strerror or error}") from None
+    except ET.ParseError as error:
+        raise WalkerError(f"{name} is no model, for it is no XML: {error}") from None
+    for element in root.iter():  # names may be those of a namespace
+        element.tag = element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
+    if root.tag != tag:
+        raise WalkerError(f"{name} is no model: its root is <{root.tag}>, and not <{tag}>")
+    return root
+
+
+def _parts_of_model(model: Any, data: Any) -> list[Part]:
+    """Return the bodies of MuJoCo's model."""
+    kinds = {0: "free", 1: "free", 2: "slide", 3: "hinge"}
+    parts = []
+    for i in range(1, model.nbody):
+        first = model.body_jntadr[i]
+        joints = [
+            Joint(
+                model.joint(j).name or f"joint {j}",
+                kinds[int(model.jnt_type[j])],
+                data.xaxis[j].copy(),
+                data.xanchor[j].copy(),
+                tuple(model.jnt_range[j].tolist()) if model.jnt_limited[j] else None,
+                float(np.ravel(model.jnt_stiffness[j])[0]),
+                float(np.ravel(model.dof_damping[model.jnt_dofadr[j]])[0]),
+            )
+            for j in range(first, first + model.body_jntnum[i])
+        ]
+        turn = data.ximat[i].reshape(3, 3)
+        above = int(model.body_parentid[i])
+        part = Part(
+            model.body(i).name or f"body {i}",
+            (model.body(above).name or f"body {above}") if above else None,
+            joints,
+            float(model.body_mass[i]),
+            data.xipos[i].copy(),
+            turn @ np.diag(model.body_inertia[i]) @ turn.T,
+        )
+        for g in range(model.body_geomadr[i], model.body_geomadr[i] + model.body_geomnum[i]):
+            if model.geom_contype[g] or model.geom_conaffinity[g]:
+                part.feet += _round(
+                    _SHAPES.get(int(model.geom_type[g]), ""), data.geom_xpos[g].copy(),
+                    data.geom_xmat[g].reshape(3, 3)[:, 2], model.geom_size[g],
+                )  # fmt: skip
+        parts.append(part)
+    return parts
+
+
+_SHAPES = {2: "sphere", 3: "capsule", 5: "cylinder"}  # of mujoco.mjtGeom
+
+
+def _round(shape: str, centre: Vector, axis: Vector, size: Any) -> list[Round]:
+    """Return the round shapes of a geometry: the ends of a capsule, as the plane is not known."""
+    if shape in ("sphere", "cylinder"):
+        return [Round(centre, float(size[0]))]
+    if shape == "capsule":
+        ends = (centre + sign * float(size[1]) * axis for sign in (-1.0, 1.0))
+        return [Round(end, float(size[0])) for end in ends]
+    return []
+
+
+def _parts_of_robot(root: Any) -> list[Part]:
+    """Return the links of a URDF.
+
+    Raises:
+        KeyError, ValueError or AttributeError: if something is missing.
+    """
+    links = {link.attrib["name"]: link for link in root.iter("link")}
+    joints = {joint.find("child").attrib["link"]: joint for joint in root.findall("joint")}
+    made: dict[str, tuple[Vector, Vector]] = {}
+
+    def frame(name: str) -> tuple[Vector, Vector]:
+        """Rotation (3, 3) and place (3,) of a link."""
+        if name not in made:
+            if name not in joints:
+                return np.eye(3), np.zeros(3)
+            made[name] = np.eye(3), np.zeros(3)  # ends a circle of joints
+            above = joints[name].find("parent").attrib["link"]
+            links[above]
+            made[name] = _moved(frame(above), joints[name].find("origin"))
+        return made[name]
+
+    parts = []
+    for name, link in links.items():
+        turn, place = frame(name)
+        above = joints[name].find("parent").attrib["link"] if name in joints else None
+        own = _joints_of(joints[name], turn, place) if name in joints else []
+        part = Part(name, above, own)
+        inertial = link.find("inertial")
+        if inertial is not None:
+            turned, part.com = _moved((turn, place), inertial.find("origin"))
+            part.mass = float(inertial.find("mass").attrib["value"])
+            given = inertial.find("inertia")
+            x, y, z = ("ixx", "ixy", "ixz"), ("ixy", "iyy", "iyz"), ("ixz", "iyz", "izz")
+            if given is not None:
+                rows = [[float(given.get(each, 0.0)) for each in row] for row in (x, y, z)]
+                part.inertia = turned @ np.array(rows) @ turned.T
+        for collision in link.findall("collision"):
+            turned, centre = _moved((turn, place), collision.find("origin"))
+            (shape,) = collision.find("geometry")
+            radius, length = (float(shape.get(each, 0.0)) for each in ("radius", "length"))
+            part.feet += _round(shape.tag, centre, turned[:, 2], (radius, 0.5 * length))
+        parts.append(part)
+    return parts
+
+
+def _moved(frame: tuple[Vector, Vector], origin: Any) -> tuple[Vector, Vector]:
+    """Return a frame after the motion of an element <origin>, or of none."""
+    turn, place = frame
+    if origin is None:
+        return frame
+    shift = np.array(origin.get("xyz", "0 0 0").split(), float)
+    roll, pitch, yaw = np.array(origin.get("rpy", "0 0 0").split(), float)
+    about = [
+        np.array([[1, 0, 0], [0, math.cos(roll), -math.sin(roll)], [0, math.sin(roll), math.cos(roll)]]),
+        np.array([[math.cos(pitch), 0, math.sin(pitch)], [0, 1, 0], [-math.sin(pitch), 0, math.cos(pitch)]]),
+        np.array([[math.cos(yaw), -math.sin(yaw), 0], [math.sin(yaw), math.cos(yaw), 0], [0, 0, 1]]),
+    ]  # fmt: skip
+    return turn @ about[2] @ about[1] @ about[0], place + turn @ shift
+
+
+def _joints_of(joint: Any, turn: Vector, place: Vector) -> list[Joint]:
+    """Return the joint of a URDF as a list, which is empty for a fixed one."""
+    kind = joint.attrib["type"]
+    if kind == "fixed":
+        return []
+    axis = joint.find("axis")
+    along = np.array((axis.get("xyz") if axis is not None else "1 0 0").split(), float)
+    kinds = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide"}
+    limit, dynamics = joint.find("limit"), joint.find("dynamics")
+    limits = None
+    if kind == "revolute" and limit is not None and limit.get("lower") and limit.get("upper"):
+        limits = float(limit.get("lower")), float(limit.get("upper"))
+    damping = 0.0 if dynamics is None else float(dynamics.get("damping", 0.0))
+    made = Joint(
+        joint.attrib["name"], kinds.get(kind, "free"), turn @ along / np.linalg.norm(along), place,
+        limits, 0.0, damping,
+    )  # fmt: skip
+    return [made]
+
+
+class _Leg(NamedTuple):
+    """A leg in its own frame: x forward, z up along the line from the foot's centre to the hip.
+
+    Attributes:
+        masses: Mass, (x, z) of the centre of mass from the hip and moment of inertia of each link.
+        knee: Place (x, z) of the knee from the hip; None without a knee.
+        leg: Distance from the hip to the foot's centre.
+        radius: Radius of the foot.
+        springs: Stiffness and damping of the knee.
+    """
+
+    masses: list[tuple[float, Vector, float]]
+    knee: Vector | None
+    leg: float
+    radius: float
+    springs: tuple[float, float]
+
+
+class _Reader:
+    """Makes a walker of parts.
+
+    Args:
+        name: Name of the file.
+        parts: Its parts, parents first or not.
+        gravity: Acceleration of gravity.
+    """
+
+    def __init__(self, name: str, parts: list[Part], gravity: float) -> None:
+        self.name, self.gravity = name, gravity
+        self.parts = self._welded(parts)
+        names = {part.name for part in self.parts}
+        self.below: dict[str | None, list[Part]] = {}
+        for part in self.parts:
+            self.below.setdefault(part.parent if part.parent in names else None, []).append(part)
+
+    def refuse(self, reason: str) -> NoReturn:
+        """Raise an error.
+
+        Raises:
+            WalkerError: always.
+        """
+        raise WalkerError(
+            f"{self.name} is no walker with two equal legs in a plane: {reason}; state other bodies "
+            "as a System"
+        )
+
+    def _welded(self, parts: list[Part]) -> list[Part]:
+        """Return the parts with joints, and one without; others are welded to them."""
+        known = {part.name: part for part in parts}
+        kept: dict[str, Part] = {}
+
+        def carrier(name: str) -> Part:
+            part = known[name]
+            if part.joints or part.parent is None:
+                return kept.setdefault(name, part)
+            return carrier(part.parent)
+
+        for part in parts:
+            if carrier(part.name) is not part:
+                carrier(part.name).add(part)
+        for part in kept.values():
+            if part.parent is not None:
+                part.parent = carrier(part.parent).name
+        # The world and links that only slide have no mass; what they carry is a base.
+        return [part for part in kept.values() if part.mass > 0.0]
+
+    def walker(self) -> Walker:
+        """Return the walker."""
+        bases = self.below.get(None, [])
+        if len(bases) != 1:
+            self.refuse(f"it has {len(bases)} bodies with mass that hang on nothing")
+        base = bases[0]
+        tops = self.below.get(base.name, [])
+        if len(tops) > 2:
+            self.refuse(f"{tops[2].name} would be a third leg")
+        for part in self.parts:
+            if part is base:
+                continue
+            if [joint.kind for joint in part.joints] != ["hinge"]:
+                kinds = [joint.name for joint in part.joints]
+                self.refuse(f"{part.name} needs one hinge, and has {', '.join(kinds)}")
+        self.axis = self._axis()
+        shapes = sorted(len(self.below.get(top.name, [])) for top in tops)
+        if shapes in ([1, 1], [0, 0]) and not (shapes == [0, 0] and base.feet):
+            legs = [(top, *self.below.get(top.name, [])) for top in tops]
+            hip, rest = self._hip(tops), base
+        elif shapes in ([0], [0, 1]):
+            swing = max(tops, key=lambda top: (len(self.below.get(top.name, [])), top is tops[-1]))
+            others = [top for top in tops if top is not swing]
+            legs = [(base, *others), (swing, *self.below.get(swing.name, []))]
+            hip, rest = swing.joints[0].anchor, None
+        else:
+            last = max(self.parts, key=self._depth)
+            self.refuse(f"{last.name} is one link too many, or one of its legs has too few")
+        for leg in legs:
+            for part in leg:
+                if part.name in self.below and part is leg[-1] and part is not base:
+                    self.refuse(f"{self.below[part.name][0].name} hangs on a foot")
+        found = [self._leg(leg, hip) for leg in legs]
+        return self._of_legs(found, legs, rest, hip)
+
+    def _depth(self, part: Part) -> int:
+        known = {each.name: each for each in self.parts}
+        return 0 if part.parent not in known else 1 + self._depth(known[part.parent])
+
+    def _axis(self) -> Vector:
+        """The direction of all hinges."""
+        hinges = [part.joints[0] for part in self.parts if part.parent in {p.name for p in self.parts}]
+        if not hinges:
+            self.refuse("it has no hinge")
+        first = hinges[0]
+        for other in hinges[1:]:
+            if np.linalg.norm(np.cross(first.axis, other.axis)) > _CLOSE:
+                self.refuse(f"the hinge {other.name} is not parallel to {first.name}")
+        return first.axis
+
+    def _flat(self, vector: Vector) -> Vector:
+        """A vector without its part along the hinges."""
+        return vector - self.axis * (self.axis @ vector)
+
+    def _hip(self, tops: list[Part]) -> Vector:
+        """The place of both hips."""
+        one, other = (top.joints[0].anchor for top in tops)
+        if np.linalg.norm(self._flat(one - other)) > _CLOSE:
+            self.refuse(f"{tops[1].joints[0].name} is not on the axis of {tops[0].joints[0].name}")
+        return one
+
+    def _leg(self, leg: tuple[Part, ...], hip: Vector) -> _Leg:
+        """Return a leg of parts."""
+        if len(leg) > 2:
+            self.refuse(f"{leg[2].name} hangs on a leg of two links")
+        last = leg[-1]
+        if not last.feet:
+            self.refuse(
+                f"{last.name} has no foot: a sphere, or a cylinder across the plane, that collides"
+            )
+        foot = max(
+            last.feet, key=lambda each: np.linalg.norm(self._flat(each.centre - hip)) + each.radius
+        )
+        line = self._flat(hip - foot.centre)
+        length = float(np.linalg.norm(line))
+        if length == 0.0:
+            self.refuse(f"the foot of {last.name} is at its hip")
+        up = line / length
+        forward = self._forward(leg, up)
+
+        def seen(place: Vector) -> Vector:
+            flat = self._flat(place - hip)
+            return np.array([flat @ forward, flat @ up])
+
+        masses = []
+        for part in leg:
+            spin = float(self.axis @ part.inertia @ self.axis)
+            masses.append((part.mass, seen(part.com), spin))
+        knee = seen(leg[1].joints[0].anchor) if len(leg) == 2 else None
+        springs = (leg[1].joints[0].stiffness, leg[1].joints[0].damping) if len(leg) == 2 else (0.0, 0.0)
+        radius = foot.radius if foot.radius > POINT else 0.0
+        return _Leg(masses, knee, length, radius, springs)
+
+    def _forward(self, leg: tuple[Part, ...], up: Vector) -> Vector:
+        """The direction in which it walks: that against which its knee bends, or that of x."""
+        ahead = np.cross(self.axis, up)
+        if len(leg) == 2 and (limits := leg[1].joints[0].limits) is not None:
+            joint, (low, high) = leg[1].joints[0], limits
+            if min(abs(low), abs(high)) > _CLOSE:
+                self.refuse(
+                    f"the stop of {joint.name} is not at 0, where the leg has to be straight, but "
+                    f"at {low:g} and {high:g} rad"
+                )
+            # A turn about the axis moves the foot against the cross product of axis and up.
+            turned = float(self.axis @ joint.axis) * (1.0 if abs(high) > abs(low) else -1.0)
+            return ahead if turned > 0.0 else -ahead
+        return ahead if ahead[0] >= 0.0 else -ahead
+
+    def _of_legs(
+        self, legs: list[_Leg], parts: list[tuple[Part, ...]], base: Part | None, hip: Vector
+    ) -> Walker:
+        """Return the walker of two legs, and of a base at the hip."""
+        extra_mass = 0.0
+        if base is not None:
+            arm = np.linalg.norm(self._flat(base.com - hip))
+            spin = float(self.axis @ base.inertia @ self.axis) + base.mass * arm**2
+            if spin > _CLOSE * base.mass * legs[0].leg ** 2:
+                self.refuse(
+                    f"{base.name} has a moment of inertia about the hip, where a Walker has a point "
+                    "mass"
+                )
+            extra_mass = base.mass
+        else:
+            extra_mass = legs[0].masses[0][0] - legs[1].masses[0][0]
+            if extra_mass < 0.0:
+                legs, parts, extra_mass = legs[::-1], parts[::-1], -extra_mass
+        self._check_equal(legs, parts, 0.0 if base is not None else extra_mass)
+        leg, swing = legs[1], parts[1]
+        for (mass, com, spin), part in zip(leg.masses, swing, strict=True):
+            about = part.joints[0].anchor if part.joints else hip
+            arm = float(np.linalg.norm(self._flat(part.com - about)))
+            if mass <= 0.0 or spin + mass * arm**2 <= 0.0:
+                self.refuse(f"{part.name} has a mass without inertia about its hinge")
+        hinge = swing[0].joints[0]
+        if leg.springs[1]:
+            self.refuse(f"{swing[1].joints[0].name} has damping, which a Walker's knee has not")
+        common = {
+            "hip_mass": extra_mass if extra_mass > _CLOSE * leg.masses[0][0] else 0.0,
+            "hip_stiffness": hinge.stiffness,
+            "hip_friction": hinge.damping,
+            "gravity": self.gravity,
+            "foot_radius": leg.radius,
+        }
+        try:
+            made = Walker(**_links_of(leg), **common)
+        except WalkerError as error:
+            self.refuse(str(error))
+        return made.titled(Path(self.name).stem)
+
+    def _check_equal(
+        self, legs: list[_Leg], parts: list[tuple[Part, ...]], extra_mass: float
+    ) -> None:
+        """Check that the legs are equal but for a point mass at the hip of the first one."""
+        one, other = legs
+        length = other.leg
+        if len(parts[0]) != len(parts[1]):
+            self.refuse(f"{parts[1][-1].name} has no counterpart")
+        for i, ((m, a, s), (n, b, t)) in enumerate(zip(one.masses, other.masses, strict=True)):
+            more = extra_mass if i == 0 else 0.0
+            moment = np.abs(m * a - n * b).max()
+            spin = abs((s + m * (a @ a)) - (t + n * (b @ b)))
+            scale = max(m, n)
+            if (
+                abs(m - n - more) > _CLOSE * scale
+                or moment > _CLOSE * scale * length
+                or spin > _CLOSE * scale * length**2
+            ):
+                self.refuse(f"{parts[0][i].name} and {parts[1][i].name} have different masses")
+        places = [(leg.leg, leg.radius, *(np.zeros(2) if leg.knee is None else leg.knee)) for leg in legs]
+        if not np.allclose(*places, rtol=0.0, atol=_CLOSE * length):
+            self.refuse(f"{parts[0][-1].name} and {parts[1][-1].name} have different lengths")
+
+
+def _links_of(leg: _Leg) -> dict[str, Any]:
+    """McGeer's parameters of a leg."""
+    if leg.knee is None:
+        (mass, com, spin), length = leg.masses[0], leg.leg + leg.radius
+        upper = 0.5 * leg.leg
+        return {
+            "thigh_length": upper, "shank_length": length - upper, "knees": False,
+            "thigh_mass": mass, "shank_mass": 0.0, "thigh_com": -com[1], "thigh_offset": -com[0],
+            "thigh_gyration": math.sqrt(spin / mass),
+        }  # fmt: skip
+    (thigh_mass, thigh, thigh_spin), (shank_mass, shank, shank_spin) = leg.masses
+    upper = float(np.linalg.norm(leg.knee))
+    foot = np.array([0.0, -leg.leg]) - leg.knee
+    reach = float(np.linalg.norm(foot))
+    down, below = leg.knee / upper, foot / reach
+    ahead, shin = np.array([-down[1], down[0]]), np.array([-below[1], below[0]])
+    return {
+        "thigh_length": upper,
+        "thigh_mass": thigh_mass,
+        "thigh_com": float(thigh @ down),
+        "thigh_offset": float(-thigh @ ahead),
+        "thigh_gyration": math.sqrt(thigh_spin / thigh_mass),
+        "foot_angle": math.asin(-leg.knee[0] / upper),
+        "shank_length": reach + leg.radius,
+        "shank_mass": shank_mass,
+        "shank_com": float((shank - leg.knee) @ below),
+        "shank_offset": float(-(shank - leg.knee) @ shin),
+        "shank_gyration": math.sqrt(shank_spin / shank_mass),
+        "knee_stiffness": leg.springs[0],
+    }
