@@ -28,8 +28,9 @@ STRICT = bool(os.environ.get("FAIL_ON_SKIP"))
 
 MAY_LACK = (
     "ray", "sb3_contrib", "sbx", "rl_zoo3", "tianshou", "minari", "agilerl", "evotorch",
+    "pinocchio", "pydrake",
 )  # fmt: skip
-"""Libraries that the gate does without: `nox -s rllib` and `nox -s clients` install them.
+"""Libraries that the gate does without: `nox -s rllib`, `nox -s clients` and `nox -s simulators` install them.
 
 ray is large, and its RLlib pins another Gymnasium; the others are tested by their first examples.
 """

@@ -70,7 +70,25 @@ def export(
         >>> import gym_passive_walker as gpw
         >>> gpw.export(gpw.find_gait("lab", 0.036), "lab.xml")
     """
-    kind = _checked_format(path, format)
+    text = text_for(
+        walker, checked_format(path, format), slope=slope, timestep=timestep,
+        unit_length=unit_length, unit_mass=unit_mass,
+    )  # fmt: skip
+    prepare(path)
+    with replacing(path) as aside:
+        aside.write_text(text, encoding="utf-8")
+
+
+def text_for(
+    walker: WalkerLike | Gait,
+    kind: str,
+    *,
+    slope: float | None = None,
+    timestep: float = 1e-3,
+    unit_length: float | None = None,
+    unit_mass: float | None = None,
+) -> str:
+    """Return the text of a file of a format; see `export`."""
     gait = walker if isinstance(walker, Gait) else None
     model: Any = gait.walker if gait is not None else as_walker(walker)  # type: ignore[arg-type]
     tilt = (gait.slope if gait is not None else 0.0) if slope is None else one_slope(slope)
@@ -83,15 +101,11 @@ def export(
     tree, pose = _described(model, tilt, gait, unit_length, unit_mass)
     about = _comment(model, tree, tilt, pose, kind)
     if kind == "mjcf":
-        text = mjcf(tree, tilt, step, pose, about)
-    else:
-        text = urdf(tree, about) if kind == "urdf" else sdf(tree, tilt, about)
-    prepare(path)
-    with replacing(path) as aside:
-        aside.write_text(text, encoding="utf-8")
+        return mjcf(tree, tilt, step, pose, about)
+    return urdf(tree, about) if kind == "urdf" else sdf(tree, tilt, about)
 
 
-def _checked_format(path: str | PathLike[str], given: str | None) -> str:
+def checked_format(path: str | PathLike[str], given: str | None) -> str:
     """Return the format of a file.
 
     Raises:
@@ -143,8 +157,8 @@ def _comment(model: Any, tree: Tree, slope: float, pose: Pose | None, kind: str)
     across = "y up and z across" if kind == "urdf" else "z up"
     lines = [
         f"{describe(model)} of gym_passive_walker, in m, kg, s and rad.",
-        f"It walks in the direction of x, with {across}. Angles of hinges are positive where the "
-        "lower body swings forward.",
+        f"It walks in the direction of x, with {across}. Angles are positive where the upper end of "
+        "a body leans back.",
     ]
     if kind == "urdf":
         lines.append(

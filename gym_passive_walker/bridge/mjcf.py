@@ -6,7 +6,7 @@ import math
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from gym_passive_walker.bridge.rigid import Body, Pose, Tree, foot_names
+from gym_passive_walker.bridge.rigid import SIDES, Body, Pose, Tree, foot_names
 
 POINT = 1e-6
 """Radius in m of the sphere that stands for a point foot."""
@@ -24,6 +24,7 @@ LIGHTEST = 1e-14
 """Moment of inertia in kg m^2 of a point mass: about the smallest that MuJoCo takes."""
 
 _THICKNESS = 0.015  # of a leg in pictures, in m
+_COLOURS = "0.25 0.35 0.6 1", "0.85 0.45 0.2 1"  # of the first leg, and of the other one
 
 
 def numbers(*values: float) -> str:
@@ -74,10 +75,15 @@ def mjcf(
         root, "option", timestep=numbers(timestep), gravity=numbers(0.0, 0.0, -tree.gravity),
         cone="elliptic", integrator="RK4",
     )  # fmt: skip
+    ET.SubElement(ET.SubElement(root, "visual"), "headlight", ambient="0.4 0.4 0.4")
+    ET.SubElement(
+        ET.SubElement(root, "asset"), "texture", type="skybox", builtin="flat", rgb1="1 1 1",
+        width="32", height="32",
+    )  # fmt: skip
     world = ET.SubElement(root, "worldbody")
     ET.SubElement(
         world, "geom", name="ground", type="plane", size="0 0 1", euler=numbers(0.0, slope, 0.0),
-        contype="1", conaffinity="0",
+        contype="1", conaffinity="0", rgba="0.8 0.8 0.8 1",
     )  # fmt: skip
     sliding = {"friction": numbers(friction, 0.0, 0.0)}
     places: dict[str | None, Any] = {None: world}
@@ -125,15 +131,22 @@ def _body(
         hinge["damping"] = numbers(c)
     ET.SubElement(here, "joint", **hinge)
     unseen = {"contype": "0", "conaffinity": "0", "mass": "0"}
+    unseen["rgba"] = _COLOURS[body.name.startswith(SIDES[1])]
     if math.hypot(*body.end) > 0.0:
         ET.SubElement(
             here, "geom", type="capsule", size=numbers(_THICKNESS), **unseen,
             fromto=f"0.0 0.0 0.0 {at(body.end)}",
         )  # fmt: skip
     for name, foot in foot_names(body):
+        (x, z), half = foot.centre, _THICKNESS * (1 + body.name.startswith(SIDES[1]))
+        if foot.radius:
+            ET.SubElement(
+                here, "geom", type="cylinder", size=numbers(foot.radius), **unseen,
+                fromto=numbers(x, -half, z, x, half, z),
+            )  # fmt: skip
         ET.SubElement(
             here, "geom", name=name, type="sphere", pos=at(foot.centre),
             size=numbers(foot.radius or POINT), contype="0", conaffinity="1", mass="0",
-            condim="3", priority="1", **contact,
+            condim="3", priority="1", group="3", **contact,
         )  # fmt: skip
     return here

@@ -346,8 +346,8 @@ class _Reader:
             self.refuse(f"it has {len(bases)} bodies with mass that hang on nothing")
         base = bases[0]
         tops = self.below.get(base.name, [])
-        if len(tops) > 2:
-            self.refuse(f"{tops[2].name} would be a third leg")
+        if len(tops) > 2 - (bool(base.feet) and len(self.parts) == 3):
+            self.refuse(f"{tops[-1].name} would be a third leg")
         for part in self.parts:
             if part is base:
                 continue
@@ -356,7 +356,7 @@ class _Reader:
                 self.refuse(f"{part.name} needs one hinge, and has {', '.join(kinds)}")
         self.axis = self._axis()
         shapes = sorted(len(self.below.get(top.name, [])) for top in tops)
-        if shapes in ([1, 1], [0, 0]) and not (shapes == [0, 0] and base.feet):
+        if shapes in ([1, 1], [0, 0]):
             legs = [(top, *self.below.get(top.name, [])) for top in tops]
             hip, rest = self._hip(tops), base
         elif shapes in ([0], [0, 1]):

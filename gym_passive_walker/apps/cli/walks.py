@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from gym_passive_walker._tools.arguments import whole
-from gym_passive_walker._tools.files import prepare
+from gym_passive_walker._tools.files import prepare, replacing
 from gym_passive_walker._tools.shown import WRITERS, table_ending
 from gym_passive_walker.apps.cli.arguments import (
     A_SCENE,
@@ -24,8 +24,7 @@ from gym_passive_walker.apps.cli.arguments import (
 from gym_passive_walker.apps.cli.report import SI, Report, listing, record, table
 from gym_passive_walker.bridge.comparison import TIMESTEPS
 from gym_passive_walker.bridge.comparison import compare as compared
-from gym_passive_walker.bridge.export import FORMATS
-from gym_passive_walker.bridge.export import export as exported
+from gym_passive_walker.bridge.export import FORMATS, checked_format, text_for
 from gym_passive_walker.bridge.mjcf import SOFTNESS
 from gym_passive_walker.envs import explain
 from gym_passive_walker.envs.evaluation.comparison import evaluate as evaluated
@@ -113,14 +112,17 @@ def export(
         walker = named_walker(name)
         gait = None if slope is None else find_gait(walker, slope)
         sizes = {"timestep": timestep, "unit_length": unit_length, "unit_mass": unit_mass}
-        text = f"{describe(walker)}, {ending[1:]}"
+        kind = checked_format(out, None)
+        content = text_for(walker if gait is None else gait, kind, **sizes)
+        text = f"{describe(walker)}, {kind}"
         if gait is not None:
             text = listing(text, record(gait, _OF_GAIT))
 
         def write(path: Path) -> None:
-            exported(walker if gait is None else gait, path, **sizes)
+            with replacing(path) as aside:
+                aside.write_text(content, encoding="utf-8")
 
-        return Report(text, {"walker": name, "slope": slope}, {out: write})
+        return Report(text, {"walker": name, "slope": slope, "format": kind}, {out: write})
     if ending != ".onnx":
         raise ValueError(
             f"export takes a name that ends in .onnx, {', '.join(FORMATS.values())}, not {out}"

@@ -1,0 +1,166 @@
+"""A walker's file describes the walker."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from examples.torso import TORSO
+from gym_passive_walker.bridge.linkage import Linkage
+from gym_passive_walker.bridge.rigid import tree_of_walker
+from tests.bridge.models import (
+    LENGTH,
+    MASS,
+    MODELS,
+    motions,
+    options,
+    own_kinetic_energy,
+    own_mass_matrix,
+    pose_of,
+    random_state,
+)
+
+SLOPE = 0.05
+
+
+def loaded(model, tmp_path, **more):
+    """A model in MuJoCo, from its file."""
+    mujoco = pytest.importorskip("mujoco")
+    gpw.export(model, tmp_path / "walker.xml", **options(model) if not more else {}, **more)
+    made = mujoco.MjModel.from_xml_path(str(tmp_path / "walker.xml"))
+    return mujoco, made, mujoco.MjData(made)
+
+
+def mass_matrix(mujoco, model, data):
+    """MuJoCo's mass matrix at the present coordinates."""
+    mujoco.mj_forward(model, data)
+    full = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, full)
+    return full
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_mass_matrix_of_the_file_is_the_model_s_own(name, tmp_path):
+    model, rng = MODELS[name], np.random.default_rng(0)
+    mujoco, made, data = loaded(model, tmp_path)
+    for _ in range(5):
+        state = random_state(model, rng)
+        data.qpos[:], data.qvel[:] = pose_of(model, SLOPE, state)
+        full, ours = mass_matrix(mujoco, made, data), own_mass_matrix(model, state)
+        ways = motions(model, SLOPE, state)
+        if not isinstance(model, gpw.Walker):
+            ways = ways / (9.81 / LENGTH) ** 0.5
+        theirs = ways.T @ full @ ways
+        np.testing.assert_allclose(theirs, ours, rtol=0.0, atol=1e-12 * np.abs(ours).max())
+        energy = 0.5 * data.qvel @ full @ data.qvel
+        assert energy == pytest.approx(own_kinetic_energy(model, state), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_every_format_has_the_same_masses_at_the_same_places(name, tmp_path):
+    model = MODELS[name]
+    for ending in ("xml", "urdf", "sdf"):
+        gpw.export(model, tmp_path / f"walker.{ending}", **options(model))
+    masses = {
+        "xml": [float(e.get("mass")) for e in _elements(tmp_path / "walker.xml", "inertial")],
+        "urdf": [float(e.get("value")) for e in _elements(tmp_path / "walker.urdf", "mass")],
+        "sdf": [float(e.text) for e in _elements(tmp_path / "walker.sdf", "mass")][2:],
+    }
+    assert masses["xml"] == masses["urdf"] == masses["sdf"]
+    unit = 1.0 if isinstance(model, gpw.Walker) else MASS
+    assert sum(masses["xml"]) == pytest.approx(model.total_mass * unit, rel=1e-14)
+
+
+def _elements(path, tag):
+    return [*ET.parse(path).getroot().iter(tag)]
+
+
+def test_the_keyframe_is_the_gait_on_its_slope(tmp_path):
+    gait = gpw.find_gait("lab", 0.036)
+    mujoco, made, data = loaded(gait, tmp_path, slope=None)
+    mujoco.mj_resetDataKeyframe(made, data, made.key("gait").id)
+    mujoco.mj_kinematics(made, data)
+    normal = data.geom("ground").xmat.reshape(3, 3)[:, 2]
+    assert normal == pytest.approx([np.sin(0.036), 0.0, np.cos(0.036)])
+    heights = [data.geom(f"{side}_shank_foot").xpos @ normal - 0.2 for side in ("left", "right")]
+    assert heights == pytest.approx([0.0, 0.0], abs=1e-12)  # both feet are on the ground
+    foot = made.body("left_shank").id
+    velocity, place = np.zeros(6), data.geom("left_shank_foot").xpos - 0.2 * normal
+    mujoco.mj_forward(made, data)
+    mujoco.mj_objectVelocity(made, data, mujoco.mjtObj.mjOBJ_XBODY, foot, velocity, 0)
+    at_contact = velocity[3:] + np.cross(velocity[:3], place - data.body("left_shank").xpos)
+    assert np.abs(at_contact).max() < 1e-12  # the stance foot rolls
+
+
+def test_a_comment_says_what_a_user_of_a_simulator_must_do(tmp_path):
+    for ending in ("xml", "urdf", "sdf"):
+        path = tmp_path / f"walker.{ending}"
+        gpw.export("lab", path)
+        text = " ".join(path.read_text("utf-8").split())
+        assert "Free the knee of the leg that leaves the ground before the impact" in text
+        gpw.export("A", path)
+        assert "knee" not in path.read_text("utf-8").lower()
+
+
+def test_contacts_are_as_stiff_as_the_timestep_allows(tmp_path):
+    gpw.export("lab", tmp_path / "walker.xml", timestep=1e-4)
+    feet = [e for e in _elements(tmp_path / "walker.xml", "geom") if e.get("conaffinity") == "1"]
+    assert [foot.get("solref") for foot in feet] == ["0.0002 1.0"] * 2
+
+
+def test_a_system_that_is_no_tree_of_hinges_has_no_file(tmp_path):
+    def stretched(body, state):
+        *legs, torso = TORSO.links(body, state)
+        return [*legs, torso._replace(y=torso.y + 0.1 * state.torso**2)]
+
+    bent = gpw.System(**{
+        name: getattr(TORSO, name)
+        for name in ("body", "State", "landing", "relabel", "falls", "counts", "start")
+    }, name="stretched", links=stretched)  # fmt: skip
+    with pytest.raises(ValueError, match="'stretched' are no tree of bodies with hinges"):
+        gpw.export(bent, tmp_path / "walker.xml", unit_length=1.0, unit_mass=1.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "options", "said"),
+    [
+        ("D", {}, "legs without mass, which no rigid-body simulator can move: give them"),
+        ("lab", {"format": "usd"}, "format must be one of mjcf, urdf, sdf, not 'usd'"),
+        ("lab", {"path": "walker.txt"}, r"ends in \.xml, \.urdf, \.sdf, or has a format"),
+        ("lab", {"timestep": 0.0}, "timestep must be a number above 0 up to 1, not 0.0"),
+        ("lab", {"timestep": -1e-3}, "timestep must be a number above 0"),
+        ("lab", {"unit_mass": 2.0}, "unit_mass is for a System"),
+        (TORSO, {}, "'torso' has no units, and files are in m, kg and s: give unit_length"),
+        (gpw.WALKERS["lab"].with_parameters(shank_gyration=0.0), {},
+         "left_shank of .* has no moment of inertia about its centre of mass"),
+    ],
+)  # fmt: skip
+def test_what_has_no_file_is_refused_in_a_sentence(given, options, said, tmp_path):
+    options = {"path": "walker.xml"} | options
+    path = tmp_path / options.pop("path")
+    with pytest.raises(ValueError, match=said) as refused:
+        gpw.export(given, path, **options)
+    assert "\n" not in str(refused.value) and not path.exists()
+
+
+def test_a_file_that_cannot_be_written_is_an_os_error(tmp_path):
+    with pytest.raises(OSError, match="Is a directory"):
+        gpw.export("lab", tmp_path, "mjcf")
+
+
+def test_the_hip_s_mass_is_that_of_one_leg():
+    walker = gpw.WALKERS["lab"].with_parameters(hip_mass=1.5)
+    left, _, right, _ = tree_of_walker(walker).bodies
+    assert left.mass - right.mass == 1.5
+    moment = np.subtract(np.multiply(left.mass, left.com), np.multiply(right.mass, right.com))
+    assert np.abs(moment).max() < 1e-15
+
+
+def test_motors_of_a_system_act_at_its_hinges():
+    from examples.five_links import FIVE_LINKS
+
+    motors = Linkage(FIVE_LINKS).tree(LENGTH, MASS).motors
+    assert [motor.name for motor in motors] == [*FIVE_LINKS.controls]

@@ -1,0 +1,130 @@
+"""Walkers come in from the files of other simulators."""
+
+from __future__ import annotations
+
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.models.units import PROPORTIONS
+from tests.bridge.models import WALKERS
+
+PLAIN = '<robot name="compass"><link name="world"/>{}</robot>'
+LEG = """
+<link name="{0}"><collision><origin xyz="0 0 -1"/><geometry><sphere radius="0"/></geometry>
+</collision></link>
+<link name="{0}_mass"><inertial><origin xyz="0 0 -0.5"/><mass value="{1}"/></inertial></link>
+<joint name="{0}_weld" type="fixed"><parent link="{0}"/><child link="{0}_mass"/></joint>
+"""
+HIP = '<link name="hip"><inertial><mass value="10"/>{}</inertial></link>'
+JOINTS = """
+<joint name="base" type="planar"><parent link="world"/><child link="hip"/><axis xyz="0 1 0"/>
+</joint>
+<joint name="left" type="fixed"><parent link="hip"/><child link="left_leg"/></joint>
+<joint name="pin" type="continuous"><parent link="hip"/><child link="right_leg"/>
+<axis xyz="{}"/></joint>
+"""
+
+
+def compass(second=5.0, inertia="", axis="0 1 0", more=""):
+    """A walker as Drake's published CompassGait.urdf, with changes."""
+    legs = LEG.format("left_leg", 5.0) + LEG.format("right_leg", second)
+    return PLAIN.format(HIP.format(inertia) + legs + JOINTS.format(axis) + more)
+
+
+@pytest.fixture
+def read(tmp_path):
+    """A function that reads a walker from the text of a URDF."""
+
+    def reading(text, name="compass.urdf"):
+        path = tmp_path / name
+        path.write_text(text, "utf-8")
+        return gpw.Walker.from_urdf(path)
+
+    return reading
+
+
+@pytest.mark.parametrize("ending", ["xml", "urdf"])
+@pytest.mark.parametrize("name", WALKERS)
+def test_a_file_of_a_walker_is_that_walker(name, ending, tmp_path):
+    if ending == "xml":
+        pytest.importorskip("mujoco")
+    walker, path = WALKERS[name].with_parameters(hip_friction=0.01), tmp_path / f"walker.{ending}"
+    gpw.export(walker, path)
+    found = (gpw.Walker.from_mjcf if ending == "xml" else gpw.Walker.from_urdf)(path)
+    assert found.knees == walker.knees and found.title == "walker"
+    if walker.knees:
+        for each in PROPORTIONS:
+            assert getattr(found, each) == pytest.approx(getattr(walker, each), abs=1e-9), each
+    else:  # the parts of a straight leg are not told apart, its motion is
+        slope = 0.01 if name == "F" else 0.03
+        gaits = [gpw.find_gait(each, slope) for each in (walker, found)]
+        assert gaits[1].state == pytest.approx(gaits[0].state, abs=2e-6)  # feet of 1e-6 m
+
+
+def test_the_published_compass_walker_comes_in_and_has_its_gait(read):
+    """Hip 10 kg, legs 5 kg at half their length of 1 m: Drake's examples, and its gait."""
+    walker = read(compass())
+    assert (walker.hip_mass, walker.total_mass, walker.leg_length) == (10.0, 20.0, 1.0)
+    assert walker.foot_radius == 0.0 and not walker.knees
+    stated = gpw.Walker(
+        thigh_length=0.5, thigh_mass=5.0, thigh_com=0.5, shank_length=0.5, shank_mass=0.0,
+        hip_mass=10.0, knees=False,
+    )  # fmt: skip
+    gait = gpw.find_gait(walker, 0.0525)
+    assert gait.stable
+    assert gait.state == pytest.approx(gpw.find_gait(stated, 0.0525).state, abs=1e-12)
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.3, -0.3])
+def test_it_does_not_matter_how_the_file_s_legs_stand(turned, read):
+    upright, leaning = (
+        read(compass().replace('name="left" type="fixed">', f'name="left" type="fixed">{origin}'))
+        for origin in ("", f'<origin rpy="0 {turned} 0"/>')
+    )
+    assert leaning.body == pytest.approx(upright.body, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("nonsense", "is no model, for it is no XML"),
+        ("<mujoco/>", "is no model: its root is <mujoco>, and not <robot>"),
+        ('<robot name="x"><link/></robot>', "is no model: 'name'"),
+        (PLAIN.format(""), "it has 0 bodies with mass that hang on nothing"),
+        (compass(second=6.0), "hip and right_leg have different masses"),
+        (compass(inertia='<inertia ixx="1" iyy="1" izz="1"/>'), "hip and right_leg have different"),
+        (compass(axis="1 1 0"), None),
+        (compass(more=LEG.format("third_leg", 5.0) + '<joint name="third" type="continuous">'
+                 '<parent link="hip"/><child link="third_leg"/><axis xyz="0 1 0"/></joint>'),
+         "third_leg would be a third leg"),
+        (compass(more='<link name="tail"><inertial><mass value="1"/></inertial></link>'
+                 '<joint name="tail_pin" type="continuous"><parent link="right_leg"/>'
+                 '<child link="tail"/><axis xyz="1 0 0"/></joint>'),
+         "the hinge tail_pin is not parallel to pin"),
+        (compass().replace('<sphere radius="0"/>', '<mesh filename="foot.stl"/>'), "has no foot"),
+        (compass().replace('type="continuous"', 'type="prismatic"'),
+         "right_leg needs one hinge, and has pin"),
+        (compass().replace('xyz="0 0 -0.5"', 'xyz="0 0 0"'), "mass without inertia about its hinge"),
+    ],
+)  # fmt: skip
+def test_what_is_no_walker_is_refused_by_the_name_of_its_element(text, said, read):
+    if said is None:  # a hinge that is askew is the only one, and the plane is its own
+        assert read(text).hip_mass == 10.0
+        return
+    with pytest.raises(gpw.WalkerError, match=said) as refused:
+        read(text)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path):
+    for reading in (gpw.Walker.from_urdf, gpw.Walker.from_mjcf):
+        with pytest.raises(gpw.WalkerError, match=r"nowhere\.xml cannot be read: No such file"):
+            reading(tmp_path / "nowhere.xml")
+
+
+def test_mujoco_s_own_complaint_about_a_file_is_passed_on(tmp_path):
+    pytest.importorskip("mujoco")
+    path = tmp_path / "walker.xml"
+    path.write_text("<mujoco><worldbody><body><joint/></body></worldbody></mujoco>", "utf-8")
+    with pytest.raises(gpw.WalkerError, match=r"walker\.xml is no model: .*mass and inertia"):
+        gpw.Walker.from_mjcf(path)
