@@ -48,7 +48,7 @@ def read(tmp_path):
 def test_a_file_of_a_walker_is_that_walker(name, ending, tmp_path):
     if ending == "xml":
         pytest.importorskip("mujoco")
-    walker, path = WALKERS[name].with_parameters(hip_friction=0.01), tmp_path / f"walker.{ending}"
+    walker, path = WALKERS[name].with_parameters(hip_friction=1e-4), tmp_path / f"walker.{ending}"
     gpw.export(walker, path)
     found = (gpw.Walker.from_mjcf if ending == "xml" else gpw.Walker.from_urdf)(path)
     assert found.knees == walker.knees and found.title == "walker"
