@@ -170,6 +170,15 @@ def rllib(session: nox.Session) -> None:
     session.run("python", "-m", "pytest", *chosen, *session.posargs, env=QUIET | kernels)
 
 
+@nox.session(default=False)
+def simulators(session: nox.Session) -> None:
+    """Read files of walkers with MuJoCo, Pinocchio and Drake."""
+    session.install("-e", ".[mujoco,test]", "pin==4.1.0", "drake==1.51.1")
+    kernels = {"XDG_CACHE_HOME": session.create_tmp(), "FAIL_ON_SKIP": ""}
+    chosen = ["tests/bridge", "-m", "slow or not slow"]
+    session.run("python", "-m", "pytest", *chosen, *session.posargs, env=QUIET | kernels)
+
+
 CLIENTS = {
     "sb3_contrib": ["sb3-contrib"],
     "sbx": ["sbx-rl"],

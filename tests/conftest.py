@@ -30,7 +30,7 @@ MAY_LACK = (
     "ray", "sb3_contrib", "sbx", "rl_zoo3", "tianshou", "minari", "agilerl", "evotorch",
     "pinocchio", "pydrake",
 )  # fmt: skip
-"""Libraries that the gate does without: `nox -s rllib`, `nox -s clients` and `nox -s simulators` install them.
+"""Libraries that the gate does without: nox's rllib, clients and simulators install them.
 
 ray is large, and its RLlib pins another Gymnasium; the others are tested by their first examples.
 """

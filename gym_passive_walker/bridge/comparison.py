@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gym_passive_walker._tools.arguments import shown, whole
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker._tools.shown import Table
+from gym_passive_walker.bridge.loop import library
 from gym_passive_walker.bridge.mjcf import SOFTNESS
 from gym_passive_walker.bridge.mujoco import PassiveWalkerMujocoEnv, checked_steps
 from gym_passive_walker.gaits.control.controllers import ControllerLike, SceneLike, acting
@@ -33,7 +34,7 @@ TIMESTEPS = (4e-3, 2e-3, 1e-3, 5e-4)
 MEASURED = ("step_period", "stance_angle", "step_length", "speed", "cost_of_transport")
 """Quantities that are compared, dimensionless."""
 
-WALKED = "walked on"
+WALKED = "no fall"
 """Outcome of a walk that did not end."""
 
 
@@ -47,12 +48,12 @@ class Comparison(Table):
         scene: The scene.
         exact: Quantities in MEASURED of the exact gait, dimensionless, by name.
         timestep: Timestep in s, (n,).
-        softness: Time constant of contacts in timesteps; NaN for the simulator's own contacts, (n,).
+        softness: Time constant of contacts in timesteps, (n,); NaN for the simulator's own ones.
         found: Quantities in MEASURED by name, each (n,): means over the second half of the walk.
         penetration: Largest depth of the stance foot below the ground at the end of a control
             step, in leg lengths, (n,).
         strides: Strides of each walk, (n,).
-        outcome: Outcome of each walk: "walked on", or that of a fall, (n,).
+        outcome: Outcome of each walk: "no fall", or that of a fall, (n,).
     """
 
     simulator: str
@@ -70,7 +71,9 @@ class Comparison(Table):
     def error(self) -> dict[str, NDArray[np.float64]]:
         """Relative errors of the quantities in MEASURED, by name, each (n,)."""
         return {
-            name: values / self.exact[name] - 1.0 if self.exact[name] else np.full_like(values, np.nan)
+            name: values / self.exact[name] - 1.0
+            if self.exact[name]
+            else np.full_like(values, np.nan)
             for name, values in self.found.items()
         }
 
@@ -114,9 +117,7 @@ class Comparison(Table):
         for i, outcome in enumerate(self.outcome):
             soft = self.softness[i]
             row = [f"{self.timestep[i]:g}", "its own" if soft != soft else f"{soft:g} steps"]
-            row += [
-                f"{self.found[name][i]:.6g} ({self.error[name][i]:+.3%})" for name in MEASURED
-            ]
+            row += [f"{self.found[name][i]:.6g} ({self.error[name][i]:+.3%})" for name in MEASURED]
             ended = "" if outcome == WALKED else f", {outcome}"
             rows.append([*row, f"{self.penetration[i]:.1e}", f"{self.strides[i]}{ended}"])
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -165,12 +166,22 @@ def compare(
         True
     """
     if simulator not in SIMULATORS:
-        raise ValueError(f"simulator must be {' or '.join(map(repr, SIMULATORS))}, not {shown(simulator)}")
+        raise ValueError(
+            f"simulator must be {' or '.join(map(repr, SIMULATORS))}, not {shown(simulator)}"
+        )
     count = whole(strides, "strides", 2, 100_000)
-    runs = [(step, soft) for soft in _several(softness, "softness") for step in _several(timesteps, "timesteps")]
+    runs = [
+        (step, soft)
+        for soft in _several(softness, "softness")
+        for step in _several(timesteps, "timesteps")
+    ]
     checked = [checked_steps(step, soft) for step, soft in runs]
     policy, there, gait = _gait_of(controller, scene)
-    exact = {name: float(getattr(gait.dimensionless, name)) for name in MEASURED[:-1] if name != "stance_angle"}
+    exact = {
+        name: float(getattr(gait.dimensionless, name))
+        for name in MEASURED[:-1]
+        if name != "stance_angle"
+    }
     exact["stance_angle"] = float(gait.state[0])
     exact["cost_of_transport"] = float(gait.cost_of_transport)
     walks = []
@@ -178,11 +189,9 @@ def compare(
         for step, soft in checked:
             walks.append(_walk(policy, there, step, soft, count))
             done()
-    import mujoco
-
     found, depths, taken, outcomes = zip(*walks, strict=True)
     return Comparison(
-        simulator=f"MuJoCo {mujoco.__version__}",
+        simulator=f"MuJoCo {library().__version__}",
         controller_name=policy_name(policy),
         scene=there,
         exact={name: exact[name] for name in MEASURED},
@@ -201,15 +210,15 @@ def _several(given: Any, name: str) -> list[Any]:
     Raises:
         ValueError: if it is none, or empty.
     """
-    found = [*given] if isinstance(given, Sequence | np.ndarray) and not isinstance(given, str) else []
+    found = (
+        [*given] if isinstance(given, Sequence | np.ndarray) and not isinstance(given, str) else []
+    )
     if not found:
         raise ValueError(f"{name} must be a list of numbers, as [0.002, 0.001], not {shown(given)}")
     return found
 
 
-def _gait_of(
-    controller: Any, scene: SceneLike | None
-) -> tuple[Policy, Scene, Gait | OptimalGait]:
+def _gait_of(controller: Any, scene: SceneLike | None) -> tuple[Policy, Scene, Gait | OptimalGait]:
     """Return a controller, its scene that begins on the exact gait, and that gait."""
     gait: Gait | OptimalGait
     if isinstance(controller, Gait):

@@ -53,7 +53,7 @@ def export(
 
     Args:
         walker: A walker or a `System` that is stated by links, in a form that `as_walker` takes; or
-            a `Gait`, whose state and slope are written too.
+            a `Gait`, with its state and slope.
         path: The file.
         format: "mjcf", "urdf" or "sdf"; None follows the ending .xml, .urdf or .sdf.
         slope: Slope of the ground in rad, positive downhill; the gait's, or 0, when None. URDF has
@@ -157,8 +157,8 @@ def _comment(model: Any, tree: Tree, slope: float, pose: Pose | None, kind: str)
     across = "y up and z across" if kind == "urdf" else "z up"
     lines = [
         f"{describe(model)} of gym_passive_walker, in m, kg, s and rad.",
-        f"It walks in the direction of x, with {across}. Angles are positive where the upper end of "
-        "a body leans back.",
+        f"It walks in the direction of x, with {across}. Angles are positive where the upper end "
+        "of a body leans back.",
     ]
     if kind == "urdf":
         lines.append(

@@ -2,7 +2,7 @@
 
 A point of a linkage of hinges is a sum of vectors, each of which turns with an angle that is a sum
 or a difference of coordinates. In the plane of complex numbers x + i y it is a Fourier polynomial
-of the coordinates, whose coefficients are these vectors; so they are found exactly from a grid.
+of the coordinates. Its coefficients are these vectors, so they are found exactly from a grid.
 Where the stance foot rolls, all points move besides in proportion to a coordinate.
 """
 
@@ -93,8 +93,11 @@ class Linkage:
     def _arm(self, point: Callable[[NDArray], NDArray], slopes: NDArray | None = None) -> Arm:
         """The vectors of a point."""
         slopes = self._slopes if slopes is None else slopes
-        grid = 2.0 * np.pi / _GRID * np.indices((_GRID,) * self.size).transpose(
-            *range(1, self.size + 1), 0
+        grid = (
+            2.0
+            * np.pi
+            / _GRID
+            * np.indices((_GRID,) * self.size).transpose(*range(1, self.size + 1), 0)
         )
         values = np.broadcast_to(point(grid), grid.shape[:-1]) - grid @ slopes
         found = np.fft.fftn(values) / values.size
@@ -185,7 +188,7 @@ class Linkage:
         )  # fmt: skip
 
     def _motors(self) -> tuple[Motor, ...]:
-        """Actuators whose torque acts at a hinge."""
+        """Actuators with a torque at a hinge."""
         q, step = self._sample[0], np.eye(self.size)
         found = []
         for name in self.system.controls:
@@ -204,9 +207,7 @@ class Linkage:
                         found.append(Motor(name, f"{self.name(turn)}_joint", gear))
         return tuple(found)
 
-    def coordinates(
-        self, slope: float, state: Sequence[float], length: float, rate: float
-    ) -> Pose:
+    def coordinates(self, slope: float, state: Sequence[float], length: float, rate: float) -> Pose:
         """Return coordinates and velocities of the tree, with the stance foot on the ground.
 
         Args:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -26,8 +27,18 @@ from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.legs import NARROWEST
 from gym_passive_walker.models.walkers import Walker
 
-_OVERSHOOT = 1e-3  # share of a step by which a foot lands below the ground, so that it touches
+_OVERSHOOT = 1e-3  # share of a timestep's way by which a foot lands below the ground, to touch it
 _LEAST = 1e-6  # shortest step, in timesteps
+
+
+def library() -> Any:
+    """Return MuJoCo.
+
+    Raises:
+        ImportError: if it is not installed.
+    """
+    with extra("mujoco"):
+        return import_module("mujoco")
 
 
 class Loop:
@@ -62,12 +73,11 @@ class Loop:
         friction: float = 0.8,
         scuff: bool = False,
     ) -> None:
-        with extra("mujoco"):
-            import mujoco
+        mujoco = library()
         self.walker, self.timestep, self.scuff = walker, timestep, scuff
         tree = tree_of_walker(walker)
         text = mjcf(tree, 0.0, timestep, softness=softness, friction=friction)
-        self.model = mujoco.MjModel.from_xml_string(text)
+        self.model = mujoco.MjModel.from_xml_string(self.changed(text))
         self.data = mujoco.MjData(self.model)
         self.model.geom_sameframe[self.model.geom("ground").id] = 0  # else its tilt is not read
         self._step, self._mujoco = mujoco.mj_step, mujoco
@@ -79,6 +89,17 @@ class Loop:
         self._rates: NDArray[np.float64] | None = None  # after an impact that is still to come
         self.ended = 0.0, 0.0
         self.reset(np.zeros(6), 0.0)
+
+    def changed(self, text: str) -> str:
+        """Return the MJCF of the model; it stays as it is."""
+        return text
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_mujoco": None, "_step": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        mujoco = library()
+        self.__dict__.update(state | {"_mujoco": mujoco, "_step": mujoco.mj_step})
 
     def reset(
         self, state: Sequence[float] | NDArray, slope: float, *, stance: int = 0, place: float = 0.0
@@ -243,7 +264,7 @@ class Loop:
 
     def _swing_locked(self, end: float) -> Outcome:
         """Advance with a straight swing leg, to its heelstrike or to the end."""
-        data, offset, clear = self.data, self.slope, False
+        data, offset, clear = self.data, self.slope, self._clear
         while (step := self._left(end)) > 0.0:
             angles = self._angles(data.qpos.tolist(), offset)
             if fall := _fall(angles):
@@ -251,15 +272,16 @@ class Loop:
             stance, thigh, _ = angles
             height, rate = self._swing_foot(angles)
             if stance < 0.0 and thigh - stance > NARROWEST:
-                if height > 0.0:
-                    clear = True
-                    if height + rate * step < 0.0:
-                        landing = -height / rate * (1.0 + _OVERSHOOT)
-                        step = min(step, max(landing, _LEAST * self.timestep))
-                elif clear or self._clear:
+                clear = clear or height > 0.0
+                below = min(rate, 0.0) * _OVERSHOOT * self.timestep
+                if height <= 0.5 * below and clear:
                     return self._strike()
-            elif self.scuff and height < 0.0:
-                return Outcome.STUBBED_TOE
+                if clear and height + rate * step < below:
+                    step = min(step, max((below - height) / rate, _LEAST * self.timestep))
+            else:
+                clear = False
+                if self.scuff and height < 0.0:
+                    return Outcome.STUBBED_TOE
             self._clear = clear
             self._take(step)
         return Outcome.RUNNING

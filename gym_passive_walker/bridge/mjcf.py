@@ -64,7 +64,7 @@ def mjcf(
         softness: Time constant of contacts and latches in timesteps; None leaves MuJoCo's own.
         friction: Coefficient of friction of foot and ground.
     """
-    stiff: dict[str, str] = {}
+    stiff: dict[str, Any] = {}
     if softness is not None:
         stiff = {"solref": numbers(softness * timestep, 1.0), "solimp": STIFF}
     root = ET.Element("mujoco", model=tree.name)
@@ -110,18 +110,22 @@ def mjcf(
 
 
 def _body(
-    parent: Any, body: Body, tree: Tree, stiff: dict[str, str], contact: dict[str, str]
+    parent: Any, body: Body, tree: Tree, stiff: dict[str, Any], contact: dict[str, Any]
 ) -> Any:
     """Add a body to its parent."""
     here = ET.SubElement(parent, "body", name=body.name, pos=at(body.place))
     inertia = max(body.inertia, LIGHTEST)
     ET.SubElement(
-        here, "inertial", pos=at(body.com), mass=numbers(body.mass), diaginertia=numbers(*[inertia] * 3)
+        here,
+        "inertial",
+        pos=at(body.com),
+        mass=numbers(body.mass),
+        diaginertia=numbers(*[inertia] * 3),
     )
     if body.parent is None:
         for name, axis in (("x", "1 0 0"), ("z", "0 0 1")):
             ET.SubElement(here, "joint", name=name, type="slide", axis=axis)
-    hinge = {"name": body.joint, "type": "hinge", "axis": "0 -1 0"}
+    hinge: dict[str, Any] = {"name": body.joint, "type": "hinge", "axis": "0 -1 0"}
     if body.stop:
         limits = {f"{name}limit": value for name, value in stiff.items()}
         hinge |= {"range": numbers(-math.pi, 0.0), **limits}
@@ -130,7 +134,7 @@ def _body(
     if c := tree.friction.get(body.joint):
         hinge["damping"] = numbers(c)
     ET.SubElement(here, "joint", **hinge)
-    unseen = {"contype": "0", "conaffinity": "0", "mass": "0"}
+    unseen: dict[str, Any] = {"contype": "0", "conaffinity": "0", "mass": "0"}
     unseen["rgba"] = _COLOURS[body.name.startswith(SIDES[1])]
     if math.hypot(*body.end) > 0.0:
         ET.SubElement(

@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker._tools.arguments import number
-from gym_passive_walker._tools.extras import extra
-from gym_passive_walker.bridge.loop import Loop
+from gym_passive_walker.bridge.loop import Loop, library
 from gym_passive_walker.bridge.mjcf import SOFTNESS
 from gym_passive_walker.envs import saved, task, transitions
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
-from gym_passive_walker.gaits.scenes.scene import Scene, SceneError
+from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, make_scene
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import Outcome, State
 from gym_passive_walker.models.walkers import Walker
@@ -79,7 +78,7 @@ class Rows:
 
 
 class MujocoBatch(Batch):
-    """A batch of one walker whose control steps MuJoCo integrates.
+    """A batch of one walker, of which MuJoCo integrates the control steps.
 
     Records, ledger, starts and rules are those of `Batch`, so that rewards and `info` are too.
 
@@ -87,7 +86,13 @@ class MujocoBatch(Batch):
         scene: The scene.
         timestep: Largest step of MuJoCo, in s.
         softness: Time constant of contacts in timesteps; see `mjcf`.
+
+    Attributes:
+        kind: Class of the loop.
+        loop: The walker in MuJoCo.
     """
+
+    kind: type[Loop] = Loop
 
     def __init__(self, scene: Scene, timestep: float, softness: float | None) -> None:
         self.timestep, self.softness = timestep, softness
@@ -95,7 +100,7 @@ class MujocoBatch(Batch):
         self.loop = self._loop(self.walkers[0])
 
     def _loop(self, walker: Walker) -> Loop:
-        return Loop(
+        return self.kind(
             walker, self.timestep, softness=self.softness, friction=self.scene.friction,
             scuff=bool(self.scene.end_on_toe_stub),
         )  # fmt: skip
@@ -155,8 +160,7 @@ class MujocoBatch(Batch):
         """Make the arrays, also as the functions of `task` and `transitions` read them."""
         super()._connect()
         here: dict[str, Any] = {
-            name: Rows(array) if array.dtype.names else array
-            for name, array in self.arrays.items()
+            name: Rows(array) if array.dtype.names else array for name, array in self.arrays.items()
         }
         here["phases"] = [SimpleNamespace(links=phase.links) for phase in self.system.phases]
         if self.custom:  # all is noted; functions are called below
@@ -214,7 +218,7 @@ class MujocoBatch(Batch):
     def _evaluate(self, here: Any) -> None:
         """Evaluate the user's functions of the transition."""
         assert self.custom
-        transitions.after(here, 0, 1)
+        transitions.note_step(here, 0)
         rules, notes = self.custom.rules, self.custom.notes
         given = {"reward": "paid", "terminated": "ends"}
         for name, place in given.items():
@@ -269,8 +273,8 @@ class PassiveWalkerMujocoEnv(PassiveWalkerEnv):
         scene: The scene.
         render_mode: "rgb_array" or None.
         timestep: Largest step of MuJoCo, in s.
-        softness: Time constant of contacts and latches in timesteps, from 2 on. None is MuJoCo's own
-            contacts, which are as soft at any timestep.
+        softness: Time constant of contacts and latches in timesteps, from 2 on. None is MuJoCo's
+            own contacts, which are as soft at any timestep.
         **changes: Arguments of the scene that change.
 
     Raises:
@@ -291,10 +295,9 @@ class PassiveWalkerMujocoEnv(PassiveWalkerEnv):
         softness: float | None = SOFTNESS,
         **changes: Any,
     ) -> None:
-        with extra("mujoco"):
-            import mujoco  # noqa: F401
+        library()
         timestep, softness = checked_steps(timestep, softness)
-        super().__init__(scene, **changes)
+        super().__init__(check_scene(make_scene(scene, **changes)))
         modes = self.metadata["render_modes"]
         if render_mode is not None and render_mode not in modes:
             raise ValueError(f"render_mode must be one of {modes} or None, not {render_mode!r}")
@@ -304,9 +307,7 @@ class PassiveWalkerMujocoEnv(PassiveWalkerEnv):
 
     def _draw(self) -> NDArray[np.uint8] | None:
         """Draw the present state by MuJoCo's renderer."""
-        import mujoco
-
-        loop = self.batch.loop
+        mujoco, loop = library(), self.batch.loop
         if self._screen is None or self._screen.model is not loop.model:
             self.close()
             try:

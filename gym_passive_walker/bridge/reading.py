@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.console import cut
-from gym_passive_walker._tools.extras import extra
+from gym_passive_walker.bridge.loop import library
 from gym_passive_walker.bridge.mjcf import POINT
 from gym_passive_walker.models.walkers import Walker, WalkerError
 
@@ -100,8 +100,7 @@ def read_mjcf(path: str | PathLike[str]) -> Walker:
     """Return the walker in a file of MuJoCo; see `Walker.from_mjcf`."""
     name = cut(fsdecode(path))
     _root_of(path, name, "mujoco")
-    with extra("mujoco"):
-        import mujoco
+    mujoco = library()
     try:
         model = mujoco.MjModel.from_xml_path(fsdecode(path))
     except ValueError as error:
@@ -245,12 +244,17 @@ def _moved(frame: tuple[Vector, Vector], origin: Any) -> tuple[Vector, Vector]:
         return frame
     shift = np.array(origin.get("xyz", "0 0 0").split(), float)
     roll, pitch, yaw = np.array(origin.get("rpy", "0 0 0").split(), float)
-    about = [
-        np.array([[1, 0, 0], [0, math.cos(roll), -math.sin(roll)], [0, math.sin(roll), math.cos(roll)]]),
-        np.array([[math.cos(pitch), 0, math.sin(pitch)], [0, 1, 0], [-math.sin(pitch), 0, math.cos(pitch)]]),
-        np.array([[math.cos(yaw), -math.sin(yaw), 0], [math.sin(yaw), math.cos(yaw), 0], [0, 0, 1]]),
-    ]  # fmt: skip
+    about = [_turn(angle, axis) for axis, angle in enumerate((roll, pitch, yaw))]
     return turn @ about[2] @ about[1] @ about[0], place + turn @ shift
+
+
+def _turn(angle: float, axis: int) -> Vector:
+    """Rotation (3, 3) about one of the axes x, y and z."""
+    one, other = (axis + 1) % 3, (axis + 2) % 3
+    made = np.eye(3)
+    made[[one, other], [one, other]] = math.cos(angle)
+    made[one, other], made[other, one] = -math.sin(angle), math.sin(angle)
+    return made
 
 
 def _joints_of(joint: Any, turn: Vector, place: Vector) -> list[Joint]:
@@ -315,8 +319,8 @@ class _Reader:
             WalkerError: always.
         """
         raise WalkerError(
-            f"{self.name} is no walker with two equal legs in a plane: {reason}; state other bodies "
-            "as a System"
+            f"{self.name} is no walker with two equal legs in a plane: {reason}; state other "
+            "bodies as a System"
         )
 
     def _welded(self, parts: list[Part]) -> list[Part]:
@@ -357,7 +361,7 @@ class _Reader:
         self.axis = self._axis()
         shapes = sorted(len(self.below.get(top.name, [])) for top in tops)
         if shapes in ([1, 1], [0, 0]):
-            legs = [(top, *self.below.get(top.name, [])) for top in tops]
+            legs: list[tuple[Part, ...]] = [(top, *self.below.get(top.name, [])) for top in tops]
             hip, rest = self._hip(tops), base
         elif shapes in ([0], [0, 1]):
             swing = max(tops, key=lambda top: (len(self.below.get(top.name, [])), top is tops[-1]))
@@ -380,7 +384,9 @@ class _Reader:
 
     def _axis(self) -> Vector:
         """The direction of all hinges."""
-        hinges = [part.joints[0] for part in self.parts if part.parent in {p.name for p in self.parts}]
+        hinges = [
+            part.joints[0] for part in self.parts if part.parent in {p.name for p in self.parts}
+        ]
         if not hinges:
             self.refuse("it has no hinge")
         first = hinges[0]
@@ -428,7 +434,9 @@ class _Reader:
             spin = float(self.axis @ part.inertia @ self.axis)
             masses.append((part.mass, seen(part.com), spin))
         knee = seen(leg[1].joints[0].anchor) if len(leg) == 2 else None
-        springs = (leg[1].joints[0].stiffness, leg[1].joints[0].damping) if len(leg) == 2 else (0.0, 0.0)
+        springs = (
+            (leg[1].joints[0].stiffness, leg[1].joints[0].damping) if len(leg) == 2 else (0.0, 0.0)
+        )
         radius = foot.radius if foot.radius > POINT else 0.0
         return _Leg(masses, knee, length, radius, springs)
 
@@ -457,8 +465,8 @@ class _Reader:
             spin = float(self.axis @ base.inertia @ self.axis) + base.mass * arm**2
             if spin > _CLOSE * base.mass * legs[0].leg ** 2:
                 self.refuse(
-                    f"{base.name} has a moment of inertia about the hip, where a Walker has a point "
-                    "mass"
+                    f"{base.name} has a moment of inertia about the hip, where a Walker has a "
+                    "point mass"
                 )
             extra_mass = base.mass
         else:
@@ -467,7 +475,7 @@ class _Reader:
                 legs, parts, extra_mass = legs[::-1], parts[::-1], -extra_mass
         self._check_equal(legs, parts, 0.0 if base is not None else extra_mass)
         leg, swing = legs[1], parts[1]
-        for (mass, com, spin), part in zip(leg.masses, swing, strict=True):
+        for (mass, _, spin), part in zip(leg.masses, swing, strict=True):
             about = part.joints[0].anchor if part.joints else hip
             arm = float(np.linalg.norm(self._flat(part.com - about)))
             if mass <= 0.0 or spin + mass * arm**2 <= 0.0:
@@ -475,7 +483,7 @@ class _Reader:
         hinge = swing[0].joints[0]
         if leg.springs[1]:
             self.refuse(f"{swing[1].joints[0].name} has damping, which a Walker's knee has not")
-        common = {
+        common: dict[str, Any] = {
             "hip_mass": extra_mass if extra_mass > _CLOSE * leg.masses[0][0] else 0.0,
             "hip_stiffness": hinge.stiffness,
             "hip_friction": hinge.damping,
@@ -507,7 +515,9 @@ class _Reader:
                 or spin > _CLOSE * scale * length**2
             ):
                 self.refuse(f"{parts[0][i].name} and {parts[1][i].name} have different masses")
-        places = [(leg.leg, leg.radius, *(np.zeros(2) if leg.knee is None else leg.knee)) for leg in legs]
+        places = [
+            (leg.leg, leg.radius, *(np.zeros(2) if leg.knee is None else leg.knee)) for leg in legs
+        ]
         if not np.allclose(*places, rtol=0.0, atol=_CLOSE * length):
             self.refuse(f"{parts[0][-1].name} and {parts[1][-1].name} have different lengths")
 

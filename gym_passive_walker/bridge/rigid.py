@@ -138,7 +138,11 @@ def tree_of_walker(walker: Walker, name: str = "") -> Tree:
                 "mass, which rigid-body simulators need: give it a mass and a radius of gyration"
             )
     hip, left, right = "right_hip", "left_knee", "right_knee"
-    stiffness = {hip: walker.hip_stiffness, left: walker.knee_stiffness, right: walker.knee_stiffness}
+    stiffness = {
+        hip: walker.hip_stiffness,
+        left: walker.knee_stiffness,
+        right: walker.knee_stiffness,
+    }
     joints = {body.joint for body in bodies}
     return Tree(
         name=name or "walker",
@@ -162,7 +166,7 @@ def _root(side: str) -> dict[str, Any]:
 
 
 def _with_hip(walker: Walker, side: str, mass: float, com: Point, inertia: float) -> dict[str, Any]:
-    """Mass, centre and inertia of a body whose origin is the hip; the left one has the hip mass."""
+    """Mass, centre and inertia of a body that hangs at the hip; the left one has the hip mass."""
     point = walker.hip_mass if side == SIDES[0] else 0.0
     if not point:
         return {"mass": mass, "com": com, "inertia": inertia}

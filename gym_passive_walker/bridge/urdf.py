@@ -22,8 +22,8 @@ def _flat(place: tuple[float, float]) -> str:
 def urdf(tree: Tree, about: str = "") -> str:
     """Return a tree as URDF.
 
-    The frames of all links lie in the plane, y up and z across it, so that the first joint is the
-    planar joint about z that all readers agree on.
+    The frames of all links lie in the plane, y up and z across it. So the first joint is planar
+    with the axis z, which all readers take alike.
     """
     root = ET.Element("robot", name=tree.name)
     if about:
@@ -100,7 +100,7 @@ def sdf(tree: Tree, slope: float, about: str = "") -> str:
         before = _ends(joint, before, f"slider_{name}", axis)
     for body in tree.bodies:
         link = ET.SubElement(model, "link", name=body.name)
-        where = {"relative_to": body.parent} if body.parent else {}
+        where: dict[str, Any] = {"relative_to": body.parent} if body.parent else {}
         ET.SubElement(link, "pose", **where).text = f"{at(body.place)} 0 0 0"
         inertial = ET.SubElement(link, "inertial")
         _add(inertial, "pose", f"{at(body.com)} 0 0 0")
@@ -139,7 +139,12 @@ def _massless(model: Any, name: str) -> None:
 
 
 def _ends(
-    joint: Any, parent: str, child: str, axis: str, body: Body | None = None, tree: Tree | None = None
+    joint: Any,
+    parent: str,
+    child: str,
+    axis: str,
+    body: Body | None = None,
+    tree: Tree | None = None,
 ) -> str:
     """Write what a joint joins, and its axis; returns the child."""
     _add(joint, "parent", parent)

@@ -294,7 +294,7 @@ def count_progress(record, row):
 
 @jitted
 def account_step(here, i):
-    """Write the accounts, reward and termination of a walker whose record has ended a step.
+    """Write the accounts, reward and termination of a walker after the integration of a step.
 
     Returns 1 if a stride ends, else 0.
     """
@@ -332,7 +332,7 @@ def finish_step(here, first, last):
     strides, endings = 0, 0
     rewards, terminated, truncated = here.rewards, here.terminated, here.truncated
     for i in range(first, last):
-        record, row = here.records[i, 0], here.ledger[i]
+        record = here.records[i, 0]
         if record.outcome == RESTING:
             rewards[i], terminated[i], truncated[i] = 0.0, False, False
             write_observation(here, i)

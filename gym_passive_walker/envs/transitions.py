@@ -129,48 +129,54 @@ def evaluate_rules(here, first, last):
 
 
 @jitted
+def note_step(here, i):
+    """Record a step of a walker."""
+    noted, rules, count = here.own[0].noted, here.rules[0], here.rules[0].actions
+    if noted == 0:
+        return
+    record, row, note = here.records[i, 0], here.ledger[i], here.notes[i]
+    struck = row.outcome == _HEELSTRIKE
+    if noted & _LEDGER:
+        note_ledger(note, row, struck)
+    if noted & _STATES:
+        for k in range(len(record.state)):
+            note.state[k] = record.state[k]
+        note.knee_locked = 1.0 if here.phases[record.phase].links == 2 else 0.0
+        note.height_change, note.slope_change = record.ground[2], record.ground[3]
+    if noted & _ACTS:
+        for j in range(count):
+            note.last_action[j] = note.action[j]
+            least = 0.0 if rules.channels[j] == len(record.control) else -1.0
+            note.action[j] = clip(here.actions[i * count + j], least, 1.0)
+    if noted & _WORKS:
+        torque = record.control[0] * rules.works[0]
+        net, absolute = work_of(torque, record.moved[0], record.turned[0])
+        note.hip_work, note.hip_work_absolute = net, absolute
+        torque = record.control[1] * rules.works[1]
+        net, absolute = work_of(torque, record.moved[1], record.turned[1])
+        note.ankle_work, note.ankle_work_absolute = net, absolute
+        pushes = struck and rules.largest[len(record.control)] != 0.0
+        note.push_off_work = record.push_work if pushes else 0.0
+    if noted & _TIMES:
+        note.duration = (row.step_period if struck else record.time) - note.began
+        note.time = row.clock + record.time
+        lost = row.collision_cost * row.step_length if struck else record.knee_loss
+        note.collision_loss = lost - note.lost
+
+
+@jitted
 def after(here, first, last):
     """Record a step, and evaluate the compiled functions of reward and termination.
 
     Returns the number of episodes that end.
     """
-    own, rules, waiting = here.own[0], here.rules[0], first
-    noted, count = own.noted, rules.actions
+    own, waiting = here.own[0], first
     for i in range(first, last):
-        record, row = here.records[i, 0], here.ledger[i]
-        if record.outcome == RESTING:
+        if here.records[i, 0].outcome == RESTING:
             evaluate_rules(here, waiting, i)
             waiting = i + 1
-            continue
-        if noted == 0:
-            continue
-        note, struck = here.notes[i], row.outcome == _HEELSTRIKE
-        if noted & _LEDGER:
-            note_ledger(note, row, struck)
-        if noted & _STATES:
-            for k in range(len(record.state)):
-                note.state[k] = record.state[k]
-            note.knee_locked = 1.0 if here.phases[record.phase].links == 2 else 0.0
-            note.height_change, note.slope_change = record.ground[2], record.ground[3]
-        if noted & _ACTS:
-            for j in range(count):
-                note.last_action[j] = note.action[j]
-                least = 0.0 if rules.channels[j] == len(record.control) else -1.0
-                note.action[j] = clip(here.actions[i * count + j], least, 1.0)
-        if noted & _WORKS:
-            torque = record.control[0] * rules.works[0]
-            net, absolute = work_of(torque, record.moved[0], record.turned[0])
-            note.hip_work, note.hip_work_absolute = net, absolute
-            torque = record.control[1] * rules.works[1]
-            net, absolute = work_of(torque, record.moved[1], record.turned[1])
-            note.ankle_work, note.ankle_work_absolute = net, absolute
-            pushes = struck and rules.largest[len(record.control)] != 0.0
-            note.push_off_work = record.push_work if pushes else 0.0
-        if noted & _TIMES:
-            note.duration = (row.step_period if struck else record.time) - note.began
-            note.time = row.clock + record.time
-            lost = row.collision_cost * row.step_length if struck else record.knee_loss
-            note.collision_loss = lost - note.lost
+        else:
+            note_step(here, i)
     evaluate_rules(here, waiting, last)
     return enter(here, first, last, own.paid != 0, own.ends != 0) if own.native else 0
 

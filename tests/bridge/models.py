@@ -60,9 +60,7 @@ def motions(model: Any, slope: float, state: Any) -> Any:
         rates = np.column_stack([unit, unit[:, 1]])  # the shank turns with the thigh
     else:
         rates = np.eye(half)
-    return np.stack(
-        [pose_of(model, slope, [*state[:half], *rate])[1] for rate in rates], axis=1
-    )
+    return np.stack([pose_of(model, slope, [*state[:half], *rate])[1] for rate in rates], axis=1)
 
 
 def own_mass_matrix(model: Any, state: Any) -> Any:

@@ -11,6 +11,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import gym_passive_walker as gpw
+from gym_passive_walker.bridge.mujoco import PassiveWalkerMujocoEnv
 from gym_passive_walker.envs.registration import ID, MUJOCO_ID
 from gym_passive_walker.gaits.scenes.scene import SceneError
 
@@ -37,7 +38,7 @@ def both(name, **more):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_spaces_starts_and_infos_are_those_of_the_exact_environment(name):
-    exact, soft = both(name, timestep=4e-3)
+    exact, soft = both(name, timestep=1e-3)
     assert exact.observation_space == soft.observation_space
     assert exact.action_space == soft.action_space
     (first, info), (other, other_info) = (env.reset(seed=3) for env in (exact, soft))
@@ -109,7 +110,7 @@ def test_the_energy_balance_of_a_stride_closes():
     while info["strides"] < 1:
         *_, info = env.step(np.zeros(1, np.float32))
     assert info["gravity_cost"] == pytest.approx(gait.cost_of_transport, rel=1e-3)
-    assert info["collision_cost"] == pytest.approx(gait.cost_of_transport, rel=1e-2)
+    assert info["collision_cost"] == pytest.approx(gait.cost_of_transport, rel=2e-2)
     assert info["step_period"] == pytest.approx(gait.dimensionless.step_period, rel=1e-3)
     assert info["kneestrike_time"] == pytest.approx(gait.dimensionless.kneestrike_time, rel=1e-2)
 
@@ -118,7 +119,7 @@ def test_the_passive_gait_has_its_period_and_angle_at_a_tenth_of_a_millisecond()
     found = gpw.compare(gpw.find_gait("lab", 0.036), timesteps=[1e-4], strides=12)
     assert abs(found.error["step_period"][0]) < 5e-4
     assert abs(found.error["stance_angle"][0]) < 5e-4
-    assert found.outcome == ["walked on"] and found.penetration[0] < 1e-6
+    assert found.outcome == ["no fall"] and found.penetration[0] < 1e-6
 
 
 def test_the_optimal_gait_has_its_cost_at_a_tenth_of_a_millisecond():
@@ -153,7 +154,7 @@ def test_contacts_of_mujoco_s_own_softness_walk_another_gait():
 )
 def test_features_that_it_lacks_are_refused_in_a_sentence(arguments, said):
     with pytest.raises(SceneError, match=said) as refused:
-        gymnasium.make(MUJOCO_ID, **arguments)
+        PassiveWalkerMujocoEnv(**arguments)
     assert "\n" not in str(refused.value)
     env = gymnasium.make(MUJOCO_ID, timestep=1e-2, walker=arguments.get("walker", "C")).unwrapped
     with pytest.raises(SceneError):
@@ -171,7 +172,7 @@ def test_features_that_it_lacks_are_refused_in_a_sentence(arguments, said):
 )
 def test_arguments_out_of_range_are_refused(arguments, error, said):
     with pytest.raises(error, match=said):
-        gymnasium.make(MUJOCO_ID, **arguments)
+        PassiveWalkerMujocoEnv(**arguments)
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,7 @@ def test_a_file_of_a_walker_is_that_walker(name, ending, tmp_path):
     if walker.knees:
         for each in PROPORTIONS:
             assert getattr(found, each) == pytest.approx(getattr(walker, each), abs=1e-9), each
-    else:  # the parts of a straight leg are not told apart, its motion is
+    else:  # a straight leg has one body, not two
         slope = 0.01 if name == "F" else 0.03
         gaits = [gpw.find_gait(each, slope) for each in (walker, found)]
         assert gaits[1].state == pytest.approx(gaits[0].state, abs=2e-6)  # feet of 1e-6 m
@@ -104,7 +104,8 @@ def test_it_does_not_matter_how_the_file_s_legs_stand(turned, read):
         (compass().replace('<sphere radius="0"/>', '<mesh filename="foot.stl"/>'), "has no foot"),
         (compass().replace('type="continuous"', 'type="prismatic"'),
          "right_leg needs one hinge, and has pin"),
-        (compass().replace('xyz="0 0 -0.5"', 'xyz="0 0 0"'), "mass without inertia about its hinge"),
+        (compass().replace('xyz="0 0 -0.5"', 'xyz="0 0 0"'),
+         "mass without inertia about its hinge"),
     ],
 )  # fmt: skip
 def test_what_is_no_walker_is_refused_by_the_name_of_its_element(text, said, read):

@@ -52,7 +52,9 @@ def check_mass_matrix(model, state, full):
     own, ways = own_mass_matrix(model, state), motions(model, SLOPE, state)
     if not isinstance(model, gpw.Walker):
         ways = ways / (9.81 / LENGTH) ** 0.5
-    np.testing.assert_allclose(ways.T @ full @ ways / np.abs(own).max(), own / np.abs(own).max(), **CLOSE)
+    np.testing.assert_allclose(
+        ways.T @ full @ ways / np.abs(own).max(), own / np.abs(own).max(), **CLOSE
+    )
 
 
 def bias_of_mujoco(path):
@@ -97,7 +99,9 @@ def test_pinocchio_reads_the_urdf_with_the_same_energy(model, tmp_path):
         base = [cosine * vx + sine * vz, cosine * vz - sine * vx, rates[0]]
         moved = [*base, *(rates[1 + place] for place in places)]
         energy = pinocchio.computeKineticEnergy(
-            made, data, np.array([x, z, cosine, sine, *(hinges[place] for place in places)]),
+            made,
+            data,
+            np.array([x, z, cosine, sine, *(hinges[place] for place in places)]),
             np.array(moved),
         )
         assert energy == pytest.approx(own_kinetic_energy(model, state), rel=1e-12)

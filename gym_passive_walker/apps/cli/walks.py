@@ -96,7 +96,9 @@ def export(
         float | None, "slope in rad of the walker's gait, which is written too", {"metavar": "RAD"}
     ] = None,
     timestep: Annotated[float, "timestep of MJCF in s"] = 1e-3,
-    unit_length: Annotated[float | None, "unit of length of a System in m", {"metavar": "M"}] = None,
+    unit_length: Annotated[
+        float | None, "unit of length of a System in m", {"metavar": "M"}
+    ] = None,
     unit_mass: Annotated[float | None, "unit of mass of a System in kg", {"metavar": "KG"}] = None,
     trust: Trust = False,
 ) -> Report:

@@ -208,8 +208,8 @@ class Walker(Shown, Model):
     def from_mjcf(cls, path: str | PathLike[str]) -> Walker:
         """Return the walker in an MJCF file: a planar body with two equal legs.
 
-        Bodies that are welded together are summed. Each leg has one link, or two with a knee whose
-        stop is at angle 0; its last link has a foot, a sphere or a cylinder across the plane. A
+        Bodies that are welded together are summed. Each leg has one link, or two with a knee that
+        stops at angle 0; its last link has a foot, a sphere or a cylinder across the plane. A
         body between the hips is a point mass. Units are those of the file. Contacts, actuators and
         what lies across the plane are ignored.
 
