@@ -239,7 +239,7 @@ def _gait_of(controller: Any, scene: SceneLike | None) -> tuple[Policy, Scene, G
         policy, there = acting(controller, scene)
         there = calm(there)
         passive = policy_name(policy) == "passive"
-        gait = find_gait(map_in(there, None if passive else policy), there.slope)
+        gait = find_gait(map_in(there, None if passive else policy))
     there = calm(there)
     start = tuple(gait.dimensionless.state.tolist())
     return policy, make_scene(there, start=start), gait

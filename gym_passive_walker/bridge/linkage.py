@@ -131,7 +131,7 @@ class Linkage:
 
     def name(self, turn: Turn) -> str:
         """Name of a body: that of its coordinate, if it turns with one."""
-        (places,) = np.nonzero(turn)
+        places = [i for i, share in enumerate(turn) if share]
         if len(places) == 1:
             return self.system.state_names[places[0]]
         return f"body_{self._order.index(turn) + 1}"

@@ -410,7 +410,7 @@ class _Reader:
         """Return a leg of parts."""
         if len(leg) > 2:
             self.refuse(f"{leg[2].name} hangs on a leg of two links")
-        last = leg[-1]
+        last = [*leg][-1]
         if not last.feet:
             self.refuse(
                 f"{last.name} has no foot: a sphere, or a cylinder across the plane, that collides"

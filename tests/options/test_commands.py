@@ -206,9 +206,36 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             ),
         },
     ),
+    "compare": (
+        "passive --walker lab --slope 0.036 --timesteps 0.008 --strides 2",
+        {
+            "controller": "constant --walker lab --slope 0.036 --timesteps 0.008 --strides 2",
+            "scene": "passive --scene lab --walker A --slope 0.02 --timesteps 0.008 --strides 2",
+            "walker": "passive --walker A --slope 0.036 --timesteps 0.008 --strides 2",
+            "slope": "passive --walker lab --slope 0.04 --timesteps 0.008 --strides 2",
+            "timesteps": "passive --walker lab --slope 0.036 --timesteps 0.004 --strides 2",
+            "softness": (
+                "passive --walker lab --slope 0.036 --timesteps 0.008 --strides 2 --softness 0"
+            ),
+            "strides": "passive --walker lab --slope 0.036 --timesteps 0.008 --strides 3",
+        },
+    ),
     "export": (
-        "steep-ppo policy.onnx",
-        {"policy": "steep-sac policy.onnx", "out": "steep-ppo other.onnx"},
+        "lab walker.xml",
+        {
+            "name": "C walker.xml",
+            "out": "lab walker.urdf",
+            "slope": "lab walker.xml --slope 0.036",
+            "timestep": "lab walker.xml --timestep 0.0001",
+            "unit_length": (
+                "examples.torso:TORSO t.xml --unit-length 1 --unit-mass 2",
+                "examples.torso:TORSO t.xml --unit-length 2 --unit-mass 2",
+            ),
+            "unit_mass": (
+                "examples.torso:TORSO t.xml --unit-length 1 --unit-mass 2",
+                "examples.torso:TORSO t.xml --unit-length 1 --unit-mass 3",
+            ),
+        },
     ),
     "play": with_rest(
         "--seconds 0.1 --video f.gif",
@@ -275,7 +302,7 @@ def noted(name: str, path: Path, size: tuple[float, float] | None) -> list[Path]
 @pytest.mark.parametrize("name, option", CASES)
 def test_an_option_of_a_command_is_heard(name, option, tmp_path, monkeypatch):
     drawn = {"strobe": "matplotlib", "figures": "matplotlib"}
-    needed = {**drawn, "video": "moviepy", "play": "moviepy", "export": "onnx"}
+    needed = {**drawn, "video": "moviepy", "play": "moviepy", "compare": "mujoco"}
     if name in needed:
         pytest.importorskip(needed[name])
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")

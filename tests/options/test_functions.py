@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples.torso import TORSO
 from gym_passive_walker.gaits.control.baselines import LinearFeedback
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.models.walkers import describe
@@ -44,6 +45,23 @@ D_AT_A_SLOPE = Later(lambda: gpw.stride_map("D", 0.0185))
 TORQUES = {"parameter": "hip_torque", "high": 0.05}
 PART = gpw.Part(mass=1.0, com=0.1, inertia=0.01)
 STEEP = Later(lambda: LinearFeedback("steep"))
+
+
+OF_TORSO = {"walker": TORSO}
+ON_A_SLOPE = {"walker": "lab", "slope": 0.036}
+
+
+def exported(path, **options):
+    """The text of an exported file."""
+    with TemporaryDirectory() as folder:
+        gpw.export(path=Path(folder, path), **options)
+        return Path(folder, path).read_text("utf-8")
+
+
+def compared(**options):
+    """The columns of a comparison."""
+    pytest.importorskip("mujoco")
+    return gpw.compare(**options).columns()
 
 
 def explained(env):
@@ -104,6 +122,33 @@ OPTIONS = {
             picture=To("other.png", expect=lambda a, b: a[1] == [] and b[1] == ["other.png"]),
         ),
         of=gpw.play,
+    ),
+    "export": Call(
+        exported,
+        dict(walker="lab", path="walker.xml"),
+        dict(
+            walker="C",
+            path=To("walker.urdf", expect=lambda _, b: b.startswith("<robot")),
+            format=To("sdf", expect=lambda _, b: b.startswith("<sdf")),
+            slope=0.02,
+            timestep=1e-4,
+            unit_length=To(0.9, OF_TORSO | {"unit_mass": 2.0, "unit_length": 0.8}),
+            unit_mass=To(3.0, OF_TORSO | {"unit_mass": 2.0, "unit_length": 0.8}),
+        ),
+        of=gpw.export,
+    ),
+    "compare": Call(
+        compared,
+        dict(controller="passive", scene=ON_A_SLOPE, timesteps=[8e-3], strides=2),
+        dict(
+            controller="constant",
+            scene=ON_A_SLOPE | {"slope": 0.04},
+            simulator=To("gazebo", refused="simulator must be 'mujoco'"),
+            timesteps=To([4e-3]),
+            softness=To([None]),
+            strides=3,
+        ),
+        of=gpw.compare,
     ),
     "gauntlet": Call(
         gpw.gauntlet,

@@ -7,7 +7,7 @@ import inspect
 from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, mkdtemp
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ from tests.own import statements
 from tests.own.statements import COMPASS, DRIVEN
 
 RESULTS = set(
-    "Basin BifurcationDiagram BifurcationLocus Cascade Design Evaluation FootVelocity Gait "
+    "Basin BifurcationDiagram BifurcationLocus Cascade Comparison Design Evaluation FootVelocity Gait "
     "GaitFamily Gauntlet GaitNotFound Impulse OptimalGait Outcome PolicyError RealityCheck "
     "Robustness StatementError Stride SweepResult TrainedPolicy Trajectory Transition TuningErrors "
     "TimedExtremum VelocityPerturbations WalkerError".split()
@@ -53,6 +53,13 @@ def gait(walker="D", slope=0.009, **options):
 @cache
 def closed():
     return gpw.closed_loop_gait(baselines.LinearFeedback("steep"), "steep")
+
+
+def written(name, ending):
+    """The path of a walker's file."""
+    path = Path(mkdtemp()) / f"walker.{ending}"
+    gpw.export(name, path)
+    return path
 
 
 def refused(function):
@@ -180,6 +187,18 @@ OPTIONS = {
         for kind, of in ((gpw.System, COMPASS), (gpw.Walker, gpw.WALKERS["lab"]))
         for method in ("constants", "mass_with", "units_with", "with_parameters")
     },
+    "Walker.from_mjcf": Call(
+        lambda path: pytest.importorskip("mujoco") and gpw.Walker.from_mjcf(path),
+        {"path": Later(lambda: written("lab", "xml"))},
+        {"path": Later(lambda: written("C", "xml"))},
+        of=gpw.Walker.from_mjcf,
+    ),
+    "Walker.from_urdf": Call(
+        lambda path, gravity=9.81: gpw.Walker.from_urdf(path, gravity),
+        {"path": Later(lambda: written("lab", "urdf"))},
+        {"path": Later(lambda: written("C", "urdf")), "gravity": 1.62},
+        of=gpw.Walker.from_urdf,
+    ),
     "Walker.with_body": Call(
         gpw.WALKERS["lab"].with_body, {"values": {"hip_mass": 0.6}}, {"values": {"hip_mass": 0.7}}
     ),

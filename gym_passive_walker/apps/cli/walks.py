@@ -116,15 +116,14 @@ def export(
         sizes = {"timestep": timestep, "unit_length": unit_length, "unit_mass": unit_mass}
         kind = checked_format(out, None)
         content = text_for(walker if gait is None else gait, kind, **sizes)
-        text = f"{describe(walker)}, {kind}"
-        if gait is not None:
-            text = listing(text, record(gait, _OF_GAIT))
+        facts = {"format": kind, **{each: size for each, size in sizes.items() if size is not None}}
+        facts |= record(gait, _OF_GAIT) if gait is not None else {}
 
         def write(path: Path) -> None:
             with replacing(path) as aside:
                 aside.write_text(content, encoding="utf-8")
 
-        return Report(text, {"walker": name, "slope": slope, "format": kind}, {out: write})
+        return Report(listing(describe(walker), facts), {"walker": name, **facts}, {out: write})
     if ending != ".onnx":
         raise ValueError(
             f"export takes a name that ends in .onnx, {', '.join(FORMATS.values())}, not {out}"
@@ -149,7 +148,6 @@ def compare(
     scene: Annotated[Any, f"scene (the controller's own; level): {A_SCENE}", OF_SCENE] = None,
     walker: AWalker = None,
     slope: Annotated[float | None, "slope in rad (the scene's)", {"metavar": "RAD"}] = None,
-    simulator: Annotated[str, "simulator"] = "mujoco",
     timesteps: Annotated[
         list[float], "timesteps in s", {"nargs": "+", "type": float, "metavar": "S"}
     ] = list(TIMESTEPS),  # noqa: B006
@@ -161,7 +159,7 @@ def compare(
     strides: Strides = 40,
     trust: Trust = False,
 ) -> Report:
-    """Walk in another simulator, and compare the gait with the exact one.
+    """Walk in MuJoCo, and compare the gait with the exact one.
 
     passive-walker compare passive --walker lab --slope 0.036
     passive-walker compare level-ppo --timesteps 0.002 0.001 --softness 2 0
@@ -171,7 +169,7 @@ def compare(
     given = read_policy(controller, trust)
     _, where = acting(given, scene, **changes)
     found = compared(
-        given, where, simulator=simulator, timesteps=timesteps, strides=strides,
+        given, where, timesteps=timesteps, strides=strides,
         softness=[soft or None for soft in softness],
     )  # fmt: skip
     columns = found.columns()
