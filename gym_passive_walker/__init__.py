@@ -15,7 +15,7 @@ from pathlib import Path as _Path
 from typing import Any as _Any
 
 from gym_passive_walker._tools.loading import POLICIES as _POLICIES
-from gym_passive_walker._tools.loading import READERS as _READERS
+from gym_passive_walker._tools.loading import WALKER_READERS as _READERS
 from gym_passive_walker._tools.shown import DRAWERS as _DRAWERS
 from gym_passive_walker._version import __version__ as __version__
 from gym_passive_walker.envs.registration import register as _register
@@ -35,7 +35,7 @@ __all__ = sorted(_MODULES.keys() - {"__version__"})  # pyright: ignore[reportUns
 # These modules register plots, and read policies and walkers; the first use loads them.
 _DRAWERS += [
     f"{__name__}.{_room}"
-    for _room in ("pictures", "envs.evaluation.pictures", "apps.sweeps.pictures")
+    for _room in ("pictures", "envs.evaluation.pictures", "apps.sweeps.pictures", "bridge.pictures")
 ]
 _POLICIES.append(f"{__name__}.envs.policies")
 _READERS.append(f"{__name__}.bridge.reading")

@@ -22,8 +22,8 @@ _TASK = "in scenes with disturbances its function replaces that of `envs/task`"
 _DEVICE = "the same on another device, or for one walker"
 SHARED = {
     **dict.fromkeys(
-        ("check", "evaluate", "gauntlet", "play", "robustness", "simulate", "strobe", "sweep",
-         "video"), _COMMAND,
+        ("check", "compare", "evaluate", "export", "gauntlet", "play", "robustness", "simulate",
+         "strobe", "sweep", "video"), _COMMAND,
     ),
     **dict.fromkeys(("lay_ground", "push", "run"), _PAGE),
     **dict.fromkeys(("begin", "step"), _TASK),

@@ -30,7 +30,7 @@ _PACKAGE = str(Path(__file__).parents[1])
 POLICIES: list[str] = []
 """Module that reads trained policies: controllers by name or path load it."""
 
-READERS: list[str] = []
+WALKER_READERS: list[str] = []
 """Module that reads walkers from files of other simulators."""
 
 HOLDS_CODE = "it holds code, or is damaged: do not load it unless you trust its source"

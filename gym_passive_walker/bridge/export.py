@@ -10,8 +10,8 @@ from typing import Any, Literal
 from gym_passive_walker._tools.arguments import near, number, one_slope, shown
 from gym_passive_walker._tools.files import prepare, replacing
 from gym_passive_walker.bridge.linkage import Linkage
-from gym_passive_walker.bridge.mjcf import mjcf, numbers
-from gym_passive_walker.bridge.rigid import Pose, Tree, coordinates, tree_of_walker
+from gym_passive_walker.bridge.mjcf import mjcf, spelled
+from gym_passive_walker.bridge.rigid import Tree, TreePose, coordinates, tree_of_walker
 from gym_passive_walker.bridge.urdf import sdf, urdf
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.models.walkers import Walker, WalkerLike, as_walker, describe, name_of
@@ -130,7 +130,7 @@ def checked_format(path: str | PathLike[str], given: str | None) -> str:
 
 def _described(
     model: Any, slope: float, gait: Gait | None, length: float | None, mass: float | None
-) -> tuple[Tree, Pose | None]:
+) -> tuple[Tree, TreePose | None]:
     """Return the tree of a model, and its coordinates just after heelstrike on a gait."""
     if isinstance(model, Walker):
         for name, unit in (("unit_length", length), ("unit_mass", mass)):
@@ -152,7 +152,7 @@ def _described(
     return tree, linkage.coordinates(slope, gait.state.tolist(), metres, rate)
 
 
-def _comment(model: Any, tree: Tree, slope: float, pose: Pose | None, kind: str) -> str:
+def _comment(model: Any, tree: Tree, slope: float, pose: TreePose | None, kind: str) -> str:
     """What the reader of a file must know and do."""
     across = "y up and z across" if kind == "urdf" else "z up"
     lines = [
@@ -162,9 +162,9 @@ def _comment(model: Any, tree: Tree, slope: float, pose: Pose | None, kind: str)
     ]
     if kind == "urdf":
         lines.append(
-            f"The format has no ground: tilt a plane by {numbers(slope)} rad, downhill in the "
+            f"The format has no ground: tilt a plane by {spelled(slope)} rad, downhill in the "
             "direction of x, and do not tilt gravity, of which this format has none either "
-            f"({numbers(tree.gravity)} m/s^2)."
+            f"({spelled(tree.gravity)} m/s^2)."
         )
     if any(body.stop for body in tree.bodies):
         lines.append("Knees have their stop at 0.")
@@ -178,12 +178,12 @@ def _comment(model: Any, tree: Tree, slope: float, pose: Pose | None, kind: str)
             f"Not in this file, but in the system: its {', '.join(absent)}. Apply their forces."
         )
     if kind == "urdf" and tree.stiffness:
-        springs = ", ".join(f"{joint} {numbers(k)} N m/rad" for joint, k in tree.stiffness.items())
+        springs = ", ".join(f"{joint} {spelled(k)} N m/rad" for joint, k in tree.stiffness.items())
         lines.append(f"The format has no springs: {springs}.")
     if pose is not None and kind != "mjcf":
         for what, values in zip(("Positions", "velocities"), pose, strict=True):
             each = ", ".join(
-                f"{name} {numbers(value)}" for name, value in zip(tree.joints, values, strict=True)
+                f"{name} {spelled(value)}" for name, value in zip(tree.joints, values, strict=True)
             )
             lines.append(f"{what} on the gait, just after heelstrike: {each}.")
     reversed_motors = ", ".join(motor.name for motor in tree.motors if motor.gear < 0.0)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.bridge.rigid import Body, Foot, Motor, Pose, Tree
+from gym_passive_walker.bridge.rigid import Body, Foot, Motor, Tree, TreePose
 from gym_passive_walker.engine.own.mechanics import Link
 
 _GRID = 4  # values of each coordinate; turns by more than one coordinate's angle are refused
@@ -207,7 +207,9 @@ class Linkage:
                         found.append(Motor(name, f"{self.name(turn)}_joint", gear))
         return tuple(found)
 
-    def coordinates(self, slope: float, state: Sequence[float], length: float, rate: float) -> Pose:
+    def coordinates(
+        self, slope: float, state: Sequence[float], length: float, rate: float
+    ) -> TreePose:
         """Return coordinates and velocities of the tree, with the stance foot on the ground.
 
         Args:

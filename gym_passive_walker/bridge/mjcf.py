@@ -6,7 +6,7 @@ import math
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from gym_passive_walker.bridge.rigid import SIDES, Body, Pose, Tree, foot_names
+from gym_passive_walker.bridge.rigid import SIDES, Body, Tree, TreePose, foot_names
 
 POINT = 1e-6
 """Radius in m of the sphere that stands for a point foot."""
@@ -27,17 +27,17 @@ _THICKNESS = 0.015  # of a leg in pictures, in m
 _COLOURS = "0.25 0.35 0.6 1", "0.85 0.45 0.2 1"  # of the first leg, and of the other one
 
 
-def numbers(*values: float) -> str:
+def spelled(*values: float) -> str:
     """Numbers as text, with all their digits."""
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 
 def at(place: tuple[float, float]) -> str:
     """A point (x, z) as text."""
-    return numbers(place[0], 0.0, place[1])
+    return spelled(place[0], 0.0, place[1])
 
 
-def text_of(root: Any) -> str:
+def xml_text(root: Any) -> str:
     """The text of a file."""
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
@@ -47,7 +47,7 @@ def mjcf(
     tree: Tree,
     slope: float,
     timestep: float,
-    pose: Pose | None = None,
+    pose: TreePose | None = None,
     about: str = "",
     *,
     softness: float | None = SOFTNESS,
@@ -66,13 +66,13 @@ def mjcf(
     """
     stiff: dict[str, Any] = {}
     if softness is not None:
-        stiff = {"solref": numbers(softness * timestep, 1.0), "solimp": STIFF}
+        stiff = {"solref": spelled(softness * timestep, 1.0), "solimp": STIFF}
     root = ET.Element("mujoco", model=tree.name)
     if about:
         root.append(ET.Comment(about))
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
     ET.SubElement(
-        root, "option", timestep=numbers(timestep), gravity=numbers(0.0, 0.0, -tree.gravity),
+        root, "option", timestep=spelled(timestep), gravity=spelled(0.0, 0.0, -tree.gravity),
         cone="elliptic", integrator="RK4",
     )  # fmt: skip
     ET.SubElement(ET.SubElement(root, "visual"), "headlight", ambient="0.4 0.4 0.4")
@@ -82,10 +82,10 @@ def mjcf(
     )  # fmt: skip
     world = ET.SubElement(root, "worldbody")
     ET.SubElement(
-        world, "geom", name="ground", type="plane", size="0 0 1", euler=numbers(0.0, slope, 0.0),
+        world, "geom", name="ground", type="plane", size="0 0 1", euler=spelled(0.0, slope, 0.0),
         contype="1", conaffinity="0", rgba="0.8 0.8 0.8 1",
     )  # fmt: skip
-    sliding = {"friction": numbers(friction, 0.0, 0.0)}
+    sliding = {"friction": spelled(friction, 0.0, 0.0)}
     places: dict[str | None, Any] = {None: world}
     for body in tree.bodies:
         places[body.name] = _body(places[body.parent], body, tree, stiff, stiff | sliding)
@@ -93,7 +93,7 @@ def mjcf(
         actuators = ET.SubElement(root, "actuator")
         for motor in tree.motors:
             ET.SubElement(
-                actuators, "motor", name=motor.name, joint=motor.joint, gear=numbers(motor.gear)
+                actuators, "motor", name=motor.name, joint=motor.joint, gear=spelled(motor.gear)
             )
     if any(body.stop for body in tree.bodies):
         latches = ET.SubElement(root, "equality")
@@ -105,8 +105,8 @@ def mjcf(
                 )  # fmt: skip
     if pose is not None:
         keys = ET.SubElement(root, "keyframe")
-        ET.SubElement(keys, "key", name="gait", qpos=numbers(*pose[0]), qvel=numbers(*pose[1]))
-    return text_of(root)
+        ET.SubElement(keys, "key", name="gait", qpos=spelled(*pose[0]), qvel=spelled(*pose[1]))
+    return xml_text(root)
 
 
 def _body(
@@ -119,8 +119,8 @@ def _body(
         here,
         "inertial",
         pos=at(body.com),
-        mass=numbers(body.mass),
-        diaginertia=numbers(*[inertia] * 3),
+        mass=spelled(body.mass),
+        diaginertia=spelled(*[inertia] * 3),
     )
     if body.parent is None:
         for name, axis in (("x", "1 0 0"), ("z", "0 0 1")):
@@ -128,29 +128,29 @@ def _body(
     hinge: dict[str, Any] = {"name": body.joint, "type": "hinge", "axis": "0 -1 0"}
     if body.stop:
         limits = {f"{name}limit": value for name, value in stiff.items()}
-        hinge |= {"range": numbers(-math.pi, 0.0), **limits}
+        hinge |= {"range": spelled(-math.pi, 0.0), **limits}
     if k := tree.stiffness.get(body.joint):
-        hinge["stiffness"] = numbers(k)
+        hinge["stiffness"] = spelled(k)
     if c := tree.friction.get(body.joint):
-        hinge["damping"] = numbers(c)
+        hinge["damping"] = spelled(c)
     ET.SubElement(here, "joint", **hinge)
     unseen: dict[str, Any] = {"contype": "0", "conaffinity": "0", "mass": "0"}
     unseen["rgba"] = _COLOURS[body.name.startswith(SIDES[1])]
     if math.hypot(*body.end) > 0.0:
         ET.SubElement(
-            here, "geom", type="capsule", size=numbers(_THICKNESS), **unseen,
+            here, "geom", type="capsule", size=spelled(_THICKNESS), **unseen,
             fromto=f"0.0 0.0 0.0 {at(body.end)}",
         )  # fmt: skip
     for name, foot in foot_names(body):
         (x, z), half = foot.centre, _THICKNESS * (1 + body.name.startswith(SIDES[1]))
         if foot.radius:
             ET.SubElement(
-                here, "geom", type="cylinder", size=numbers(foot.radius), **unseen,
-                fromto=numbers(x, -half, z, x, half, z),
+                here, "geom", type="cylinder", size=spelled(foot.radius), **unseen,
+                fromto=spelled(x, -half, z, x, half, z),
             )  # fmt: skip
         ET.SubElement(
             here, "geom", name=name, type="sphere", pos=at(foot.centre),
-            size=numbers(foot.radius or POINT), contype="0", conaffinity="1", mass="0",
+            size=spelled(foot.radius or POINT), contype="0", conaffinity="1", mass="0",
             condim="3", priority="1", group="3", **contact,
         )  # fmt: skip
     return here

@@ -31,7 +31,7 @@ _LACKS = (
 _USUAL = {name: getattr(Scene, name, None) for name in ("tolerance",)}
 
 
-def check_scene(scene: Scene) -> Scene:
+def check_features(scene: Scene) -> Scene:
     """Return a scene after a check that MuJoCo's loop has all of its features.
 
     Raises:
@@ -50,7 +50,7 @@ def check_scene(scene: Scene) -> Scene:
     return scene
 
 
-class Row:
+class NamedRow:
     """A row of an array with fields, which are attributes: also one named as NumPy's `strides`."""
 
     def __init__(self, row: Any) -> None:
@@ -64,7 +64,7 @@ class Row:
         self.row[name] = value
 
 
-class Rows:
+class NamedRows:
     """An array with fields, as the functions of `task` read it."""
 
     def __init__(self, array: NDArray) -> None:
@@ -73,8 +73,8 @@ class Rows:
     def __len__(self) -> int:
         return len(self.array)
 
-    def __getitem__(self, place: Any) -> Row:
-        return Row(self.array[place])
+    def __getitem__(self, place: Any) -> NamedRow:
+        return NamedRow(self.array[place])
 
 
 class MujocoBatch(Batch):
@@ -96,7 +96,7 @@ class MujocoBatch(Batch):
 
     def __init__(self, scene: Scene, timestep: float, softness: float | None) -> None:
         self.timestep, self.softness = timestep, softness
-        super().__init__(check_scene(scene))
+        super().__init__(check_features(scene))
         self.loop = self._loop(self.walkers[0])
 
     def _loop(self, walker: Walker) -> Loop:
@@ -107,7 +107,7 @@ class MujocoBatch(Batch):
 
     def changed(self, scene: Scene) -> Batch:
         """Return a batch in another scene, before its episodes."""
-        super().changed(check_scene(scene))
+        super().changed(check_features(scene))
         fresh = MujocoBatch(scene, self.timestep, self.softness)
         fresh.ledger["truncated"] = 1
         return fresh
@@ -160,11 +160,12 @@ class MujocoBatch(Batch):
         """Make the arrays, also as the functions of `task` and `transitions` read them."""
         super()._connect()
         here: dict[str, Any] = {
-            name: Rows(array) if array.dtype.names else array for name, array in self.arrays.items()
+            name: NamedRows(array) if array.dtype.names else array
+            for name, array in self.arrays.items()
         }
         here["phases"] = [SimpleNamespace(links=phase.links) for phase in self.system.phases]
         if self.custom:  # all is noted; functions are called below
-            here["own"] = Rows(np.array([(-1, 0, 0, 0, False)], transitions.USER_RULES))
+            here["own"] = NamedRows(np.array([(-1, 0, 0, 0, False)], transitions.USER_RULES))
         self._here = SimpleNamespace(**here)
 
     def step_alone(self, action: NDArray[np.floating]) -> tuple[int, int]:
@@ -297,7 +298,7 @@ class PassiveWalkerMujocoEnv(PassiveWalkerEnv):
     ) -> None:
         library()
         timestep, softness = checked_steps(timestep, softness)
-        super().__init__(check_scene(make_scene(scene, **changes)))
+        super().__init__(check_features(make_scene(scene, **changes)))
         modes = self.metadata["render_modes"]
         if render_mode is not None and render_mode not in modes:
             raise ValueError(f"render_mode must be one of {modes} or None, not {render_mode!r}")

@@ -57,7 +57,7 @@ class Round(NamedTuple):
 
 
 @dataclass
-class Part:
+class Element:
     """A body of a file.
 
     Attributes:
@@ -78,7 +78,7 @@ class Part:
     inertia: Vector = field(default_factory=lambda: np.zeros((3, 3)))
     feet: list[Round] = field(default_factory=list)
 
-    def add(self, other: Part) -> None:
+    def add(self, other: Element) -> None:
         """Weld another part to this one."""
         total = self.mass + other.mass
         if total > 0.0:
@@ -141,7 +141,7 @@ def _root_of(path: str | PathLike[str], name: str, tag: str) -> Any:
     return root
 
 
-def _parts_of_model(model: Any, data: Any) -> list[Part]:
+def _parts_of_model(model: Any, data: Any) -> list[Element]:
     """Return the bodies of MuJoCo's model."""
     kinds = {0: "free", 1: "free", 2: "slide", 3: "hinge"}
     parts = []
@@ -161,7 +161,7 @@ def _parts_of_model(model: Any, data: Any) -> list[Part]:
         ]
         turn = data.ximat[i].reshape(3, 3)
         above = int(model.body_parentid[i])
-        part = Part(
+        part = Element(
             model.body(i).name or f"body {i}",
             (model.body(above).name or f"body {above}") if above else None,
             joints,
@@ -192,7 +192,7 @@ def _round(shape: str, centre: Vector, axis: Vector, size: Any) -> list[Round]:
     return []
 
 
-def _parts_of_robot(root: Any) -> list[Part]:
+def _parts_of_robot(root: Any) -> list[Element]:
     """Return the links of a URDF.
 
     Raises:
@@ -218,7 +218,7 @@ def _parts_of_robot(root: Any) -> list[Part]:
         turn, place = frame(name)
         above = joints[name].find("parent").attrib["link"] if name in joints else None
         own = _joints_of(joints[name], turn, place) if name in joints else []
-        part = Part(name, above, own)
+        part = Element(name, above, own)
         inertial = link.find("inertial")
         if inertial is not None:
             turned, part.com = _moved((turn, place), inertial.find("origin"))
@@ -304,11 +304,11 @@ class _Reader:
         gravity: Acceleration of gravity.
     """
 
-    def __init__(self, name: str, parts: list[Part], gravity: float) -> None:
+    def __init__(self, name: str, parts: list[Element], gravity: float) -> None:
         self.name, self.gravity = name, gravity
         self.parts = self._welded(parts)
         names = {part.name for part in self.parts}
-        self.below: dict[str | None, list[Part]] = {}
+        self.below: dict[str | None, list[Element]] = {}
         for part in self.parts:
             self.below.setdefault(part.parent if part.parent in names else None, []).append(part)
 
@@ -323,12 +323,12 @@ class _Reader:
             "bodies as a System"
         )
 
-    def _welded(self, parts: list[Part]) -> list[Part]:
+    def _welded(self, parts: list[Element]) -> list[Element]:
         """Return the parts with joints, and one without; others are welded to them."""
         known = {part.name: part for part in parts}
-        kept: dict[str, Part] = {}
+        kept: dict[str, Element] = {}
 
-        def carrier(name: str) -> Part:
+        def carrier(name: str) -> Element:
             part = known[name]
             if part.joints or part.parent is None:
                 return kept.setdefault(name, part)
@@ -361,7 +361,7 @@ class _Reader:
         self.axis = self._axis()
         shapes = sorted(len(self.below.get(top.name, [])) for top in tops)
         if shapes in ([1, 1], [0, 0]):
-            legs: list[tuple[Part, ...]] = [(top, *self.below.get(top.name, [])) for top in tops]
+            legs: list[tuple[Element, ...]] = [(top, *self.below.get(top.name, [])) for top in tops]
             hip, rest = self._hip(tops), base
         elif shapes in ([0], [0, 1]):
             swing = max(tops, key=lambda top: (len(self.below.get(top.name, [])), top is tops[-1]))
@@ -378,7 +378,7 @@ class _Reader:
         found = [self._leg(leg, hip) for leg in legs]
         return self._of_legs(found, legs, rest, hip)
 
-    def _depth(self, part: Part) -> int:
+    def _depth(self, part: Element) -> int:
         known = {each.name: each for each in self.parts}
         return 0 if part.parent not in known else 1 + self._depth(known[part.parent])
 
@@ -399,14 +399,14 @@ class _Reader:
         """A vector without its part along the hinges."""
         return vector - self.axis * (self.axis @ vector)
 
-    def _hip(self, tops: list[Part]) -> Vector:
+    def _hip(self, tops: list[Element]) -> Vector:
         """The place of both hips."""
         one, other = (top.joints[0].anchor for top in tops)
         if np.linalg.norm(self._flat(one - other)) > _CLOSE:
             self.refuse(f"{tops[1].joints[0].name} is not on the axis of {tops[0].joints[0].name}")
         return one
 
-    def _leg(self, leg: tuple[Part, ...], hip: Vector) -> _Leg:
+    def _leg(self, leg: tuple[Element, ...], hip: Vector) -> _Leg:
         """Return a leg of parts."""
         if len(leg) > 2:
             self.refuse(f"{leg[2].name} hangs on a leg of two links")
@@ -440,7 +440,7 @@ class _Reader:
         radius = foot.radius if foot.radius > POINT else 0.0
         return _Leg(masses, knee, length, radius, springs)
 
-    def _forward(self, leg: tuple[Part, ...], up: Vector) -> Vector:
+    def _forward(self, leg: tuple[Element, ...], up: Vector) -> Vector:
         """The direction in which it walks: that against which its knee bends, or that of x."""
         ahead = np.cross(self.axis, up)
         if len(leg) == 2 and (limits := leg[1].joints[0].limits) is not None:
@@ -456,7 +456,11 @@ class _Reader:
         return ahead if ahead[0] >= 0.0 else -ahead
 
     def _of_legs(
-        self, legs: list[_Leg], parts: list[tuple[Part, ...]], base: Part | None, hip: Vector
+        self,
+        legs: list[_Leg],
+        parts: list[tuple[Element, ...]],
+        base: Element | None,
+        hip: Vector,
     ) -> Walker:
         """Return the walker of two legs, and of a base at the hip."""
         extra_mass = 0.0
@@ -497,7 +501,7 @@ class _Reader:
         return made.titled(Path(self.name).stem)
 
     def _check_equal(
-        self, legs: list[_Leg], parts: list[tuple[Part, ...]], extra_mass: float
+        self, legs: list[_Leg], parts: list[tuple[Element, ...]], extra_mass: float
     ) -> None:
         """Check that the legs are equal but for a point mass at the hip of the first one."""
         one, other = legs

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from gym_passive_walker.models.equations.bodies import KneedBody, StraightBody, body_from
 from gym_passive_walker.models.walkers import Walker, describe
 
-Point = tuple[float, float]
-Pose = tuple[NDArray[np.float64], NDArray[np.float64]]
+Place = tuple[float, float]
+TreePose = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Coordinates of a tree and their velocities, in the order of `Tree.joints`."""
 
 
@@ -29,7 +29,7 @@ class Foot(NamedTuple):
         radius: Radius in m; 0 is a point.
     """
 
-    centre: Point
+    centre: Place
     radius: float
 
 
@@ -52,13 +52,13 @@ class Body(NamedTuple):
     name: str
     parent: str | None
     joint: str
-    place: Point
+    place: Place
     mass: float
-    com: Point
+    com: Place
     inertia: float
     stop: bool = False
     feet: tuple[Foot, ...] = ()
-    end: Point = (0.0, 0.0)
+    end: Place = (0.0, 0.0)
 
 
 class Motor(NamedTuple):
@@ -165,7 +165,7 @@ def _root(side: str) -> dict[str, Any]:
     }
 
 
-def _with_hip(walker: Walker, side: str, mass: float, com: Point, inertia: float) -> dict[str, Any]:
+def _with_hip(walker: Walker, side: str, mass: float, com: Place, inertia: float) -> dict[str, Any]:
     """Mass, centre and inertia of a body that hangs at the hip; the left one has the hip mass."""
     point = walker.hip_mass if side == SIDES[0] else 0.0
     if not point:
@@ -223,7 +223,7 @@ def _thigh_and_shank(walker: Walker, side: str) -> list[Body]:
 
 def coordinates(
     walker: Walker, slope: float, state: Sequence[float], *, stance: int = 0, place: float = 0.0
-) -> Pose:
+) -> TreePose:
     """Return coordinates and velocities of a tree with its stance foot on the ground.
 
     Args:

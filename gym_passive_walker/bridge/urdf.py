@@ -6,17 +6,17 @@ import math
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from gym_passive_walker.bridge.mjcf import FRICTION, LIGHTEST, POINT, at, numbers, text_of
+from gym_passive_walker.bridge.mjcf import FRICTION, LIGHTEST, POINT, at, spelled, xml_text
 from gym_passive_walker.bridge.rigid import Body, Foot, Tree, foot_names
 
 _WIDTH = 0.02  # of a foot, in m
-_FREE = numbers(1e6)  # limit of an effort or a speed that has none
-_QUARTER = numbers(0.5 * math.pi, 0.0, 0.0)
+_FREE = spelled(1e6)  # limit of an effort or a speed that has none
+_QUARTER = spelled(0.5 * math.pi, 0.0, 0.0)
 
 
 def _flat(place: tuple[float, float]) -> str:
     """A point (x, z) in frames that lie in the plane: x and y."""
-    return numbers(place[0], place[1], 0.0)
+    return spelled(place[0], place[1], 0.0)
 
 
 def urdf(tree: Tree, about: str = "") -> str:
@@ -33,8 +33,8 @@ def urdf(tree: Tree, about: str = "") -> str:
         link = ET.SubElement(root, "link", name=body.name)
         inertial = ET.SubElement(link, "inertial")
         ET.SubElement(inertial, "origin", xyz=_flat(body.com))
-        ET.SubElement(inertial, "mass", value=numbers(body.mass))
-        spins = dict.fromkeys(("ixx", "iyy", "izz"), numbers(max(body.inertia, LIGHTEST)))
+        ET.SubElement(inertial, "mass", value=spelled(body.mass))
+        spins = dict.fromkeys(("ixx", "iyy", "izz"), spelled(max(body.inertia, LIGHTEST)))
         ET.SubElement(inertial, "inertia", **spins, ixy="0", ixz="0", iyz="0")
         for name, foot in foot_names(body):
             for kind in ("visual", "collision"):
@@ -47,12 +47,12 @@ def urdf(tree: Tree, about: str = "") -> str:
         ET.SubElement(transmission, "type").text = "transmission_interface/SimpleTransmission"
         ET.SubElement(transmission, "joint", name=motor.joint)
         ET.SubElement(transmission, "actuator", name=f"{motor.name}_motor")
-    return text_of(root)
+    return xml_text(root)
 
 
 def _foot(foot: Foot) -> tuple[str, dict[str, str]]:
     """A foot's shape: a cylinder about the axis across the plane."""
-    return "cylinder", {"radius": numbers(foot.radius or POINT), "length": numbers(_WIDTH)}
+    return "cylinder", {"radius": spelled(foot.radius or POINT), "length": spelled(_WIDTH)}
 
 
 def _joint(body: Body, tree: Tree) -> Any:
@@ -65,10 +65,10 @@ def _joint(body: Body, tree: Tree) -> Any:
         ET.SubElement(joint, "origin", xyz=_flat(body.place))
         high = 0.0 if body.stop else math.pi
         ET.SubElement(
-            joint, "limit", lower=numbers(-math.pi), upper=numbers(high), effort=_FREE,
+            joint, "limit", lower=spelled(-math.pi), upper=spelled(high), effort=_FREE,
             velocity=_FREE,
         )  # fmt: skip
-        ET.SubElement(joint, "dynamics", damping=numbers(tree.friction.get(body.joint, 0.0)))
+        ET.SubElement(joint, "dynamics", damping=spelled(tree.friction.get(body.joint, 0.0)))
     ET.SubElement(joint, "parent", link=body.parent or "world")
     ET.SubElement(joint, "child", link=body.name)
     ET.SubElement(joint, "axis", xyz="0 0 1")
@@ -84,10 +84,10 @@ def sdf(tree: Tree, slope: float, about: str = "") -> str:
     if about:
         root.append(ET.Comment(about))
     world = ET.SubElement(root, "world", name="ground and walker")
-    ET.SubElement(world, "gravity").text = numbers(0.0, 0.0, -tree.gravity)
+    ET.SubElement(world, "gravity").text = spelled(0.0, 0.0, -tree.gravity)
     ground = ET.SubElement(world, "model", name="ground")
     ET.SubElement(ground, "static").text = "true"
-    ET.SubElement(ground, "pose").text = numbers(0.0, 0.0, 0.0, 0.0, slope, 0.0)
+    ET.SubElement(ground, "pose").text = spelled(0.0, 0.0, 0.0, 0.0, slope, 0.0)
     link = ET.SubElement(ground, "link", name="ground")
     shape = ET.SubElement(link, "collision", name="ground")
     _add(_add(_add(shape, "geometry"), "plane"), "normal", "0 0 1")
@@ -104,10 +104,10 @@ def sdf(tree: Tree, slope: float, about: str = "") -> str:
         ET.SubElement(link, "pose", **where).text = f"{at(body.place)} 0 0 0"
         inertial = ET.SubElement(link, "inertial")
         _add(inertial, "pose", f"{at(body.com)} 0 0 0")
-        _add(inertial, "mass", numbers(body.mass))
+        _add(inertial, "mass", spelled(body.mass))
         inertia = _add(inertial, "inertia")
         for name in ("ixx", "iyy", "izz"):
-            _add(inertia, name, numbers(max(body.inertia, LIGHTEST)))
+            _add(inertia, name, spelled(max(body.inertia, LIGHTEST)))
         for name, foot in foot_names(body):
             for kind in ("visual", "collision"):
                 shape = ET.SubElement(link, kind, name=name)
@@ -119,7 +119,7 @@ def sdf(tree: Tree, slope: float, about: str = "") -> str:
             _surface(shape)
         joint = ET.SubElement(model, "joint", name=body.joint, type="revolute")
         _ends(joint, body.parent or before, body.name, "0 -1 0", body, tree)
-    return text_of(root)
+    return xml_text(root)
 
 
 def _add(parent: Any, tag: str, text: str | None = None) -> Any:
@@ -154,11 +154,11 @@ def _ends(
     if body is not None and tree is not None:
         if body.stop:
             limit = _add(along, "limit")
-            _add(limit, "lower", numbers(-math.pi))
-            _add(limit, "upper", numbers(0.0))
+            _add(limit, "lower", spelled(-math.pi))
+            _add(limit, "upper", spelled(0.0))
         dynamics = _add(along, "dynamics")
-        _add(dynamics, "damping", numbers(tree.friction.get(body.joint, 0.0)))
-        _add(dynamics, "spring_stiffness", numbers(tree.stiffness.get(body.joint, 0.0)))
+        _add(dynamics, "damping", spelled(tree.friction.get(body.joint, 0.0)))
+        _add(dynamics, "spring_stiffness", spelled(tree.stiffness.get(body.joint, 0.0)))
         _add(dynamics, "spring_reference", "0")
     return child
 
@@ -167,4 +167,4 @@ def _surface(shape: Any) -> None:
     """Write the friction of a collision shape."""
     ode = _add(_add(_add(shape, "surface"), "friction"), "ode")
     for each in ("mu", "mu2"):
-        _add(ode, each, numbers(FRICTION))
+        _add(ode, each, spelled(FRICTION))

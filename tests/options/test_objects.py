@@ -7,7 +7,7 @@ import inspect
 from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory, mkdtemp
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -35,8 +35,8 @@ from tests.own import statements
 from tests.own.statements import COMPASS, DRIVEN
 
 RESULTS = set(
-    "Basin BifurcationDiagram BifurcationLocus Cascade Comparison Design Evaluation FootVelocity Gait "
-    "GaitFamily Gauntlet GaitNotFound Impulse OptimalGait Outcome PolicyError RealityCheck "
+    "Basin BifurcationDiagram BifurcationLocus Cascade Comparison Design Evaluation FootVelocity "
+    "Gait GaitFamily Gauntlet GaitNotFound Impulse OptimalGait Outcome PolicyError RealityCheck "
     "Robustness StatementError Stride SweepResult TrainedPolicy Trajectory Transition TuningErrors "
     "TimedExtremum VelocityPerturbations WalkerError".split()
 )
@@ -55,11 +55,10 @@ def closed():
     return gpw.closed_loop_gait(baselines.LinearFeedback("steep"), "steep")
 
 
-def written(name, ending):
-    """The path of a walker's file."""
-    path = Path(mkdtemp()) / f"walker.{ending}"
-    gpw.export(name, path)
-    return path
+def compared():
+    """A comparison of two strides."""
+    pytest.importorskip("mujoco")
+    return gpw.compare("passive", {"walker": "lab", "slope": 0.036}, timesteps=[8e-3], strides=2)
 
 
 def refused(function):
@@ -187,18 +186,6 @@ OPTIONS = {
         for kind, of in ((gpw.System, COMPASS), (gpw.Walker, gpw.WALKERS["lab"]))
         for method in ("constants", "mass_with", "units_with", "with_parameters")
     },
-    "Walker.from_mjcf": Call(
-        lambda path: pytest.importorskip("mujoco") and gpw.Walker.from_mjcf(path),
-        {"path": Later(lambda: written("lab", "xml"))},
-        {"path": Later(lambda: written("C", "xml"))},
-        of=gpw.Walker.from_mjcf,
-    ),
-    "Walker.from_urdf": Call(
-        lambda path, gravity=9.81: gpw.Walker.from_urdf(path, gravity),
-        {"path": Later(lambda: written("lab", "urdf"))},
-        {"path": Later(lambda: written("C", "urdf")), "gravity": 1.62},
-        of=gpw.Walker.from_urdf,
-    ),
     "Walker.with_body": Call(
         gpw.WALKERS["lab"].with_body, {"values": {"hip_mass": 0.6}}, {"values": {"hip_mass": 0.7}}
     ),
@@ -480,6 +467,7 @@ SHOWN = {  # for each class with a picture: an example, and what its picture can
     "OptimalGait": (lambda: baselines.optimal.load("level")[0], {"linewidth": 9.0}),
     "RealityCheck": (lambda: gpw.reality_check("lab", 0.036, gait("lab", 0.036).state), {}),
     "Robustness": (lambda: gpw.robustness("D", slope=0.009, walkers=8, strides=20, starts=8), {}),
+    "Comparison": (compared, {}),
     "Stride": (lambda: gait().stride, {}),
     "Walker": (lambda: gpw.WALKERS["lab"], {}),
     "Trajectory": (lambda: gpw.simulate("D", 0.009, gait().state, 2), {"of": "forces"}),

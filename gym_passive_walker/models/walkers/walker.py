@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker._tools.arguments import shown, unknown
-from gym_passive_walker._tools.loading import READERS
+from gym_passive_walker._tools.loading import WALKER_READERS
 from gym_passive_walker._tools.shown import Shown
 from gym_passive_walker.models.chart import Mirrored
 from gym_passive_walker.models.equations.bodies import body_from
@@ -220,7 +220,7 @@ class Walker(Shown, Model):
             WalkerError: if it is no such file; the message names the element that does not fit.
             ImportError: if mujoco is not installed.
         """
-        return import_module(READERS[0]).read_mjcf(path)
+        return import_module(WALKER_READERS[0]).read_mjcf(path)
 
     @classmethod
     def from_urdf(cls, path: str | PathLike[str], gravity: float = 9.81) -> Walker:
@@ -233,7 +233,7 @@ class Walker(Shown, Model):
         Raises:
             WalkerError: if it is no such file; the message names the element that does not fit.
         """
-        return import_module(READERS[0]).read_urdf(path, gravity)
+        return import_module(WALKER_READERS[0]).read_urdf(path, gravity)
 
     def titled(self, title: str) -> Walker:
         """Return a walker of equal parameters with a title; see `name_of`."""
