@@ -177,6 +177,9 @@ def _comment(model: Any, tree: Tree, slope: float, pose: TreePose | None, kind: 
         lines.append(
             f"Not in this file, but in the system: its {', '.join(absent)}. Apply their forces."
         )
+    known = {motor.name for motor in tree.motors}
+    if not isinstance(model, Walker) and (elsewhere := {*model.controls} - known):
+        lines.append(f"Motors that act at no hinge of this file: {', '.join(sorted(elsewhere))}.")
     if kind == "urdf" and tree.stiffness:
         springs = ", ".join(f"{joint} {spelled(k)} N m/rad" for joint, k in tree.stiffness.items())
         lines.append(f"The format has no springs: {springs}.")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
 from gym_passive_walker.bridge.linkage import Linkage
 from gym_passive_walker.bridge.rigid import tree_of_walker
@@ -159,8 +160,10 @@ def test_the_hip_s_mass_is_that_of_one_leg():
     assert np.abs(moment).max() < 1e-15
 
 
-def test_motors_of_a_system_act_at_its_hinges():
-    from examples.five_links import FIVE_LINKS
-
+def test_motors_of_a_system_act_at_its_hinges(tmp_path):
+    """The swing thigh hangs from the stance thigh, so its motor on the torso has no hinge."""
     motors = Linkage(FIVE_LINKS).tree(LENGTH, MASS).motors
-    assert [motor.name for motor in motors] == [*FIVE_LINKS.controls]
+    assert {motor.name for motor in motors} == {*FIVE_LINKS.controls} - {"swing_hip"}
+    gpw.export(FIVE_LINKS, tmp_path / "walker.xml", **options(FIVE_LINKS))
+    text = (tmp_path / "walker.xml").read_text("utf-8")
+    assert "Motors that act at no hinge of this file: swing_hip." in " ".join(text.split())
