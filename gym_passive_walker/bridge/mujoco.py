@@ -15,6 +15,7 @@ from gym_passive_walker.bridge.mjcf import SOFTNESS
 from gym_passive_walker.envs import saved, task, transitions
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
+from gym_passive_walker.gaits.scenes.randomization import OF_STEPS
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, make_scene
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import Outcome, State
@@ -39,6 +40,7 @@ def check_features(scene: Scene) -> Scene:
     """
     lacks = [name for name in _LACKS if getattr(scene, name) not in (None, {}, 0, 0.0)]
     lacks += [name for name in ("push_off", "ankle") if name in scene.actions]
+    lacks += [f"domain_randomization of {name}" for name in OF_STEPS if name in scene.randomized]
     if not isinstance(scene.walker, Walker):
         lacks.append("a System of your own")
     lacks += [name for name, usual in _USUAL.items() if getattr(scene, name) != usual]

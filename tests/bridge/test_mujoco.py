@@ -150,6 +150,7 @@ def test_contacts_of_mujoco_s_own_softness_walk_another_gait():
         ({"actions": ["hip", "push_off"]}, "does not have push_off"),
         ({"walker": "E", "actions": ["ankle"]}, "does not have ankle"),
         ({"tolerance": 1e-9}, "does not have tolerance"),
+        ({"domain_randomization": {"max_hip_torque": 0.2}}, "of max_hip_torque: leave out"),
     ],
 )
 def test_features_that_it_lacks_are_refused_in_a_sentence(arguments, said):
