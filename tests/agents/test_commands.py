@@ -197,8 +197,8 @@ def test_a_run_that_goes_on_keeps_what_presets_have_changed_since(kept, tmp_path
     [
         ("--seed 6", "seed: 5 here, 6 asked for"),
         ("--envs 5", "n_envs: 4 here, 5 asked for"),
-        ("--slope 0.04", "env: {'slope': 0.03} here, {'slope': 0.04} asked for"),
-        ("--walker C", "'walker': 'C'"),
+        ("--slope 0.04", "env.slope: 0.03 here, 0.04 asked for"),
+        ("--walker C", "env.walker: None here, 'C' asked for"),
         ("--algo sac --scene level", "algo: 'ppo' here, 'sac' asked for"),
     ],
 )
@@ -251,7 +251,7 @@ def test_a_training_says_what_it_is_about_and_whether_it_ended(
     class Made:
         """A training without steps."""
 
-        steps, notes = 1234, {"curve": ["row"]}
+        steps, notes, left_out = 1234, {"curve": ["row"]}, ()
 
         def __init__(self, config, folder, *, tensorboard, trust):
             made.append(config)

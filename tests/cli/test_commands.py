@@ -203,26 +203,6 @@ def test_a_table_is_printed_whatever_happens_to_its_picture(monkeypatch, tmp_pat
     assert (tmp_path / "deep").is_dir()
 
 
-@pytest.mark.parametrize(
-    "page",
-    [
-        "README.md",
-        "docs/commands.md",
-        "docs/tutorial.md",
-        "docs/tutorial-gaits.md",
-        "docs/walkers.md",
-        "docs/web.md",
-    ],
-)
-def test_what_the_pages_type_is_understood(page, mine):
-    text = (Path(__file__).parents[2] / page).read_text()
-    lines = re.findall(r"(?:^|`)passive-walker ([a-z].*?)(?:`|\s+#|$)", text, re.M)
-    assert lines
-    for line in lines:
-        if line not in NAMES:  # named, not typed
-            assert "command" in parser().parse_args(shlex.split(line))
-
-
 def test_the_version_is_the_package_s(capsys):
     with pytest.raises(SystemExit) as end:
         main(["--version"])
@@ -319,7 +299,7 @@ WRONG = {
     "robustness lab --slope 0.036 --roughness -1": "error: --roughness must be a number from 0",
     "gauntlet level-pp": "no policy 'level-pp' (level-ppo?): choose from",
     "gauntlet level-ppo --scene levl": "--scene: no scene 'levl' (level?)",
-    "scene levle": "SCENE: no scene 'levle' (level?): give a Scene, or one of level",
+    "scene levle": "SCENE: no scene 'levle' (level?): give a Scene, a file, or one of level",
     "evaluate level-ppo --seed -1": "error: --seed must be a whole number from 0",
     "evaluate optimal --scene rough --slope 9": "error: --slope must be an angle in rad",
     "play lab 0.036 --seconds nan": "error: --seconds must be a finite number above 0",

@@ -307,12 +307,6 @@ def test_a_range_of_slopes_is_given_once():
         Scene(slope=(0.0, 0.02), domain_randomization=drawn)
 
 
-def test_scenes_without_steps_under_disturbances_refuse_their_draws():
-    scene = Scene(domain_randomization={"max_hip_torque": (0.5, 1.0), "foot_radius": 0.1})
-    with pytest.raises(SceneError, match=r"domain_randomization=\{'foot_radius': 0.1\}"):
-        gpw.torch.rollout(lambda seen: seen[:, :1], scene, 2)
-
-
 def test_bodies_of_a_system_are_drawn():
     scene = Scene(walker=DRIVEN, slope=0.02, domain_randomization={"hip": (0.9, 1.1)})
     envs = PassiveWalkerVectorEnv(3, scene)

@@ -350,6 +350,8 @@ def asked(words, monkeypatch):
     class Noted:
         """A run that only says what it was asked for."""
 
+        left_out = ()
+
         def __init__(self, config, folder, *, tensorboard=False, trust=False):
             found.update(config=config, folder=folder, tensorboard=tensorboard, trust=trust)
 

@@ -21,7 +21,7 @@ from gym_passive_walker.envs.policies import DESCRIPTION, policy_folder, shipped
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.checks import CHECKS
-from gym_passive_walker.gaits.scenes.scene import SCENES, make_scene
+from gym_passive_walker.gaits.scenes.scene import SCENES, Scene, make_scene
 from gym_passive_walker.gaits.scenes.starts import REFERENCE_SLOPES, searched_gait
 from gym_passive_walker.models.equations.hybrid import Outcome, System
 from gym_passive_walker.models.walkers import WALKERS
@@ -168,6 +168,7 @@ def of_all() -> dict[str, Any]:
         "bounds": rules.BOUNDS.tolist(),
         "checks": CHECKS,
         "in_python": IN_PYTHON,
+        "friction": Scene.friction,
         "latest": kernels.LATEST,
         "farthest": kernels.FARTHEST,
         "passed": disturbance_kernels.PASSED,

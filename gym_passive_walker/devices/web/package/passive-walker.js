@@ -708,6 +708,7 @@ export class PassiveWalker {
     block.set("settings.uneven", scene.terrain === null ? 0 : 1);
     block.set("settings.terrain_lookahead", scene.terrain_lookahead);
     block.set("settings.interval", Infinity);
+    block.set("settings.friction", this.#data.friction);
     const terrain = scene.terrain ?? { rises: [0], slopes: [0], repeats: true, height_std: 0, slope_std: 0 };
     terrain.rises.forEach((rise, i) => {
       block.f8[block.table / 8 + 2 * i] = rise;
