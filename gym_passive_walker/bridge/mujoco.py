@@ -25,6 +25,7 @@ TIMESTEP = 1e-3
 """Default timestep in s; `docs/simulators.md` has the error of gaits by timestep."""
 
 _WIDTH, _HEIGHT = 640, 480  # of pictures, in pixels
+_NO_SCREEN: list[str] = []  # why there is no renderer, once there was none
 _LACKS = (
     "pushes", "observation_noise", "action_noise", "action_delay", "command", "constraints",
     "terrain",
@@ -313,13 +314,16 @@ class PassiveWalkerMujocoEnv(PassiveWalkerEnv):
         mujoco, loop = library(), self.batch.loop
         if self._screen is None or self._screen.model is not loop.model:
             self.close()
-            try:
-                self._screen = mujoco.Renderer(loop.model, _HEIGHT, _WIDTH)
-            except Exception as error:
+            if not _NO_SCREEN:
+                try:
+                    self._screen = mujoco.Renderer(loop.model, _HEIGHT, _WIDTH)
+                except Exception as error:  # another attempt would end the process
+                    _NO_SCREEN.append(str(error))
+            if self._screen is None:
                 raise RuntimeError(
-                    f"MuJoCo has no OpenGL here ({error}): set MUJOCO_GL to egl or osmesa, with "
-                    "their libraries installed, before MuJoCo is imported"
-                ) from None
+                    f"MuJoCo has no OpenGL here ({_NO_SCREEN[0]}): set MUJOCO_GL to egl or osmesa, "
+                    "with their libraries installed, before MuJoCo is imported"
+                )
         mujoco.mj_forward(loop.model, loop.data)
         camera = mujoco.MjvCamera()
         length = self.walker.leg_length

@@ -206,3 +206,24 @@ def test_without_mujoco_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
     with pytest.raises(ImportError, match=r'pip install "gym-passive-walker\[mujoco\]"'):
         gymnasium.make(MUJOCO_ID)
+
+
+def test_a_renderer_without_opengl_is_tried_once(monkeypatch):
+    import mujoco
+
+    from gym_passive_walker.bridge import mujoco as bridge
+
+    tried = []
+
+    def fails(*size):
+        tried.append(size)
+        raise RuntimeError("no library")
+
+    monkeypatch.setattr(mujoco, "Renderer", fails)
+    monkeypatch.setattr(bridge, "_NO_SCREEN", [])
+    env = bridge.PassiveWalkerMujocoEnv(timestep=1e-2, render_mode="rgb_array")
+    env.reset(seed=0)
+    for _ in range(2):
+        with pytest.raises(RuntimeError, match=r"no OpenGL here \(no library\): set MUJOCO_GL"):
+            env.render()
+    assert len(tried) == 1
