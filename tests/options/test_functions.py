@@ -20,7 +20,7 @@ import gym_passive_walker as gpw
 from examples.torso import TORSO
 from gym_passive_walker.gaits.control.baselines import LinearFeedback
 from gym_passive_walker.gaits.scenes.scene import make_scene
-from gym_passive_walker.models.walkers import describe
+from gym_passive_walker.models.walkers import as_walker, describe, name_of
 from tests.equations.examples import LONG_GAITS
 from tests.options.effects import Call, Later, To, cases, check, missing
 
@@ -51,11 +51,11 @@ OF_TORSO = {"walker": TORSO}
 ON_A_SLOPE = {"walker": "lab", "slope": 0.036}
 
 
-def exported(path, **options):
-    """The text of an exported file."""
+def exported(path, walker, **options):
+    """The text of an exported file, without the walker's name."""
     with TemporaryDirectory() as folder:
-        gpw.export(path=Path(folder, path), **options)
-        return Path(folder, path).read_text("utf-8")
+        gpw.export(walker, Path(folder, path), **options)
+        return Path(folder, path).read_text("utf-8").replace(name_of(as_walker(walker)), "it")
 
 
 def compared(**options):
