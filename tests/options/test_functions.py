@@ -55,7 +55,8 @@ def exported(path, walker, **options):
     """The text of an exported file, without the walker's name."""
     with TemporaryDirectory() as folder:
         gpw.export(walker, Path(folder, path), **options)
-        return Path(folder, path).read_text("utf-8").replace(name_of(as_walker(walker)), "it")
+        text, name = Path(folder, path).read_text("utf-8"), name_of(as_walker(walker))
+    return text.replace(f'"{name}"', "it").replace(f"'{name}'", "it")
 
 
 def compared(**options):
