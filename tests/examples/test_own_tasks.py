@@ -27,6 +27,7 @@ def test_gymnasium_accepts_the_task(name):
 
 
 @TASKS
+@pytest.mark.filterwarnings("ignore:We recommend you to use a symmetric")  # a push-off has a sign
 def test_stable_baselines3_accepts_the_task(name):
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     checker.check_env(made(name))
