@@ -64,11 +64,8 @@ def test_a_recipe_runs_by_itself(recipe, monkeypatch, tmp_path, capsys):
 @pytest.mark.parametrize("page", PAGES)
 def test_the_code_on_a_page_runs_from_top_to_bottom(page, monkeypatch, tmp_path, capsys):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    if page in ("docs/web.md", "docs/simulators.md"):  # they write files
-        monkeypatch.chdir(tmp_path)
+    monkeypatch.chdir(tmp_path)  # some write files
     blocks = re.findall(r"```python\n(.*?)```", (DOCS / page).read_text(), re.S)
-    for name in set(re.findall(r'path="([^"]+)"', "".join(blocks))):
-        pytest.fail(f"{page} writes {name}: the pages' code must leave nothing behind")
     if "gpw.sweep(" in "".join(blocks):
         pytest.importorskip("pyarrow")
     for learner in ("torch", "stable_baselines3"):  # a large extra; pages without it run anywhere
