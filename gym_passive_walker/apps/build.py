@@ -23,7 +23,7 @@ from gym_passive_walker._tools import console
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker.devices.web.build import bookkeeping, modules
 from gym_passive_walker.devices.web.code import BOOKKEEPING
-from gym_passive_walker.engine import machine, run
+from gym_passive_walker.engine import counter_rng, machine, run
 from gym_passive_walker.engine.compiled import PHASE, compiled
 from gym_passive_walker.engine.layout import NARROW, WIDE, Layout, layout_of, record_for
 from gym_passive_walker.envs import constraints, ticks, transitions
@@ -70,6 +70,9 @@ def _kernels(layout: Layout) -> Iterator[Callable[[], object]]:
         (newton.eliminate, cube, table),
         (starts.between, numbers, table, numbers, table),
         (terrain.grounds, table, numbers, keys, lanes, table),
+        (counter_rng.word, 0, 0),
+        (counter_rng.uniform, 0, 0, 0),
+        (counter_rng.normal, 0, 0, 0),
     ]
     for kernel, *arguments in given:
         yield partial(kernel.native, *arguments)
