@@ -30,7 +30,6 @@ _LACKS = (
     "pushes", "observation_noise", "action_noise", "action_delay", "command", "constraints",
     "terrain",
 )  # fmt: skip
-_USUAL = {name: getattr(Scene, name, None) for name in ("tolerance",)}
 
 
 def check_features(scene: Scene) -> Scene:
@@ -44,7 +43,7 @@ def check_features(scene: Scene) -> Scene:
     lacks += [f"domain_randomization of {name}" for name in OF_STEPS if name in scene.randomized]
     if not isinstance(scene.walker, Walker):
         lacks.append("a System of your own")
-    lacks += [name for name, usual in _USUAL.items() if getattr(scene, name) != usual]
+    lacks += ["tolerance"] * (scene.tolerance != Scene.tolerance)
     if lacks:
         raise SceneError(
             f"PassiveWalkerMujoco-v0 does not have {', '.join(lacks)}: leave out what this scene "

@@ -332,6 +332,7 @@ class PassiveWalkerVectorEnv(
         steps, counts, ended, measures = self.batch.reported(stepped)
         mask = (self._everyone if present is None else present).copy()
         others = self.batch.info_values(stepped)
+        drawn = others.pop("randomized", {})
         infos = Infos(distance=steps[0], _distance=mask)
 
         def content() -> dict[str, Any]:
@@ -340,7 +341,6 @@ class PassiveWalkerVectorEnv(
             strides[:, ended] = measures.T
             columns: dict[str, NDArray] = {}
             columns |= zip(names, (*steps, counts[0], *strides), strict=True)
-            drawn = others.pop("randomized", {})
             columns |= {name: np.where(mask, x, 0) for name, x in others.items()}
             columns["outcome"] = _OUTCOMES.take(counts[1])
             columns["outcome"][~mask] = None  # as Gymnasium fills it
