@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.loading import cause_of
+from gym_passive_walker.engine.own.mechanics import evaluated
 from gym_passive_walker.gaits.control.ticks import PiecewiseConstantStride
 from gym_passive_walker.gaits.flow import Walkers, hip_places, report_of, states_in
 from gym_passive_walker.gaits.map_result import product
@@ -29,12 +30,6 @@ _GROWING = ("time", "steps", "strides")
 """Fields that no stride repeats."""
 _KNOWN = ("heelstrike", "knee_locked")
 """Fields that are 1 or 0, and do not change along tangents."""
-_OPERATIONS: dict[str, Callable[..., Any]] = {
-    "add": np.add, "sub": np.subtract, "mul": np.multiply, "div": np.divide, "neg": np.negative,
-    "abs": np.abs, "sqrt": np.sqrt, "exp": np.exp, "tanh": np.tanh, "choose": np.where,
-    "<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal,
-    "and": np.logical_and, "or": np.logical_or, "not": np.logical_not,
-}  # fmt: skip
 _WORDS = {"abs": "abs()", "choose": "where(), minimum(), maximum() or a comparison"}
 _STRUCK = int(Outcome.HEELSTRIKE)
 
@@ -70,7 +65,7 @@ class StrideReward:
         known: dict[Any, Any] = {}
         self._result = self._traced(rule_of(checked_rule("reward", function)), known)
         order = _ordered(self._result)
-        reads = {x.args: x for x in order if x.op == "read"}
+        reads = {x.args[0]: x for x in order if x.op == "read"}
         self._check(reads)
         one, self._by = self._result.number(1.0), {}
         for place, variable in reads.items():
@@ -130,7 +125,7 @@ class StrideReward:
         zero = Expression(known, "constant", 0.0)
 
         def of(*place: Any) -> Expression:
-            return read(known, *place)
+            return read(known, place)
 
         def state(name: str) -> Any:
             return State(*(of(name, i) for i in range(len(State._fields))))  # type: ignore[attr-defined]
@@ -191,11 +186,10 @@ class StrideReward:
         """
         fields = self._fields(walked, torques, held, shares)
         values = {place: rows[:, 0] for place, rows in fields.items()}
-        done: dict[Expression, Any] = {}
         with np.errstate(all="ignore"):
-            total = np.sum(_evaluated(self._result, values, done) + 0.0 * values["duration",])
+            total = np.sum(evaluated(self._result, values) + 0.0 * values["duration",])
             by = sum(
-                np.broadcast_to(_evaluated(x, values, done), len(rows)) @ rows[:, 1:]
+                np.broadcast_to(evaluated(x, values), len(rows)) @ rows[:, 1:]
                 for x, rows in ((x, fields[place]) for place, x in self._by.items())
             )
         return float(total), by + np.zeros(fields["duration",].shape[1] - 1)
@@ -295,20 +289,4 @@ def _has_corner(x: Expression) -> bool:
     if x.op not in _WORDS:
         return False
     compared = _ordered(x.args[0])
-    return any(each.op == "read" and each.args[0] not in _KNOWN for each in compared)
-
-
-def _evaluated(x: Expression, values: Mapping[Place, NDArray], done: dict[Expression, Any]) -> Any:
-    """Return the values of an expression, a number or (n,)."""
-    for each in _ordered(x):
-        if each in done:
-            continue
-        if each.op == "constant":
-            done[each] = each.args[0]
-        elif each.op == "read":
-            done[each] = values[each.args]
-        elif each.op in ("sin", "cos"):
-            done[each] = getattr(np, each.op)(done[each.args[0]])
-        else:
-            done[each] = _OPERATIONS[each.op](*(done[a] for a in each.args))
-    return done[x]
+    return any(each.op == "read" and each.args[0][0] not in _KNOWN for each in compared)
