@@ -185,7 +185,7 @@ class StrideReward:
             those by `shares`, row by row.
         """
         fields = self._fields(walked, torques, held, shares)
-        values = {place: rows[:, 0] for place, rows in fields.items()}
+        values: Any = {place: rows[:, 0] for place, rows in fields.items()}
         with np.errstate(all="ignore"):
             total = np.sum(evaluated(self._result, values) + 0.0 * values["duration",])
             by = sum(
