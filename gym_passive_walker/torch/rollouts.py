@@ -38,7 +38,7 @@ from gym_passive_walker.torch.steps import (
     drawn,
     exchanged,
     exchanged_names,
-    ground_of,
+    footing_of,
     is_locked,
     is_ruled,
     take_step,
@@ -150,7 +150,7 @@ def initial_state(
         outcome=none,
     )
     still, never = (zeros,) * len(scene.actions), torch.zeros(count, dtype=torch.bool)
-    tilts, rises, turns = ground_of(scene, here).T
+    tilts, rises, turns = footing_of(scene, here).T
     at = scene.walker.equations().State(*states.T)
     last = here.last._replace(
         before=at, state=at, knee_locked=never, heelstrike=never, fell=never, action=still,
@@ -244,9 +244,9 @@ def _observed(scene: Scene, here: RolloutState) -> Tensor:
     """Return the observations of the environment in float64, (n, k)."""
     if callable(scene.observation):
         return _stacked(applied(scene.observation, here.last), here)
-    slopes, body = here.slopes + ground_of(scene, here)[:, 0], ()
+    slopes, body = here.slopes + footing_of(scene, here)[:, 0], ()
     locked = is_locked(scene, here.phases).double()
-    ahead = [ground_of(scene, here, place).T[1:] for place in range(scene.terrain_lookahead)]
+    ahead = [footing_of(scene, here, place).T[1:] for place in range(scene.terrain_lookahead)]
     if scene.observe_body and "units" in scene.walker.supports:
         body = proportions(varied(scene.walker, here.parameters), scene.observe_body)
     elif scene.observe_body:

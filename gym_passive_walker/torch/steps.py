@@ -133,7 +133,7 @@ def take_step(
     held = dict.fromkeys(channels, zeros)
     for name, share in zip(scene.actions, acted.T, strict=True):
         held[name] = scene.largest(name) * share
-    tilts, rises, turns = ground_of(scene, here).T
+    tilts, rises, turns = footing_of(scene, here).T
     tick = scene.tick if scene.control == "tick" else math.inf
     until = rules.step_end(here.times, torch.full_like(here.times, tick), scene.max_stride_time)
     inputs_by = dict(zip(channels, columns_of(scene.walker).controls, strict=True))
@@ -324,7 +324,7 @@ def drawn(
     return torch.tensor(rows, dtype=torch.float64).reshape(len(rows), len(entries))
 
 
-def ground_of(scene: Scene, here: RolloutState, ahead: int = 0) -> Tensor:
+def footing_of(scene: Scene, here: RolloutState, ahead: int = 0) -> Tensor:
     """Return ground data of the footholds that lie `ahead` strides in front.
 
     Footholds are numbered: they do not depend on where the feet of earlier strides came down.
@@ -379,7 +379,7 @@ def _transition(
         of[:] = rules.work_of(held[name] * work, *angles)
     State = scene.walker.equations().State
     struck, last = moved.outcomes == _STRUCK, here.last
-    _, rises, turns = ground_of(scene, ends).T
+    _, rises, turns = footing_of(scene, ends).T
     return last._replace(
         before=State(*here.states.T),
         state=State(*moved.states.T),

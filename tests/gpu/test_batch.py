@@ -149,7 +149,7 @@ def test_a_walk_does_not_depend_on_the_blocks_of_threads(monkeypatch):
     """Threads of a block part its walkers by phase; the last block has a thread to spare."""
     scene = {"slope": 0.03, "tick": 0.6}
     apart = rows(scene, 7, steps=6)
-    monkeypatch.setattr(device, "THREADS", 4)
+    monkeypatch.setattr(device, "THREADS_IN_BLOCK", 4)
     for one, other in zip(apart, rows(scene, 7, steps=6), strict=True):
         assert all(map(same, one, other))
 

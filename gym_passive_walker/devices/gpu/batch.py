@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker.devices.gpu import device, episodes, primitives
-from gym_passive_walker.devices.gpu.columns import Columns
+from gym_passive_walker.devices.gpu.columns import WalkerColumns
 from gym_passive_walker.devices.gpu.lane import DeviceCode, device_code, scratch_types
 from gym_passive_walker.engine import lanes
 from gym_passive_walker.engine.layout import layout_of
@@ -50,16 +50,20 @@ def _kernels(
         here: Code of the system.
         system: Its name.
         has_disturbances: Whether the scene has disturbances.
-        kinds: Types of the arrays, from `primitives.kind_of`.
+        kinds: Types of the arrays, from `primitives.type_of_arrays`.
         own: Names of arrays in the columns, and their places.
         read: Words of a column that a step reads.
     """
     places = dict(own)
     records = places["records"]
     phase = records.first + records.kind.fields["phase"][1] // 8
-    words = {"READ": read, "WORDS": sum(place.words for place in places.values()), "PHASE": phase}
+    words = {
+        "READ": read,
+        "WORDS": sum(place.words for place in places.values()),
+        "PHASE_WORD": phase,
+    }
     bound = here.bound.instead({episodes.unpack: primitives.unpacker(kinds, places)})
-    for each in (episodes.fetch, episodes.keep):
+    for each in (episodes.fetch, episodes.store):
         moved = bound.rebound(each)
         moved.__globals__.update(words)
         bound = bound.instead({each: primitives.jitted(moved)})
@@ -157,7 +161,7 @@ class DeviceBatch:
         self._columns = there = self._made(here, shown)
         self._place()
         self.seed(seed)
-        kinds, own = primitives.kind_of(there.ones), tuple(there.own.items())
+        kinds, own = primitives.type_of_arrays(there.ones), tuple(there.own.items())
         of = here, self._system.name, disturbed(self.scene)
         self._plain, self._events, self._reset = _kernels(*of, kinds, own, there.read)
 
@@ -169,7 +173,7 @@ class DeviceBatch:
         levels = range(CURRICULUM_LEVELS + 1) if drawing.curriculum else (CURRICULUM_LEVELS,)
         return [drawing.member(index, level) for level in levels for index in range(pool)]
 
-    def _made(self, code: DeviceCode, shown: int) -> Columns:
+    def _made(self, code: DeviceCode, shown: int) -> WalkerColumns:
         """Return the arrays on the GPU."""
         scene, starts = self.scene, Starts(self.scene)
         draws = self._drawn(starts)
@@ -206,7 +210,9 @@ class DeviceBatch:
         one = memory.made(declared, layout_of(self._system), lengths, given)
         if not self.custom.observation_size:
             one["shown"] = one["observations"]
-        return Columns(self.count, declared, one, episodes.PASSED, episodes.WRITTEN)
+        return WalkerColumns(
+            self.count, declared, one, episodes.GIVEN_ARRAYS, episodes.WRITTEN_ARRAYS
+        )
 
     def _place(self) -> None:
         """Set the arrays that kernels find."""

@@ -61,7 +61,7 @@ class Fields:
         return np.ascontiguousarray(device.to_host(self.words).T).view(self.kind)[:, 0]
 
 
-class Columns:
+class WalkerColumns:
     """Arrays of a batch on a GPU.
 
     Args:

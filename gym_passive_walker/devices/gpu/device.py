@@ -21,7 +21,7 @@ SIMULATED = bool(cuda.config.ENABLE_CUDASIM)
 BLOCK = 128
 """Largest number of threads of a block; a thread uses nearly all registers."""
 
-THREADS = 1 if SIMULATED else BLOCK
+THREADS_IN_BLOCK = 1 if SIMULATED else BLOCK
 """Threads of a block; the simulator runs one after the other."""
 
 _MISSING = (
@@ -99,12 +99,12 @@ def placed(words: Any) -> tuple[Any, Any]:
 
 def launch(kernel: Any, count: int, *arguments: Any, stream: Any = 0) -> None:
     """Run a kernel on a stream, with one thread for each of `count` walkers."""
-    blocks = (count + THREADS - 1) // THREADS
+    blocks = (count + THREADS_IN_BLOCK - 1) // THREADS_IN_BLOCK
     if not SIMULATED:
         known = kernel.overloads
         with nullcontext() if known else compiling(f"{kernel.py_func.__name__} for the GPU"):
-            kernel[blocks, THREADS, stream](*arguments)
+            kernel[blocks, THREADS_IN_BLOCK, stream](*arguments)
         return
     with warnings.catch_warnings():  # a GPU does not warn
         warnings.simplefilter("ignore", RuntimeWarning)
-        kernel[blocks, THREADS](*arguments)
+        kernel[blocks, THREADS_IN_BLOCK](*arguments)

@@ -52,16 +52,16 @@ DEVICE_ARRAYS = {
 }
 """Arrays of a batch on a GPU, besides those of `memory`."""
 
-PASSED = (
+GIVEN_ARRAYS = (
     "actions", "acted", "observations", "shown", "numbers", "last", "rewards", "terminated",
     "truncated",
 )  # fmt: skip
 """Arrays outside the columns: what a step takes and returns."""
 
-WRITTEN = ("reported", "reported_draw")
+WRITTEN_ARRAYS = ("reported", "reported_draw")
 """Arrays in the columns that a step only writes."""
 
-READ = WORDS = PHASE = 0
+READ = WORDS = PHASE_WORD = 0
 """Words of a column that a step reads and writes, and the row of the phase; set for each scene."""
 
 SCRATCH = kind(np.dtype([
@@ -146,7 +146,7 @@ def fetch(words, i, column):
         column[k] = words[k, i]
 
 
-def keep(column, words, i):
+def store(column, words, i):
     """Copy a column back."""
     for k in range(WORDS):
         words[k, i] = column[k]
@@ -251,7 +251,7 @@ def reset_kernel(table):
         fetch(words, i, column)
         begin_episode(here, 0, scratch[0])
         here.reported[0], here.reported_draw[0] = here.ledger[0], here.drawn[0]
-        keep(column, words, i)
+        store(column, words, i)
 
 
 def plain_kernel(table):
@@ -270,7 +270,7 @@ def plain_kernel(table):
         found[0], found[1] = 0, 0
     cuda.syncthreads()
     if i < words.shape[1]:
-        if words[PHASE, i] == 0.0:  # the bits of an integer
+        if words[PHASE_WORD, i] == 0.0:  # the bits of an integer
             order[cuda.atomic.add(found, 0, 1)] = i
         else:
             order[cuda.blockDim.x - 1 - cuda.atomic.add(found, 1, 1)] = i
@@ -283,8 +283,8 @@ def plain_kernel(table):
         if not step_walker(here, 0, tiles, histories):
             return
         if here.records[0, 0].outcome == WAITING and not (here.terminated[0] or here.truncated[0]):
-            keep(column, words, i)
-        elif words[PHASE, i] == 0.0:
+            store(column, words, i)
+        elif words[PHASE_WORD, i] == 0.0:
             here.listed[cuda.atomic.add(here.counts, 0, 1)] = i
         else:
             here.listed[words.shape[1] - 1 - cuda.atomic.add(here.counts, 1, 1)] = i
@@ -308,4 +308,4 @@ def event_kernel(table):
         step_walker(here, 0, tiles, histories)
         if here.terminated[0] or here.truncated[0]:
             begin_episode(here, 0, scratch[0])
-        keep(column, here.words, i)
+        store(column, here.words, i)

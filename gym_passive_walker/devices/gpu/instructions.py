@@ -58,7 +58,7 @@ def address(typing_context, array):
     return _INTEGER(array), code
 
 
-def kind_of(arrays):
+def type_of_arrays(arrays):
     """Return the type of a named tuple of arrays."""
     from numba.cuda.typing.typeof import typeof  # type: ignore[import-not-found]
 
@@ -69,8 +69,8 @@ def unpacker(kinds, own):
     """Return a function of kernels: the arrays of walker i, from the address of their `words_of`.
 
     Args:
-        kinds: Type of the named tuple of arrays, from `kind_of`.
-        own: Arrays in the walker's column, by name; see `columns.Columns`.
+        kinds: Type of the named tuple of arrays, from `type_of_arrays`.
+        own: Arrays in the walker's column, by name; see `columns.WalkerColumns`.
     """
     from numba.cuda.np.arrayobj import populate_array  # type: ignore[import-not-found]
 
@@ -113,7 +113,7 @@ def words_of(columns):
     """Return address, step to the next walker, shape and strides of arrays, (words,).
 
     Args:
-        columns: A `columns.Columns`; arrays in its columns have no words.
+        columns: A `columns.WalkerColumns`; arrays in its columns have no words.
     """
     parts = [
         (array.__cuda_array_interface__["data"][0], step, *array.shape, *array.strides)

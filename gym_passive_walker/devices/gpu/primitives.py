@@ -25,7 +25,7 @@ BY_NAME: dict[str, Any] = {name: getattr(_own, name) for name in NAMES}
 """The primitives, by name."""
 
 
-kind_of, unpacker, words_of = _own.kind_of, _own.unpacker, _own.words_of
+type_of_arrays, unpacker, words_of = _own.type_of_arrays, _own.unpacker, _own.words_of
 """How a kernel finds arrays by one argument; see `instructions`."""
 
 

@@ -31,12 +31,12 @@ def address(array):
     return array.reshape(-1).view(np.ndarray).view(np.float64)
 
 
-def kind_of(arrays):
+def type_of_arrays(arrays):
     """Return None: kernels of the simulator take arrays of any type."""
 
 
 def unpacker(kinds, own):
-    """Return a function of kernels: the arrays of walker i, from a `columns.Columns`."""
+    """Return a function of kernels: the arrays of walker i, from a `columns.WalkerColumns`."""
     return lambda columns, i, column: columns.of_one(i, address(column))
 
 

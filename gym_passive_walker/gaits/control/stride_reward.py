@@ -33,7 +33,7 @@ _KNOWN = ("heelstrike", "knee_locked")
 _WORDS = {"abs": "abs()", "choose": "where(), minimum(), maximum() or a comparison"}
 _STRUCK = int(Outcome.HEELSTRIKE)
 
-Place = tuple[Any, ...]
+_Place = tuple[Any, ...]
 """A number of a control step: the name of a field, and an index if there are several."""
 
 
@@ -100,7 +100,7 @@ class StrideReward:
             )
         return found
 
-    def _check(self, reads: Mapping[Place, Any]) -> None:
+    def _check(self, reads: Mapping[_Place, Any]) -> None:
         """Refuse a reward of fields that no periodic gait has.
 
         Raises:
@@ -196,7 +196,7 @@ class StrideReward:
 
     def _fields(
         self, walked: PiecewiseConstantStride, torques: NDArray, held: NDArray, shares: NDArray
-    ) -> dict[Place, NDArray[np.float64]]:
+    ) -> dict[_Place, NDArray[np.float64]]:
         """Return fields of the n control steps with tangents, (n, 1 + k), by their places."""
         steps, scene = walked.steps, self.scene
         (motors, ticks), report = torques.shape, report_of(self._system)
@@ -239,7 +239,7 @@ class StrideReward:
             total[1:, 0] -= total[:-1, 0].copy()
         weight = scene.walker.weight / scene.walker.units.force
         command = scene.command if isinstance(scene.command, float) else 0.0
-        fields: dict[Place, NDArray] = {
+        fields: dict[_Place, NDArray] = {
             ("distance",): wide(there - places[:-1]),
             ("duration",): duration,
             ("collision_loss",): (within(lost) + struck * at_end("heel_loss")) / weight,
