@@ -1,6 +1,6 @@
 """Walks in MuJoCo beside exact ones: errors, what goes wrong without its loop, and run time.
 
-    python -m benchmarks.simulators [walks] [traps] [speed]
+    python -m benchmarks.simulators [walks] [contacts] [traps] [speed]
 
 The tables are written to docs/simulators.md.
 """
@@ -13,13 +13,16 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import mujoco
 import numpy as np
 
 import gym_passive_walker as gpw
 from benchmarks.report import command, machine, table
 from benchmarks.tables import DOCS, keep
+from examples.rimless_wheel import RIMLESS_WHEEL, closed_form
 from gym_passive_walker._tools import console
 from gym_passive_walker.bridge.loop import Loop
+from gym_passive_walker.bridge.mjcf import STIFF
 from gym_passive_walker.bridge.mujoco import PassiveWalkerMujocoEnv
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.walkers import name_of
@@ -27,6 +30,7 @@ from gym_passive_walker.models.walkers import name_of
 PAGE = DOCS / "simulators.md"
 TIMESTEPS = (4e-3, 2e-3, 1e-3, 1e-4)
 STRIDES = 20
+WHEEL_SLOPE = 0.08
 MACHINE = ("mujoco", "gymnasium")
 
 
@@ -63,6 +67,73 @@ def walks() -> None:
     heads = ("walk", "timestep", "step period", "stance angle", "speed", "cost of transport",
              "depth / l", "strides")  # fmt: skip
     keep("walks", f"{table(heads, rows)}\n\n{machine(*MACHINE)}.", PAGE)
+
+
+def wheel(timestep: float, constant: float | None) -> Any:
+    """A rimless wheel in MuJoCo, on a slope, with point feet; `constant` is that of contacts in s.
+
+    Neither contacts are filtered nor steps shortened, as a wheel needs nothing of that.
+    """
+    body, count = RIMLESS_WHEEL.body, round(math.pi / RIMLESS_WHEEL.body.half)
+    turns = body.half * (2.0 * np.arange(count) + 1.0)
+    places = (f"{math.sin(turn)!r} 0 {-math.cos(turn)!r}" for turn in turns)
+    spokes = "".join(f'<geom type="sphere" size="1e-6" pos="{place}"/>' for place in places)
+    contact = "" if constant is None else f'solref="{constant!r} 1" solimp="{STIFF}"'
+    return mujoco.MjModel.from_xml_string(f"""
+        <mujoco>
+          <option timestep="{timestep}" cone="elliptic" integrator="implicitfast"/>
+          <compiler angle="radian"/>
+          <default><geom contype="0" friction="5 0 0" {contact}/></default>
+          <worldbody>
+            <geom type="plane" size="0 0 1" euler="0 {WHEEL_SLOPE} 0" contype="1" conaffinity="0"/>
+            <body>
+              <joint type="slide" axis="1 0 0"/>
+              <joint type="slide" axis="0 0 1"/>
+              <joint type="hinge" axis="0 1 0"/>
+              <inertial pos="0 0 0" mass="1" diaginertia="{" ".join(3 * [str(body.inertia)])}"/>
+              {spokes}
+            </body>
+          </worldbody>
+        </mujoco>""")
+
+
+def wheel_period(model: Any) -> float:
+    """Mean time between impacts of a wheel in MuJoCo, over the second half of 20, in s."""
+    half, unit = RIMLESS_WHEEL.body.half, math.sqrt(1.0 / 9.81)
+    rate = -closed_form(RIMLESS_WHEEL.body, WHEEL_SLOPE)[0] / unit
+    data, spoke = mujoco.MjData(model), WHEEL_SLOPE - half  # both feet are on the ground
+    data.qpos[:] = (
+        math.cos(half) * math.sin(WHEEL_SLOPE), math.cos(half) * math.cos(WHEEL_SLOPE), WHEEL_SLOPE
+    )  # fmt: skip
+    data.qvel[:] = rate * math.cos(spoke), -rate * math.sin(spoke), rate
+    times: list[float] = []
+    while len(times) < STRIDES:
+        time_before, turn_before = data.time, data.qpos[2].item()
+        mujoco.mj_step(model, data)
+        goal, turned = WHEEL_SLOPE + 2.0 * half * (len(times) + 1), data.qpos[2].item()
+        if turned >= goal:
+            share = (goal - turn_before) / (turned - turn_before)
+            times.append(time_before + share * (data.time - time_before))
+    return (times[-1] - times[STRIDES // 2 - 1]) / (STRIDES - STRIDES // 2)
+
+
+def contacts() -> None:
+    """Write the error of a rimless wheel's period by the time constant of contacts."""
+    exact = gpw.find_gait(RIMLESS_WHEEL, WHEEL_SLOPE).step_period * math.sqrt(1.0 / 9.81)
+    kinds: list[tuple[str, Callable[[float], float | None]]] = [
+        ("MuJoCo's own, 20 ms", lambda step: None),
+        ("20 ms, as stiff as here", lambda step: 0.02),
+        *(
+            (f"{many} timesteps", lambda step, many=many: many * step)  # type: ignore[misc]
+            for many in (20, 10, 5, 2)
+        ),
+    ]
+    rows = [
+        (name, *(f"{wheel_period(wheel(h, constant(h))) / exact - 1.0:+.2%}" for h in TIMESTEPS))
+        for name, constant in kinds
+    ]
+    heads = ("time constant of contacts", *(f"{1e3 * step:g} ms" for step in TIMESTEPS))
+    keep("contacts", f"{table(heads, rows)}\n\n{machine(*MACHINE)}.", PAGE)
 
 
 class LateRelease(Loop):
@@ -285,7 +356,7 @@ def speed() -> None:
 
 def main() -> None:
     """Print the tables and write them to the page."""
-    command(__doc__, {"walks": walks, "traps": traps, "speed": speed})
+    command(__doc__, {"walks": walks, "contacts": contacts, "traps": traps, "speed": speed})
 
 
 if __name__ == "__main__":

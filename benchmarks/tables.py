@@ -31,7 +31,8 @@ SCRIPTS = {
     **{f"gpu/gpu {part}": f"gpu {part}" for part in ("strides", "ticks", "learning")},
     **{f"gpu/gpu {part}": f"gpu_code {part}" for part in ("launch", "warps", "kernels")},
     "benchmarks/scene cost": "scene_cost",
-    **{f"simulators/{part}": f"simulators {part}" for part in ("walks", "traps", "speed")},
+    **{f"simulators/{part}": f"simulators {part}" for part in (
+        "walks", "contacts", "traps", "speed")},
     "benchmarks/cold start": "cold_start waits",
     **{f"benchmarks/{part}": f"cold_start {part}" for part in ("wheel", "levels", "kernels")},
     "benchmarks/parts of a stride": "performance strides",

@@ -12,6 +12,7 @@ MuJoCo has soft contacts and no impacts. A stride of a passive walker is reprodu
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
@@ -35,10 +36,16 @@ def library() -> Any:
     """Return MuJoCo.
 
     Raises:
-        ImportError: if it is not installed.
+        ImportError: if it is not installed, or MUJOCO_GL names a library that is not.
     """
-    with extra("mujoco"):
-        return import_module("mujoco")
+    try:
+        with extra("mujoco"):
+            return import_module("mujoco")
+    except AttributeError as error:  # of PyOpenGL, which found no such library
+        raise ImportError(
+            f"MuJoCo cannot load the OpenGL of MUJOCO_GL={os.environ.get('MUJOCO_GL', '')}: "
+            f"install its library, or choose another one ({error})"
+        ) from None
 
 
 class Loop:

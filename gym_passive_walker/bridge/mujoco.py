@@ -324,11 +324,20 @@ class PassiveWalkerMujocoEnv(PassiveWalkerEnv):
                     "with their libraries installed, before MuJoCo is imported"
                 )
         mujoco.mj_forward(loop.model, loop.data)
-        camera = mujoco.MjvCamera()
-        length = self.walker.leg_length
-        camera.lookat[:] = loop.data.qpos[0], 0.0, loop.data.qpos[1] - 0.4 * length
-        camera.distance, camera.azimuth, camera.elevation = 3.0 * length, 90.0, -5.0
+        # An orthographic view from the side: in perspective the horizon crosses the walker.
+        camera, length = mujoco.MjvCamera(), self.walker.leg_length
+        x, z = loop.data.qpos[:2]
+        camera.lookat[:], camera.distance = (x, 0.0, z - 0.4 * length), 3.0 * length
+        camera.azimuth, camera.elevation, camera.orthographic = 90.0, 0.0, 1
+        loop.model.vis.global_.fovy = 1.8 * length
         self._screen.update_scene(loop.data, camera)
+        scene, turn = self._screen.scene, loop.data.geom("ground").xmat.reshape(3, 3)
+        size = length * np.array([2.0, 0.5, 0.5])
+        mujoco.mjv_initGeom(  # the ground's section: from here the plane itself is a line
+            scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_BOX, size,
+            turn @ [loop.hip, 0.0, -size[2]], turn.ravel(), np.array([0.8, 0.8, 0.8, 1.0]),
+        )  # fmt: skip
+        scene.ngeom += 1
         return self._screen.render()
 
 

@@ -208,6 +208,16 @@ def test_without_mujoco_the_extra_is_named(monkeypatch):
         gymnasium.make(MUJOCO_ID)
 
 
+def test_an_opengl_that_is_not_there_is_named(monkeypatch):
+    def fails(name):
+        raise AttributeError("no glGetError")
+
+    monkeypatch.setattr("gym_passive_walker.bridge.loop.import_module", fails)
+    monkeypatch.setenv("MUJOCO_GL", "osmesa")
+    with pytest.raises(ImportError, match=r"the OpenGL of MUJOCO_GL=osmesa: install"):
+        gymnasium.make(MUJOCO_ID)
+
+
 def test_a_renderer_without_opengl_is_tried_once(monkeypatch):
     import mujoco
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -105,6 +106,23 @@ def test_pinocchio_reads_the_urdf_with_the_same_energy(model, tmp_path):
             np.array(moved),
         )
         assert energy == pytest.approx(own_kinetic_energy(model, state), rel=1e-12)
+
+
+def test_pinocchio_knows_no_slope_that_is_tilted_gravity(tmp_path):
+    """The trap that files avoid: they tilt the ground, which readers keep or leave to the user."""
+    pinocchio, mujoco = map(pytest.importorskip, ("pinocchio", "mujoco"))
+    path = tmp_path / "lab.xml"
+    gpw.export("lab", path)
+    weight = f"{9.81 * math.sin(SLOPE)!r} 0 {-9.81 * math.cos(SLOPE)!r}"
+    text = path.read_text("utf-8")
+    tilted = re.sub('gravity="[^"]*"', f'gravity="{weight}"', text)
+    assert tilted != text
+    path.write_text(tilted, "utf-8")
+    for found, tilt in (
+        (mujoco.MjModel.from_xml_path(str(path)).opt.gravity, SLOPE),
+        (pinocchio.buildModelFromMJCF(str(path)).gravity.linear, 0.0),
+    ):
+        assert math.atan2(found[0], -found[2]) == pytest.approx(tilt, abs=1e-12)
 
 
 def plant_of(path):
