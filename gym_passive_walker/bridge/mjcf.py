@@ -144,7 +144,7 @@ def _body(
     for name, foot in foot_names(body):
         (x, z), half = foot.centre, _THICKNESS * (1 + body.name.startswith(SIDES[1]))
         if foot.radius:  # drawn as a disc, through which the legs are seen
-            disc = unseen | {"rgba": unseen["rgba"].rpartition(" ")[0] + " 0.4"}
+            disc: dict[str, Any] = unseen | {"rgba": unseen["rgba"].rpartition(" ")[0] + " 0.4"}
             ET.SubElement(
                 here, "geom", type="cylinder", size=spelled(foot.radius), **disc,
                 fromto=spelled(x, -half, z, x, half, z),
