@@ -27,7 +27,7 @@ SCRIPTS = {
     "benchmarks/penalty": "work_precision penalties",
     **{f"benchmarks/{name}": name for name in ("gradients", "integrators")},
     **{f"benchmarks/{part}": f"throughput {part}" for part in (
-        "accelerations", "strides", "ticks", "learning", "on_tensors")},
+        "accelerations", "strides", "ticks", "threads", "learning", "on_tensors")},
     **{f"gpu/gpu {part}": f"gpu {part}" for part in ("strides", "ticks", "learning")},
     **{f"gpu/gpu {part}": f"gpu_code {part}" for part in ("launch", "warps", "kernels")},
     "benchmarks/scene cost": "scene_cost",

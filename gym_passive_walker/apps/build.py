@@ -90,10 +90,10 @@ def _of_batches(layout: Layout, pushed: bool, custom: bool) -> Iterator[Callable
     yield partial(of.observe.native, 0, singles)
     yield partial(of.begin_alike.native, 0, lanes, singles)
     yield partial(of.write_info.native, 0, 0, 0, table, words)
-    yield partial(of.first_invalid.native, 0)
     if custom:
         yield partial(of.enter.native, 0, True, True, numbers, truths)
-    yield partial(of.step.native, 0, 0, 0, 0, 0, False, singles, numbers, truths, truths)
+    filled = singles, numbers, truths, truths, table, words
+    yield partial(of.step.native, 0, 0, 0, 0, 0, False, *filled)
     yield partial(of.step_here.native, 0)
 
 

@@ -243,12 +243,35 @@ def _number_of(typing_context, bits):  # type: ignore[no-untyped-def]
     return types.float64(types.uint64), code
 
 
+@intrinsic
+def _word_at(typing_context, address):  # type: ignore[no-untyped-def]
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        place = builder.inttoptr(arguments[0], _WORD.as_pointer())
+        return builder.load_atomic(place, "seq_cst", 8)
+
+    return types.int64(types.int64), code
+
+
+def _changing(operation: str) -> Any:
+    """Return the primitive that changes a word at once for all threads."""
+
+    def change(typing_context, address, amount):  # type: ignore[no-untyped-def]
+        def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+            place = builder.inttoptr(arguments[0], _WORD.as_pointer())
+            return builder.atomic_rmw(operation, place, arguments[1], "seq_cst")
+
+        return types.int64(types.int64, types.int64), code
+
+    return intrinsic(change)
+
+
 PRIMITIVES: dict[Any, Any] = {
     jit.call: _call, jit.fma: _fma, jit.address: _address, jit.view: _view, jit.stack: _stack,
     jit.arrays_at: _arrays_at, jit.copy: _copy,
     jit.draw_uniform: _drawing(types.float64, _NUMBER, 3),
     jit.draw_word: _drawing(types.uint64, _WORD, 1), jit.bits_of: _bits_of,
-    jit.number_of: _number_of,
+    jit.number_of: _number_of, jit.word_at: _word_at, jit.add_at: _changing("add"),
+    jit.put_at: _changing("xchg"),
 }  # fmt: skip
 """The primitives of `jit` on a CPU."""
 

@@ -121,6 +121,21 @@ def draw_word(generator: int) -> np.uint64:
     _compiled_only()
 
 
+def word_at(address: int) -> int:
+    """Return the word at an address, which other threads may change; they are seen in order."""
+    _compiled_only()
+
+
+def add_at(address: int, amount: int) -> int:
+    """Add to the word at an address, at once for all threads, and return what it was."""
+    _compiled_only()
+
+
+def put_at(address: int, value: int) -> int:
+    """Replace the word at an address, at once for all threads, and return what it was."""
+    _compiled_only()
+
+
 def entry(array: Any, i: int) -> int:
     """Return the address of an array's entry; a slice would be another array."""
     return address(array) + i * array.itemsize

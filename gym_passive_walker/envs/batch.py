@@ -15,7 +15,8 @@ from gym_passive_walker._tools.arguments import check_slope, check_state, whole
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import layout_of
-from gym_passive_walker.engine.run import in_parts, options, states_in, thread_workspace
+from gym_passive_walker.engine.machine import default_threads
+from gym_passive_walker.engine.run import options, states_in
 from gym_passive_walker.envs import memory, saved, task, ticks
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import Custom, is_custom
@@ -36,7 +37,7 @@ from gym_passive_walker.models.walkers import Walker
 RESET_OPTIONS = ("state", "slope")
 """Options of `reset`."""
 
-_SHARED_FROM = 2048  # smallest batch for several threads
+_WALKERS_OF_A_THREAD = 512  # at least
 
 UNFINISHED = "no episode has begun, or an error interrupted the last step: reset all environments"
 """Message for a step of a batch that is `unfinished`."""
@@ -227,7 +228,10 @@ class Batch:
             given |= part.arrays()
         declared = memory.present(*(feature for feature, part in parts.items() if part))
         self.arrays = memory.made(declared, self.layout, lengths, given)
-        self.entry_point = ticks.EntryPoint(self.arrays, **lengths)
+        threads = self.count // _WALKERS_OF_A_THREAD
+        if threads > 1:
+            threads = min(threads, self.threads or default_threads())
+        self.entry_point = ticks.EntryPoint(self.arrays, max(1, threads), **lengths)
         self.observations = self.arrays["observations"]
         # The default observation, if the user's function returns another one.
         self._plain = self.observations if self._shown else None
@@ -496,11 +500,14 @@ class Batch:
                 found[f"reward_{name}"] = term if stepped is None else np.where(stepped, term, 0.0)
         return found
 
-    def reported(self, stepped: NDArray[np.bool_]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    def reported(
+        self, stepped: NDArray[np.bool_], *, just_now: bool = False
+    ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Return the entries of `info` that every scene has, of walkers that have made a step.
 
         Args:
             stepped: Whether each walker has made a step, (count,); entries of the others are zero.
+            just_now: Whether these are the walkers that made the last step.
 
         Returns:
             EVERY_STEP without the strides, (entries, count); number of strides and index of the
@@ -512,7 +519,7 @@ class Batch:
             report = self._new_report()
             self.entry_point.write_info(self.entry_point.address, 0, self.count, *report)
         steps, counts = report
-        if not stepped.all():
+        if not (just_now and self._report) and not stepped.all():
             steps, counts = np.where(stepped, steps, 0.0), np.where(stepped, counts, 0)
         ended = counts[1].nonzero()[0]
         words = self.ledger.view(np.float64).reshape(self.count, -1)
@@ -544,32 +551,14 @@ class Batch:
         seen = observations if self._plain is None else self._plain
         entry_point.actions[...] = actions
         self._report = None
-        if self.count < _SHARED_FROM:
-            if at_once:
-                self._prepare()
-            self.unfinished = True
-            given = 0, self.count, *entry_point.workspace, at_once, seen, *results
-            answer = entry_point.step(entry_point.address, *given)
-            if answer < 0:
-                self.refuse(-1 - answer)
-            strides, endings = ticks.counts(answer)
-        else:
-            if (wrong := entry_point.kernels.first_invalid(entry_point.address)) >= 0:
-                self.refuse(wrong)  # before any walker steps
-            if at_once:
-                self._prepare()
-            self.unfinished, counted, report = True, [], self._new_report()
-
-            def job(a: int, b: int) -> None:
-                work = [part.ctypes.data for part in thread_workspace(layout=self.layout)]
-                given = entry_point.address, a, b, *work, at_once, seen, *results
-                counted.append(ticks.counts(entry_point.step(*given)))
-                entry_point.write_info(entry_point.address, a, b, *report)  # still in its caches
-
-            in_parts(job, self.count, self.threads)
-            if not self.custom or self.custom.native:  # else an episode may end below
-                self._report = report
-            strides, endings = np.sum(counted, axis=0).tolist()
+        if at_once:
+            self._prepare()
+        self.unfinished, report = True, self._new_report()
+        strides, endings = entry_point.step(at_once, seen, *results, *report)
+        if strides < 0:
+            self.refuse(-1 - strides)
+        if not self.custom or self.custom.native:  # else an episode may end below
+            self._report = report
         if self._apart:
             self._write_proportions(seen)
             if self.custom and not self.custom.native:

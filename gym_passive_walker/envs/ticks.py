@@ -7,7 +7,7 @@ than the engine takes for one walker. The addresses of arrays are therefore stor
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache, cached_property
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.engine.jit import (
     Kernel,
+    add_at,
     address,
     arrays_at,
     copy,
@@ -26,7 +27,7 @@ from gym_passive_walker.engine.jit import (
     stack,
     view,
 )
-from gym_passive_walker.engine.lanes import RESTING
+from gym_passive_walker.engine.lanes import CHUNK, RESTING
 from gym_passive_walker.engine.layout import (
     NARROW,
     PAIR,
@@ -35,7 +36,8 @@ from gym_passive_walker.engine.layout import (
     layout_in,
     tile_for,
 )
-from gym_passive_walker.engine.run import workspace
+from gym_passive_walker.engine.run import thread_workspace, workspace
+from gym_passive_walker.engine.team import Board, arrive, finish, offer, present, take
 from gym_passive_walker.envs import disturbance_kernels, memory, task, transitions
 from gym_passive_walker.envs.memory import ARRAYS, AXES
 from gym_passive_walker.envs.transitions import TIMED_OUT
@@ -48,11 +50,25 @@ ADDRESSES = np.dtype(
 """Addresses of a batch's arrays, of those of its random generators, and of the working memory of
 one thread; lengths of axes."""
 
+ALONE, SHARED, HELPING = range(3)
+"""Roles of a thread in a step: the only one, the one that steps with others, or one of those."""
+
+_STEP = (
+    "board", "threads", "pieces", "again", "strides", "endings", "observations", "rewards",
+    "terminated", "truncated", "steps", "counts",
+)  # fmt: skip
+STEP = np.dtype([(name, "i8") for name in _STEP])
+"""What the threads of a step share: its board, numbers of threads and of pieces, whether walkers
+begin another episode, numbers of strides and of episodes that end, and addresses of the arrays to
+fill."""
+
+_STRIDES, _ENDINGS = (8 * _STEP.index(name) for name in ("strides", "endings"))
 _AT: dict[str, int] = {name: place[1] for name, place in (ADDRESSES.fields or {}).items()}
 _LENGTHS = {axis: _AT[f"of_{axis}"] for axis in AXES}
 _WORDS = len(_AT)
 _NUMBER, _WORD, _KEY = np.dtype("f8"), np.dtype("i8"), np.dtype("u8")
 _HALF = 32
+SMALL = 128  # walkers that a thread takes at once while it may be alone
 FEW = 64  # walkers that begin together: their draws and gaits are on the stack
 
 _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
@@ -82,7 +98,6 @@ class Kernels(NamedTuple):
 
     begin: Kernel
     begin_alike: Kernel
-    first_invalid: Kernel
     step: Kernel
     step_here: Kernel
     observe: Kernel
@@ -104,6 +119,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     arrays = memory.arrays_in(kind, declared, layout, _AT, _LENGTHS, ARRAYS)
     history, tile = history_for(layout), tile_for(PAIR, layout=layout)
     size, row_words = 2 * layout.links, task.ledger_for(layout).itemsize // 8
+    reported = len(task.EVERY_STEP) - 1
     drawn, numbers = FEW * DRAWS, FEW * size
 
     def within(compiler: Callable[..., Any]) -> Callable[..., Any]:
@@ -165,15 +181,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
 
     @within(merged)
     def tick(here, first, last, tiles, histories):
-        """Step some walkers by their actions.
-
-        Returns:
-            Numbers of strides and of episodes that end, as `counts` reads them. If an action is not
-            finite, no walker steps, and it is -1 - i for the first walker i with such an action.
-        """
-        wrong = task.first_invalid(here, first, last)
-        if wrong >= 0:
-            return -1 - wrong
+        """Step some walkers by their actions; returns numbers of strides and endings."""
         if custom:
             transitions.before(here, first, last)
         work, guards = view(tiles, (1,), tile), view(histories, (1,), history)
@@ -186,42 +194,100 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
                 for i in range(first, last):
                     here.notes[i].push = here.disturbances[i].impulse
             endings += transitions.after(here, first, last)
-        return strides << _HALF | endings
+        return strides, endings
 
-    @within(Kernel)
-    def first_invalid(where):
-        """Return the first walker in an episode with a non-finite action, or -1."""
-        here = arrays_at(where, arrays)
-        return task.first_invalid(here, 0, len(here.ledger))
+    @within(merged)
+    def report(here, i, steps, counts):
+        """Write what every step reports of a walker; see `write_info`."""
+        words = view(address(here.ledger), (len(here.ledger), row_words), _NUMBER)
+        for k in range(len(steps)):
+            steps[k, i] = words[i, k]  # EVERY_STEP first
+        counts[0, i], outcome = here.ledger[i].strides, here.ledger[i].outcome
+        if here.ledger[i].truncated != 0 and here.ledger[i].ending == 0:
+            outcome = TIMED_OUT
+        counts[1, i] = outcome
+
+    @within(merged)
+    def next_piece(given, piece, role):
+        """Return the number of the next piece for this thread, or -1."""
+        if role != ALONE:
+            piece = take(given.board, role == HELPING)
+        else:
+            piece = piece + 1 if piece + 1 < given.pieces else -1
+        return piece
 
     @within(Kernel)
     def step(
-        where, first, last, tiles, histories, again, observations, rewards, terminated, truncated
+        where, shared, role, tiles, histories, again, observations, rewards, terminated, truncated,
+        steps, counts,
     ):  # fmt: skip
-        """Step the walkers from `first` to before `last`, as `tick` does.
+        """Step all walkers, piece by piece, perhaps with other threads.
 
         With `again`, those that rest begin another episode. Tiles and histories are addresses of
-        the working memory of a thread. Arrays of all walkers are filled, observations flat.
+        the working memory of a thread. Arrays of all walkers are filled, observations flat. A
+        thread that helps takes what else it needs from `shared`, of STEP. `steps` and `counts` are
+        those of `write_info`, with zeros for walkers that rest.
+
+        Returns:
+            0; or -1 - i if the action of walker i is the first that is not finite: no walker steps.
         """
-        places = copied(where)
-        places[0].observations, places[0].rewards = address(observations), address(rewards)
-        places[0].terminated, places[0].truncated = address(terminated), address(truncated)
-        here = arrays_at(address(places), arrays)
-        answer = tick(here, first, last, tiles, histories)
-        if again and answer >= 0:
+        given, every = view(shared, (1,), STEP)[0], arrays_at(where, arrays)
+        count = len(every.ledger)
+        if role == HELPING:
+            arrive(given.board)
+        else:
+            wrong = task.first_invalid(every, 0, count)
+            if wrong >= 0:
+                return -1 - wrong
+            given.again, given.strides, given.endings = int(again), 0, 0
+            given.observations, given.rewards = address(observations), address(rewards)
+            given.terminated, given.truncated = address(terminated), address(truncated)
+            given.steps, given.counts = address(steps), address(counts)
+            given.pieces = given.threads * -(-count // (given.threads * CHUNK))
+            if role == SHARED:
+                if present(given.board) + 1 < given.threads:  # nobody waits for one that comes late
+                    given.pieces = -(-count // SMALL)
+                offer(given.board, given.pieces)
+        piece = next_piece(given, -1, role)
+        while piece >= 0:
+            first, last = count * piece // given.pieces, count * (piece + 1) // given.pieces
+            places = copied(where)
+            places[0].observations, places[0].rewards = given.observations, given.rewards
+            places[0].terminated, places[0].truncated = given.terminated, given.truncated
+            here = arrays_at(address(places), arrays)
+            strides, endings = tick(here, first, last, tiles, histories)
+            every_step = view(given.steps, (reported, count), _NUMBER)
+            every_count = view(given.counts, (2, count), _WORD)
             lane = view(stack(1), (1,), _WORD)
             for i in range(first, last):
+                report(here, i, every_step, every_count)
                 if here.records[i, 0].outcome == RESTING:
-                    lane[0] = i
-                    begin_few(where, here, lane)
-        return answer
+                    for k in range(reported):
+                        every_step[k, i] = 0.0
+                    every_count[0, i], every_count[1, i], lane[0] = 0, 0, i
+                    if given.again:
+                        begin_few(where, here, lane)
+            add_at(shared + _STRIDES, strides)
+            add_at(shared + _ENDINGS, endings)
+            if role != ALONE:
+                finish(given.board)
+            piece = next_piece(given, piece, role)
+        return 0
 
     @within(Kernel)
     def step_here(where):
-        """Step a single walker; results go to the arrays of the batch."""
+        """Step a single walker; results go to the arrays of the batch.
+
+        Returns:
+            Numbers of strides and of episodes that end, as `counts` reads them; or -1 if the action
+            is not finite: the walker does not step.
+        """
         places, first = view(where, (1,), ADDRESSES)[0], np.int64(0)  # literals have other types
         last, here = places.of_walkers, arrays_at(where, arrays)
-        return tick(here, first, last, places.tiles, places.histories)
+        if task.first_invalid(here, first, last) >= 0:
+            return -1
+        strides, endings = tick(here, first, last, places.tiles, places.histories)
+        return strides << _HALF | endings
 
     @within(Kernel)
     def observe(where, observations):
@@ -257,27 +323,17 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
             counts: Filled with the number of strides and the outcome as a number, (2, count). The
                 outcome is 0 if no stride or episode ends.
         """
-        ledger = arrays_at(where, arrays).ledger
-        words = view(address(ledger), (len(ledger), row_words), _NUMBER)  # EVERY_STEP first
+        here = arrays_at(where, arrays)
         for i in range(first, last):
-            for k in range(len(steps)):
-                steps[k, i] = words[i, k]
-            counts[0, i] = ledger[i].strides
-            outcome = ledger[i].outcome
-            if ledger[i].truncated != 0 and ledger[i].ending == 0:
-                outcome = TIMED_OUT
-            counts[1, i] = outcome
+            report(here, i, steps, counts)
 
     if custom:  # these kernels are the same for several kinds of scenes
         observe = kernels_for(layout, disturbed, False).observe
     if disturbed:
         enter = kernels_for(layout, False, custom).enter
     if disturbed or custom:
-        plain = kernels_for(layout, False, False)
-        first_invalid, write_info = plain.first_invalid, plain.write_info
-    return Kernels(
-        begin, begin_alike, first_invalid, step, step_here, observe, enter, write_info
-    )  # fmt: skip
+        write_info = kernels_for(layout, False, False).write_info
+    return Kernels(begin, begin_alike, step, step_here, observe, enter, write_info)
 
 
 class EntryPoint:
@@ -285,6 +341,7 @@ class EntryPoint:
 
     Args:
         arrays: Arrays of the batch by name; see `memory`. They must not be replaced afterwards.
+        threads: Number of threads of a step.
         **lengths: Lengths of axes in AXES that no array has as an axis of its own.
 
     Attributes:
@@ -300,12 +357,16 @@ class EntryPoint:
         outcomes: The last two of them, number of strides and outcome, as integers.
     """
 
-    def __init__(self, arrays: dict[str, NDArray], **lengths: int) -> None:
+    def __init__(self, arrays: dict[str, NDArray], threads: int = 1, **lengths: int) -> None:
         self._randoms: list[np.random.Generator] | None = None
         self._kept: dict[str, NDArray] = {}
         self._places = np.zeros(1, ADDRESSES)
         self.address: int = self._places.ctypes.data
-        layout = layout_in(arrays["records"].dtype)
+        layout = self._layout = layout_in(arrays["records"].dtype)
+        self._helpers, self._board = threads - 1, Board()
+        first = _STEP.index("strides")
+        self._shared = np.array([self._board.address, threads, *[0] * (len(_STEP) - 2)])
+        self._counted = self._shared[first : first + 2]  # strides and endings
         self.kernels = kernels_for(layout, "disturbances" in arrays, "notes" in arrays)
         self.step_here = self.kernels.step_here.native(0)
         for axis, length in lengths.items():
@@ -315,20 +376,48 @@ class EntryPoint:
         self._put(**arrays, tiles=tiles, histories=histories)
         self.actions, self.observations = arrays["actions"], arrays["observations"]
         self.results = arrays["rewards"], arrays["terminated"], arrays["truncated"]
-        reported = len(task.EVERY_STEP) + len(task.EVERY_STRIDE) + 1
-        self.words = arrays["ledger"].view(np.float64)[:reported]
+        tables = np.zeros((1, 1)), np.zeros((1, 1), np.int64)
+        self._spare = self.observations, *self.results, *tables
+        words = len(task.EVERY_STEP) + len(task.EVERY_STRIDE) + 1
+        self.words = arrays["ledger"].view(np.float64)[:words]
         self.outcomes = self.words.view(np.int64)[-2:]
 
     @cached_property
-    def step(self) -> Any:
-        """The machine code of `Kernels.step`; its arrays are like `observations` and `results`."""
-        return self.kernels.step.native(0, 0, 0, 0, 0, False, self.observations, *self.results)
+    def _step(self) -> Any:
+        """The machine code of `Kernels.step`."""
+        return self.kernels.step.native(0, 0, 0, 0, 0, False, *self._spare)
+
+    def step(self, again: bool, *arrays: NDArray) -> Sequence[int]:
+        """Step all walkers.
+
+        Args:
+            again: Whether walkers without an episode begin the next one.
+            *arrays: Filled: flat observations, rewards, terminations, truncations, and the two
+                arrays of `write_info`.
+
+        Returns:
+            Numbers of strides and of episodes that end; or -1 - i and 0 if the action of walker i
+            is the first that is not finite.
+        """
+        role = ALONE
+        if self._helpers:
+            self._board.ask(self._helpers, self._help)
+            role = SHARED
+        place = self._shared.ctypes.data
+        if answer := self._step(self.address, place, role, *self.workspace, again, *arrays):
+            return answer, 0
+        return self._counted.tolist()
+
+    def _help(self) -> None:
+        """Help with steps in another thread, until there are none."""
+        work = (part.ctypes.data for part in thread_workspace(layout=self._layout))
+        place = self._shared.ctypes.data
+        self._step(self.address, place, HELPING, *work, False, *self._spare)
 
     @cached_property
     def write_info(self) -> Any:
         """The machine code of `Kernels.write_info`."""
-        tables = np.zeros((1, 1)), np.zeros((1, 1), np.int64)
-        return self.kernels.write_info.native(0, 0, 0, *tables)
+        return self.kernels.write_info.native(0, 0, 0, *self._spare[-2:])
 
     def _put(self, **arrays: NDArray) -> None:
         for name, array in arrays.items():

@@ -212,7 +212,8 @@ class PassiveWalkerVectorEnv(
             endings += int(waiting.sum())
         if not endings or self.autoreset_mode != AutoresetMode.SAME_STEP:
             # NEXT_STEP: this was the reset of the environments that had ended.
-            infos = self._infos(~self._ended if self._any_ended else self._everyone)
+            stepped = ~self._ended if self._any_ended else self._everyone
+            infos = self._infos(stepped, just_now=True)
             if self._any_ended or endings:
                 self._ended, self._any_ended = terminated | truncated, endings > 0
             self.batch.unfinished = False
@@ -322,14 +323,21 @@ class PassiveWalkerVectorEnv(
         """Terms (num_envs,) of the last rewards by name; a reward is their sum."""
         return self.batch.reward_terms()
 
-    def _infos(self, stepped: NDArray[np.bool_], present: NDArray[np.bool_] | None = None) -> Infos:
+    def _infos(
+        self,
+        stepped: NDArray[np.bool_],
+        present: NDArray[np.bool_] | None = None,
+        *,
+        just_now: bool = False,
+    ) -> Infos:
         """Return the infos of single environments as arrays, with masks.
 
         Args:
             stepped: Whether each walker has made a step, (num_envs,); the others have begun.
             present: Mask of the environments that have these infos, (num_envs,); all if None.
+            just_now: Whether `stepped` are the walkers that made the last step.
         """
-        steps, counts, ended, measures = self.batch.reported(stepped)
+        steps, counts, ended, measures = self.batch.reported(stepped, just_now=just_now)
         mask = (self._everyone if present is None else present).copy()
         others = self.batch.info_values(stepped)
         drawn = others.pop("randomized", {})

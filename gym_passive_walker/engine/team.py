@@ -1,0 +1,193 @@
+"""Threads that share work in pieces, a step of a batch after the other.
+
+To wake a thread of Python takes some 50 µs, and to take over Python's lock as long: that is a step
+of hundreds of walkers. So a thread that has helped waits in compiled code for the next step, for a
+while, and sleeps only then. The thread that steps takes pieces too. It never waits for another one
+to begin, so a step takes no longer than alone.
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import os
+import threading
+import weakref
+from collections.abc import Callable
+
+import numpy as np
+
+from gym_passive_walker.engine.jit import add_at, call, jitted, put_at, view, word_at
+
+_LOOKS = 200_000  # for another step, before a thread lets others run between looks: some 100 µs
+_TURNS = 4_000  # of others, before a thread sleeps: some 2 ms where there are none
+_LINE = 64  # bytes that processors exchange at once
+_NAMES = ("next", "left", "present", "leave", "pieces", "give_way")
+BOARD = np.dtype({"names": _NAMES, "formats": ["i8"] * len(_NAMES),
+                  "offsets": [_LINE * i for i in range(len(_NAMES))],
+                  "itemsize": _LINE * len(_NAMES)})  # fmt: skip
+"""Words that threads share: the next piece, the number of pieces that are not finished, the number
+of helping threads, whether these are to leave, the number of pieces, and the address of a function
+that lets other threads run."""
+
+_NEXT, _LEFT, _PRESENT, _LEAVE = (_LINE * i for i in range(4))
+_NONE = 1 << 40  # no piece has this number
+_GIVE_WAY = ctypes.windll.kernel32.SwitchToThread if os.name == "nt" else (  # type: ignore[attr-defined]
+    ctypes.CDLL(None).sched_yield)  # fmt: skip
+
+
+@jitted
+def offer(board, pieces):
+    """Offer the pieces of a step; what they need must be written before."""
+    put_at(board + _NEXT, _NONE)  # while their number changes
+    view(board, (1,), BOARD)[0].pieces = pieces
+    put_at(board + _LEFT, pieces)
+    put_at(board + _NEXT, 0)
+
+
+@jitted
+def present(board):
+    """Return the number of threads that help."""
+    return word_at(board + _PRESENT)
+
+
+@jitted
+def arrive(board):
+    """Note that a thread helps."""
+    add_at(board + _PRESENT, 1)
+
+
+@jitted
+def take(board, helps):
+    """Return the number of a piece to do, or -1 when there is nothing more to do.
+
+    The thread that steps leaves when all pieces are finished, a helping one when it has waited for
+    long, or is to leave.
+    """
+    given, looks = view(board, (1,), BOARD)[0], 0
+    while True:
+        if word_at(board + _NEXT) < given.pieces:
+            piece = add_at(board + _NEXT, 1)
+            if piece < given.pieces:
+                return piece
+        looks += 1
+        if looks > _LOOKS:
+            call(given.give_way, 0, 0, 0, 0, 0.0, 0.0)
+        if not helps:
+            if word_at(board + _LEFT) == 0:
+                return -1
+        elif looks > _LOOKS + _TURNS or word_at(board + _LEAVE) != 0:
+            add_at(board + _PRESENT, -1)
+            if word_at(board + _NEXT) >= given.pieces:
+                return -1
+            add_at(board + _PRESENT, 1)  # a step that may have counted on this thread
+            looks = 0
+
+
+@jitted
+def finish(board):
+    """Note that a piece is finished."""
+    add_at(board + _LEFT, -1)
+
+
+class Board:
+    """Where threads share the steps of one batch.
+
+    Attributes:
+        address: Address that compiled code takes.
+    """
+
+    def __init__(self) -> None:
+        self._words = np.zeros(1, BOARD)
+        self._words["give_way"] = ctypes.cast(_GIVE_WAY, ctypes.c_void_p).value
+        self._present = self._words["present"]
+        self.address: int = self._words.ctypes.data
+        self._team = _TEAM
+
+    def ask(self, most: int, work: Callable[[], object]) -> None:
+        """Ask for help with the step that comes.
+
+        Args:
+            most: Largest number of threads that help.
+            work: Helps in the thread that calls it, until `take` returns -1.
+        """
+        if self._team is not _TEAM:  # this process is a copy of another one, without its threads
+            self._team, self._present[0] = _TEAM, 0
+        if _TEAM.board() is not self or self._present[0] < most:
+            _TEAM.gather(self, most, work)
+
+    def leave(self, now: bool) -> None:
+        """Say whether helping threads are to leave."""
+        self._words["leave"] = now
+
+
+class _Helper(threading.Thread):
+    """A thread that waits for work."""
+
+    def __init__(self) -> None:
+        super().__init__(name="walkers", daemon=True)
+        self._bell = threading.Lock()
+        self._work: Callable[[], object] | None = _nothing
+        self._bell.acquire()
+        self.start()
+
+    def run(self) -> None:
+        """Work whenever there is work, until there is to be none."""
+        while True:
+            self._bell.acquire()
+            work, self._work = self._work, _nothing
+            if work is None:
+                return
+            work()
+            del work  # which may refer to much memory
+
+    def ask(self, work: Callable[[], object] | None) -> None:
+        """Ask for work, after what it does now; None ends the thread."""
+        self._work = work
+        if self._bell.locked():
+            self._bell.release()
+
+
+def _nothing() -> None:
+    """Do nothing."""
+
+
+class _Team:
+    """All helping threads of this process; they are at one board at a time."""
+
+    def __init__(self) -> None:
+        self.board: Callable[[], Board | None] = lambda: None
+        self._helpers: list[_Helper] = []
+        self._lock = threading.Lock()
+
+    def gather(self, board: Board, most: int, work: Callable[[], object]) -> None:
+        """Call threads to a board, until `most` are on their way or there."""
+        with self._lock:
+            if (before := self.board()) is not board:
+                if before:
+                    before.leave(True)
+                board.leave(False)
+                self.board = weakref.ref(board)
+            while len(self._helpers) < most:
+                self._helpers.append(_Helper())
+            for helper in self._helpers[:most]:
+                helper.ask(work)
+
+    def end(self) -> None:
+        """End all threads, before the interpreter does."""
+        if board := self.board():
+            board.leave(True)
+        for helper in self._helpers:
+            helper.ask(None)
+            helper.join()
+
+
+def _renew() -> None:
+    global _TEAM
+    _TEAM = _Team()
+
+
+_renew()
+atexit.register(lambda: _TEAM.end())
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_renew)
