@@ -21,16 +21,16 @@ from gym_passive_walker.engine.jit import add_at, call, jitted, put_at, view, wo
 
 _LOOKS = 200_000  # for another step, before a thread lets others run between looks: some 100 µs
 _TURNS = 4_000  # of others, before a thread sleeps: some 2 ms where there are none
-_LINE = 64  # bytes that processors exchange at once
-_NAMES = ("next", "left", "present", "leave", "pieces", "give_way")
+_LINE = 64  # bytes that the cores of a CPU exchange at once
+_NAMES = ("next", "left", "helping", "leave", "pieces", "give_way")
 BOARD = np.dtype({"names": _NAMES, "formats": ["i8"] * len(_NAMES),
                   "offsets": [_LINE * i for i in range(len(_NAMES))],
                   "itemsize": _LINE * len(_NAMES)})  # fmt: skip
-"""Words that threads share: the next piece, the number of pieces that are not finished, the number
-of helping threads, whether these are to leave, the number of pieces, and the address of a function
-that lets other threads run."""
+"""Words that threads share: number of the next piece, of pieces that are not finished, and of
+helping threads; whether these are to leave; number of all pieces. The last one is the address of a
+function that lets other threads run."""
 
-_NEXT, _LEFT, _PRESENT, _LEAVE = (_LINE * i for i in range(4))
+_NEXT, _LEFT, _HELPING, _LEAVE = (_LINE * i for i in range(4))
 _NONE = 1 << 40  # no piece has this number
 _GIVE_WAY = ctypes.windll.kernel32.SwitchToThread if os.name == "nt" else (  # type: ignore[attr-defined]
     ctypes.CDLL(None).sched_yield)  # fmt: skip
@@ -46,15 +46,15 @@ def offer(board, pieces):
 
 
 @jitted
-def present(board):
+def helping(board):
     """Return the number of threads that help."""
-    return word_at(board + _PRESENT)
+    return word_at(board + _HELPING)
 
 
 @jitted
 def arrive(board):
     """Note that a thread helps."""
-    add_at(board + _PRESENT, 1)
+    add_at(board + _HELPING, 1)
 
 
 @jitted
@@ -77,10 +77,10 @@ def take(board, helps):
             if word_at(board + _LEFT) == 0:
                 return -1
         elif looks > _LOOKS + _TURNS or word_at(board + _LEAVE) != 0:
-            add_at(board + _PRESENT, -1)
+            add_at(board + _HELPING, -1)
             if word_at(board + _NEXT) >= given.pieces:
                 return -1
-            add_at(board + _PRESENT, 1)  # a step that may have counted on this thread
+            add_at(board + _HELPING, 1)  # a step that may have counted on this thread
             looks = 0
 
 
@@ -100,7 +100,7 @@ class Board:
     def __init__(self) -> None:
         self._words = np.zeros(1, BOARD)
         self._words["give_way"] = ctypes.cast(_GIVE_WAY, ctypes.c_void_p).value
-        self._present = self._words["present"]
+        self._helping = self._words["helping"]
         self.address: int = self._words.ctypes.data
         self._team = _TEAM
 
@@ -112,8 +112,8 @@ class Board:
             work: Helps in the thread that calls it, until `take` returns -1.
         """
         if self._team is not _TEAM:  # this process is a copy of another one, without its threads
-            self._team, self._present[0] = _TEAM, 0
-        if _TEAM.board() is not self or self._present[0] < most:
+            self._team, self._helping[0] = _TEAM, 0
+        if _TEAM.board() is not self or self._helping[0] < most:
             _TEAM.gather(self, most, work)
 
     def leave(self, now: bool) -> None:

@@ -37,7 +37,7 @@ from gym_passive_walker.engine.layout import (
     tile_for,
 )
 from gym_passive_walker.engine.run import thread_workspace, workspace
-from gym_passive_walker.engine.team import Board, arrive, finish, offer, present, take
+from gym_passive_walker.engine.team import Board, arrive, finish, helping, offer, take
 from gym_passive_walker.envs import disturbance_kernels, memory, task, transitions
 from gym_passive_walker.envs.memory import ARRAYS, AXES
 from gym_passive_walker.envs.transitions import TIMED_OUT
@@ -245,7 +245,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
             given.steps, given.counts = address(steps), address(counts)
             given.pieces = given.threads * -(-count // (given.threads * CHUNK))
             if role == SHARED:
-                if present(given.board) + 1 < given.threads:  # nobody waits for one that comes late
+                if helping(given.board) + 1 < given.threads:  # nobody waits for one that comes late
                     given.pieces = -(-count // SMALL)
                 offer(given.board, given.pieces)
         piece = next_piece(given, -1, role)
