@@ -62,11 +62,13 @@ def _kernels(layout: Layout) -> Iterator[Callable[[], object]]:
     records = np.zeros((0, 1), record_for(layout))
     phases, numbers = np.zeros(0, PHASE), np.zeros(0)
     lanes, table, keys = np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0, np.uint64)
-    cube = np.zeros((0, 1, 1))
+    cube, words = np.zeros((0, 1, 1)), np.zeros((0, 1), np.int64)
+    singles, truths = np.zeros(0, np.float32), np.zeros(0, bool)
     given = [
         (run.integrate, records, cube, phases, run.options(1e-8), *run.workspace(layout=layout)),
         (transitions.look, np.zeros(0, transitions.note_for(layout)), 0, table),
         (ticks.draw_numbers, 0, lanes, table, keys),
+        (ticks.post, 0, False, singles, numbers, truths, truths, table, words),
         (newton.eliminate, cube, table),
         (starts.between, numbers, table, numbers, table),
         (terrain.grounds, table, numbers, keys, lanes, table),
@@ -92,13 +94,11 @@ def _of_batches(layout: Layout, pushed: bool, custom: bool) -> Iterator[Callable
     yield partial(of.write_info.native, 0, 0, 0, table, words)
     if custom:
         yield partial(of.enter.native, 0, True, True, numbers, truths)
-    filled = singles, numbers, truths, truths, table, words
-    yield partial(of.step.native, 0, 0, 0, 0, 0, False, *filled)
-    yield partial(of.step_here.native, 0)
+    yield partial(of.step.native, 0, 0, 0, 0, 0)
 
 
 def _of_scene(system: str, wide: bool, pushed: bool, custom: bool) -> list[Callable]:
-    """Return what a scene's steps need, those kernels last that share most of their parts."""
+    """Return what a scene's steps need, the longest last."""
     _, *kernels = _of_batches(WIDE if wide else NARROW, pushed, custom)
     return [partial(compiled, system)] * (not pushed and system in SYSTEMS) + kernels
 
@@ -110,18 +110,17 @@ def compile_for(scene: Scene) -> None:
     """
     system = system_in(scene, scene.walker)
     key = system.name, layout_of(system) is WIDE, disturbed(scene), is_custom(scene)
-    *_, step, step_here = _of_scene(*key)
-    if all(map(machine.at_hand, machine.asked_by([step, step_here]))):
+    *_, step = _of_scene(*key)
+    if all(map(machine.at_hand, machine.asked_by([step]))):
         return
     code = f"from gym_passive_walker.apps import build; build.compile_others({key})"
     with subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL):
-        step_here()
         step()
 
 
 def compile_others(key: tuple[str, bool, bool, bool]) -> None:
     """Compile what `compile_for` does not: it is the other process."""
-    for piece in _of_scene(*key)[:-2]:
+    for piece in _of_scene(*key)[:-1]:
         piece()
 
 

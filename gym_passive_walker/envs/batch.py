@@ -575,7 +575,7 @@ class Batch:
             return self.step(action, self.observations, *entry_point.results)
         entry_point.actions[...] = action
         self.unfinished = True
-        answer = entry_point.step_here(entry_point.address)
+        answer = entry_point.step_here()
         if answer < 0:
             self.refuse(-1 - answer)
         return ticks.counts(answer)

@@ -7,8 +7,8 @@ than the engine takes for one walker. The addresses of arrays are therefore stor
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
-from functools import cache, cached_property
+from collections.abc import Callable
+from functools import cache, cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,13 +54,13 @@ ALONE, SHARED, HELPING = range(3)
 """Roles of a thread in a step: the only one, the one that steps with others, or one of those."""
 
 _STEP = (
-    "board", "threads", "pieces", "again", "strides", "endings", "observations", "rewards",
+    "board", "threads", "large", "size", "again", "strides", "endings", "observations", "rewards",
     "terminated", "truncated", "steps", "counts",
 )  # fmt: skip
 STEP = np.dtype([(name, "i8") for name in _STEP])
-"""What the threads of a step share: its board, numbers of threads and of pieces, whether walkers
-begin another episode, numbers of strides and of episodes that end, and addresses of the arrays to
-fill."""
+"""What the threads of a step share: its board and number of threads; how many walkers a piece has,
+where all threads are there and in this step; whether walkers begin another episode; numbers of
+strides and of episodes that end; and addresses of the arrays to fill."""
 
 _STRIDES, _ENDINGS = (8 * _STEP.index(name) for name in ("strides", "endings"))
 _AT: dict[str, int] = {name: place[1] for name, place in (ADDRESSES.fields or {}).items()}
@@ -69,6 +69,7 @@ _WORDS = len(_AT)
 _NUMBER, _WORD, _KEY = np.dtype("f8"), np.dtype("i8"), np.dtype("u8")
 _HALF = 32
 SMALL = 128  # walkers that a thread takes at once while it may be alone
+_TABLES = np.zeros((1, 1)), np.zeros((1, 1), np.int64)  # of the types of `write_info`
 FEW = 64  # walkers that begin together: their draws and gaits are on the stack
 
 _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
@@ -88,6 +89,16 @@ def draw_numbers(where, lanes, draws, keys):
             keys[j] = draw_word(generators[lanes[j]])
 
 
+@Kernel
+def post(shared, again, observations, rewards, terminated, truncated, steps, counts):
+    """Write what the threads of a step share; see STEP and `Kernels.step`."""
+    given = view(shared, (1,), STEP)[0]
+    given.again = int(again)
+    given.observations, given.rewards = address(observations), address(rewards)
+    given.terminated, given.truncated = address(terminated), address(truncated)
+    given.steps, given.counts = address(steps), address(counts)
+
+
 def counts(answer: int) -> tuple[int, int]:
     """Return the numbers of strides and of episodes that end, from the answer of a kernel."""
     return answer >> _HALF, answer & ((1 << _HALF) - 1)
@@ -99,7 +110,6 @@ class Kernels(NamedTuple):
     begin: Kernel
     begin_alike: Kernel
     step: Kernel
-    step_here: Kernel
     observe: Kernel
     enter: Kernel
     write_info: Kernel
@@ -208,28 +218,31 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         counts[1, i] = outcome
 
     @within(merged)
-    def next_piece(given, piece, role):
+    def next_piece(given, piece, role, count):
         """Return the number of the next piece for this thread, or -1."""
         if role != ALONE:
             piece = take(given.board, role == HELPING)
         else:
-            piece = piece + 1 if piece + 1 < given.pieces else -1
+            piece = piece + 1 if (piece + 1) * given.size < count else -1
         return piece
 
     @within(Kernel)
-    def step(
-        where, shared, role, tiles, histories, again, observations, rewards, terminated, truncated,
-        steps, counts,
-    ):  # fmt: skip
+    def step(where, shared, role, tiles, histories):
         """Step all walkers, piece by piece, perhaps with other threads.
 
-        With `again`, those that rest begin another episode. Tiles and histories are addresses of
-        the working memory of a thread. Arrays of all walkers are filled, observations flat. A
-        thread that helps takes what else it needs from `shared`, of STEP. `steps` and `counts` are
-        those of `write_info`, with zeros for walkers that rest.
+        Args:
+            where: Address from `EntryPoint.address`.
+            shared: Address of STEP: arrays of all walkers to fill, observations flat; "steps" and
+                "counts" are those of `write_info`, with zeros for walkers that rest. If these are
+                0, the batch's own arrays are filled. With "again", walkers that rest begin another
+                episode.
+            role: Role of this thread.
+            tiles: Address of the working memory of this thread.
+            histories: Another one.
 
         Returns:
-            0; or -1 - i if the action of walker i is the first that is not finite: no walker steps.
+            Numbers of strides and of episodes that end, as `counts` reads them; or -1 - i if the
+            action of walker i is the first that is not finite: no walker steps.
         """
         given, every = view(shared, (1,), STEP)[0], arrays_at(where, arrays)
         count = len(every.ledger)
@@ -239,55 +252,45 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
             wrong = task.first_invalid(every, 0, count)
             if wrong >= 0:
                 return -1 - wrong
-            given.again, given.strides, given.endings = int(again), 0, 0
-            given.observations, given.rewards = address(observations), address(rewards)
-            given.terminated, given.truncated = address(terminated), address(truncated)
-            given.steps, given.counts = address(steps), address(counts)
-            given.pieces = given.threads * -(-count // (given.threads * CHUNK))
+            given.strides, given.endings = 0, 0
+            given.size = given.large
             if role == SHARED:
                 if helping(given.board) + 1 < given.threads:  # nobody waits for one that comes late
-                    given.pieces = -(-count // SMALL)
-                offer(given.board, given.pieces)
-        piece = next_piece(given, -1, role)
+                    given.size = SMALL
+                offer(given.board, -(-count // given.size))
+        piece = next_piece(given, -1, role, count)
         while piece >= 0:
-            first, last = count * piece // given.pieces, count * (piece + 1) // given.pieces
-            places = copied(where)
-            places[0].observations, places[0].rewards = given.observations, given.rewards
-            places[0].terminated, places[0].truncated = given.terminated, given.truncated
-            here = arrays_at(address(places), arrays)
+            first = piece * given.size
+            last = min(first + given.size, count)
+            place = where
+            if given.steps != 0:
+                places = copied(where)
+                places[0].observations, places[0].rewards = given.observations, given.rewards
+                places[0].terminated, places[0].truncated = given.terminated, given.truncated
+                place = address(places)
+            here = arrays_at(place, arrays)
             strides, endings = tick(here, first, last, tiles, histories)
-            every_step = view(given.steps, (reported, count), _NUMBER)
-            every_count = view(given.counts, (2, count), _WORD)
-            lane = view(stack(1), (1,), _WORD)
-            for i in range(first, last):
-                report(here, i, every_step, every_count)
-                if here.records[i, 0].outcome == RESTING:
-                    for k in range(reported):
-                        every_step[k, i] = 0.0
-                    every_count[0, i], every_count[1, i], lane[0] = 0, 0, i
-                    if given.again:
-                        begin_few(where, here, lane)
-            add_at(shared + _STRIDES, strides)
-            add_at(shared + _ENDINGS, endings)
-            if role != ALONE:
+            if given.steps != 0:
+                steps = view(given.steps, (reported, count), _NUMBER)
+                counts = view(given.counts, (2, count), _WORD)
+                lane = view(stack(1), (1,), _WORD)
+                for i in range(first, last):
+                    report(here, i, steps, counts)
+                    if here.records[i, 0].outcome == RESTING:
+                        for k in range(reported):
+                            steps[k, i] = 0.0
+                        counts[0, i], counts[1, i], lane[0] = 0, 0, i
+                        if given.again:
+                            begin_few(where, here, lane)
+            if role == ALONE:
+                given.strides += strides
+                given.endings += endings
+            else:
+                add_at(shared + _STRIDES, strides)
+                add_at(shared + _ENDINGS, endings)
                 finish(given.board)
-            piece = next_piece(given, piece, role)
-        return 0
-
-    @within(Kernel)
-    def step_here(where):
-        """Step a single walker; results go to the arrays of the batch.
-
-        Returns:
-            Numbers of strides and of episodes that end, as `counts` reads them; or -1 if the action
-            is not finite: the walker does not step.
-        """
-        places, first = view(where, (1,), ADDRESSES)[0], np.int64(0)  # literals have other types
-        last, here = places.of_walkers, arrays_at(where, arrays)
-        if task.first_invalid(here, first, last) >= 0:
-            return -1
-        strides, endings = tick(here, first, last, places.tiles, places.histories)
-        return strides << _HALF | endings
+            piece = next_piece(given, piece, role, count)
+        return given.strides << _HALF | given.endings
 
     @within(Kernel)
     def observe(where, observations):
@@ -333,7 +336,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         enter = kernels_for(layout, False, custom).enter
     if disturbed or custom:
         write_info = kernels_for(layout, False, False).write_info
-    return Kernels(begin, begin_alike, step, step_here, observe, enter, write_info)
+    return Kernels(begin, begin_alike, step, observe, enter, write_info)
 
 
 class EntryPoint:
@@ -347,8 +350,7 @@ class EntryPoint:
     Attributes:
         address: Address that the kernels take.
         kernels: Kernels for the layout of the records.
-        step_here: The compiled kernel that single environments call.
-        workspace: Addresses of the tile and the guard history of one thread.
+        step_here: Steps a single walker; results go to the arrays of the batch; see `Kernels.step`.
         actions: Actions of all walkers, flat; filled before a step.
         observations: Default observations of all walkers, flat, from `step_here`.
         results: Rewards, terminations and truncations, each (count,), from `step_here`.
@@ -363,31 +365,39 @@ class EntryPoint:
         self._places = np.zeros(1, ADDRESSES)
         self.address: int = self._places.ctypes.data
         layout = self._layout = layout_in(arrays["records"].dtype)
-        self._helpers, self._board = threads - 1, Board()
-        first = _STEP.index("strides")
-        self._shared = np.array([self._board.address, threads, *[0] * (len(_STEP) - 2)])
-        self._counted = self._shared[first : first + 2]  # strides and endings
         self.kernels = kernels_for(layout, "disturbances" in arrays, "notes" in arrays)
-        self.step_here = self.kernels.step_here.native(0)
         for axis, length in lengths.items():
             self._places[f"of_{axis}"] = length
         tiles, histories = workspace(layout=layout)
-        self.workspace = tiles.ctypes.data, histories.ctypes.data
         self._put(**arrays, tiles=tiles, histories=histories)
         self.actions, self.observations = arrays["actions"], arrays["observations"]
         self.results = arrays["rewards"], arrays["terminated"], arrays["truncated"]
-        tables = np.zeros((1, 1)), np.zeros((1, 1), np.int64)
-        self._spare = self.observations, *self.results, *tables
         words = len(task.EVERY_STEP) + len(task.EVERY_STRIDE) + 1
         self.words = arrays["ledger"].view(np.float64)[:words]
         self.outcomes = self.words.view(np.int64)[-2:]
 
-    @cached_property
-    def _step(self) -> Any:
-        """The machine code of `Kernels.step`."""
-        return self.kernels.step.native(0, 0, 0, 0, 0, False, *self._spare)
+        self._helpers, self._board = threads - 1, Board()
+        self._shared = np.zeros(2, STEP)  # of all walkers, and of a single one
+        self._shared["board"], self._shared["threads"] = self._board.address, (threads, 1)
+        count = len(arrays["ledger"])
+        self._shared["large"] = -(-count // (threads * -(-count // (threads * CHUNK))))
+        self._of_all, here = (self._shared[i:].ctypes.data for i in range(2))
+        self._workspace = tiles.ctypes.data, histories.ctypes.data
+        alone = self.address, here, ALONE, *self._workspace
+        self._step = self.kernels.step.native(*alone)
+        self.step_here = partial(self._step, *alone)
 
-    def step(self, again: bool, *arrays: NDArray) -> Sequence[int]:
+    @cached_property
+    def _post(self) -> Any:
+        """The machine code of `post`."""
+        return post.native(0, False, self.observations, *self.results, *_TABLES)
+
+    @cached_property
+    def write_info(self) -> Any:
+        """The machine code of `Kernels.write_info`."""
+        return self.kernels.write_info.native(0, 0, 0, *_TABLES)
+
+    def step(self, again: bool, *arrays: NDArray) -> tuple[int, int]:
         """Step all walkers.
 
         Args:
@@ -399,25 +409,18 @@ class EntryPoint:
             Numbers of strides and of episodes that end; or -1 - i and 0 if the action of walker i
             is the first that is not finite.
         """
+        self._post(self._of_all, again, *arrays)
         role = ALONE
         if self._helpers:
             self._board.ask(self._helpers, self._help)
             role = SHARED
-        place = self._shared.ctypes.data
-        if answer := self._step(self.address, place, role, *self.workspace, again, *arrays):
-            return answer, 0
-        return self._counted.tolist()
+        answer = self._step(self.address, self._of_all, role, *self._workspace)
+        return counts(answer) if answer >= 0 else (answer, 0)
 
     def _help(self) -> None:
         """Help with steps in another thread, until there are none."""
         work = (part.ctypes.data for part in thread_workspace(layout=self._layout))
-        place = self._shared.ctypes.data
-        self._step(self.address, place, HELPING, *work, False, *self._spare)
-
-    @cached_property
-    def write_info(self) -> Any:
-        """The machine code of `Kernels.write_info`."""
-        return self.kernels.write_info.native(0, 0, 0, *self._spare[-2:])
+        self._step(self.address, self._of_all, HELPING, *work)
 
     def _put(self, **arrays: NDArray) -> None:
         for name, array in arrays.items():
