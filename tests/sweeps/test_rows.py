@@ -596,3 +596,13 @@ def test_a_pool_waits_to_the_first_time_out_and_never_longer_than_a_report(monke
     assert [pool._overdue(each) for each in pool._pool] == [False, True, False, False]
     pool._time_out = None
     assert pool._patience() == 5.0 and not pool._overdue(old)
+
+
+def test_no_process_of_a_closed_pool_works_on():
+    pool = Workers("gait", 2, None)
+    processes = [each.process for each in pool._pool]
+    assert all(each.is_alive() for each in processes)
+    pool.close()
+    for each in processes:
+        each.join(20.0)
+    assert not any(each.is_alive() for each in processes)
