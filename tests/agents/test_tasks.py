@@ -45,7 +45,7 @@ OWN = {
     "an own reward on rough ground with pushes": {
         "reward": f"{HERE}:upright", "command": (0.1, 0.2), "terrain_lookahead": 1,
         "terrain": {"rough": {"slope_std": 0.01}}, "pushes": {"rate": 0.5, "impulse": 0.01},
-        "domain_randomization": {"hip_mass": 0.2},
+        "domain_randomization": {"foot_radius": 0.2},
     },
     "own observations and ends": {
         "observation": f"{HERE}:observe",

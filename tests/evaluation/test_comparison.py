@@ -159,7 +159,7 @@ def test_a_search_that_takes_too_long_is_given_up():
 @pytest.mark.parametrize(
     ("scene", "name"),
     [({"slope": (0.1, 0.12)}, "slope"), ({"command": (0.3, 0.35)}, "command"),
-     ({"domain_randomization": {"hip_mass": 0.01}}, "domain_randomization")],
+     ({"domain_randomization": {"foot_radius": 0.01}}, "domain_randomization")],
 )  # fmt: skip
 def test_walks_that_differ_from_each_other_have_no_one_optimum(scene, name):
     there = make_scene("steep", **scene)

@@ -113,6 +113,9 @@ def test_each_test_changes_its_one_thing_and_begins_with_the_same_seeds(monkeypa
     assert tuple(found.episodes) == tuple(TESTS) and found.scene == own
     for (_, count, scene, limit, seed), changes in zip(asked, TESTS.values(), strict=True):
         assert (count, limit, seed) == (3, 400, 7_202_611)  # 100 sqrt(l/g) of 0.25 each
+        if "domain_randomization" in changes:  # this walker has no mass at its hip
+            share = changes["domain_randomization"]["foot_radius"]
+            changes = {"domain_randomization": {"foot_radius": share}}
         assert scene == make_scene(own, **changes)
     asked.clear()
     gpw.gauntlet(Passive(), make_scene("steep"), walkers=1)

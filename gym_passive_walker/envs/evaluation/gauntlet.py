@@ -167,11 +167,21 @@ def gauntlet(
     walks: dict[str, Walks] = {}
     with progress("tests", len(TESTS)) as done:
         for name, changes in TESTS.items():
-            there = make_scene(own, **changes)
+            there = make_scene(own, **_possible(changes, own))
             walks[name] = simulate_episodes(controller, _arena(there, count), seed=SEED)
             done()
     named = isinstance(controller, str | PathLike)
     return Gauntlet(str(controller) if named else policy_name(policy), own, walks)
+
+
+def _possible(changes: dict[str, Any], scene: Scene) -> dict[str, Any]:
+    """Return the changes without tolerances of what the walker does not have."""
+    if "domain_randomization" not in changes:
+        return changes
+    own = scene.walker.parameters
+    return {"domain_randomization": {
+        name: share for name, share in changes["domain_randomization"].items() if own.get(name)
+    }}  # fmt: skip
 
 
 def _arena(scene: Scene, count: int) -> PassiveWalkerVectorEnv:

@@ -71,7 +71,6 @@ class Distribution(NamedTuple):
             "choices", all of them.
         operation: One of OPERATIONS.
         clip: Smallest and largest number of "normal"; else those of `numbers`.
-        strict: Whether the ends must make valid walkers that differ from the scene's.
     """
 
     names: tuple[str, ...]
@@ -79,7 +78,6 @@ class Distribution(NamedTuple):
     numbers: tuple[float, ...]
     operation: str
     clip: tuple[float, float]
-    strict: bool = True
 
     @property
     def key(self) -> str:
@@ -283,8 +281,9 @@ def checked_randomization(scene: Any) -> dict[str, Any]:
             continue
         entry = _entry(", ".join(keys[key]), value, check=True)
         _check_units(entry, scene.walker)
-        for name in entry.names:
-            _check_effect(entry, name, scene)
+        if value != 0.0:  # a tolerance of 0 asks for nothing
+            for name in entry.names:
+                _check_effect(entry, name, scene)
         found[entry.key] = _plain(value)
     if CURRICULUM in given:
         if not found:
@@ -333,7 +332,7 @@ def _entry(key: str, value: Any, *, check: bool = False) -> Distribution:
             _check_share(title, value)
         share: Any = value
         ends = 1.0 - share, 1.0 + share
-        return Distribution(names, "uniform", ends, "scale", ends, strict=False)
+        return Distribution(names, "uniform", ends, "scale", ends)
     if not isinstance(value, Mapping):
         value = {"uniform": value}
     if check:
@@ -428,13 +427,11 @@ def _check_units(entry: Distribution, walker: Any) -> None:
 def _check_effect(entry: Distribution, name: str, scene: Any) -> None:
     """Check that the values of a parameter are valid and have an effect in a scene."""
     title, of_body = entry.title, name not in SCENE_PARAMETERS
-    if of_body and not entry.strict:
-        return
     nominal = scene.walker.parameters[name] if of_body else getattr(scene, name)
     if entry.operation == "scale" and nominal == 0.0:
         raise SceneError(
-            f"{title}: {name} is 0 in this scene, and no factor changes it: draw values, with "
-            '"operation": "abs"'
+            f"{title}: {name} is 0 in this scene, and no factor changes it: draw values, as in "
+            '{"uniform": (0, 0.1), "operation": "abs"}'
         )
     if of_body:
         _check_body(entry, name, scene.walker)
