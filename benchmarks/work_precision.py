@@ -80,8 +80,8 @@ def strides() -> None:
 
 def _in_turns(p: Problem) -> tuple[Curve, Curve, Curve]:
     """One walker by the engine, by heyoka, and by heyoka's integrators without Python between."""
-    exact, fresh, again = reference.strides(p)[0], engine.new_batch(p, 1), engine.new_batch(p, 1)
-    ours, theirs, measures = [], [], [partial(timed, partial(again.__setitem__, slice(None), fresh))]
+    exact, fresh, ours, theirs = reference.strides(p)[0], engine.new_batch(p, 1), [], []
+    measures = [partial(timed, partial(fresh.copy().__setitem__, slice(None), fresh))]
 
     def inner(stride: Callable[[NDArray], NDArray], spent: list[float]) -> float:
         spent.clear()

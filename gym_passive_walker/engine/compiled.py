@@ -198,13 +198,13 @@ def written(
         first = function(f"first{i}", tile, active=_STATES)
         first.over_lanes(step.first)
         first.end()
-        sweeps = [(f"sweep{i}", module.group)]
+        sweeps = {f"sweep{i}": module.group}
         if module.group > FEW:
-            sweeps.append((f"sweep_few{i}", FEW))
-        for name, group in sweeps:
+            sweeps[f"sweep_few{i}"] = FEW
+        for name, lanes in sweeps.items():
             sweep = function(name, tile, active=_STATES)
             for code in step.sweep():
-                sweep.over_lanes(code, group)
+                sweep.over_lanes(code, lanes)
             sweep.end()
         once(f"open{i}", partial(_open, system, phase), record, body)
         for outcome in phase.resets:

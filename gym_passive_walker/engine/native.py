@@ -277,8 +277,7 @@ class Emitter:
         self.owner, self.uses, self.group, self.lane = owner, uses, group, lane
         self.vector = group > 1
         self.number, self.boolean, self.word = (
-            f"<{group} x {kind}>" if self.vector else kind
-            for kind in ("double", "i1", "i64")
+            f"<{group} x {kind}>" if self.vector else kind for kind in ("double", "i1", "i64")
         )
         self.done: dict[Expression, str] = {}
         self.before_tangents: list[str] | None = None
