@@ -1,8 +1,8 @@
 """Integration of a batch through one phase, each walker with its own time and step size.
 
 A lane that finishes takes the next waiting record, so no lane waits for another. Lanes run in whole
-groups, so every walker takes the same instructions in any lane. A trajectory is
-therefore bitwise equal alone and in any batch.
+groups, the last few in half a group. Every walker takes the same operations in any lane, so its
+trajectory is bitwise equal alone and in any batch.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ GROUP = 8
 """Lanes of a vector on x86-64: one of 512 bits, or two of 256."""
 
 FEW = GROUP // 2
-"""Lanes of a vector in the steps of a few walkers."""
+"""Lanes of a vector for a few walkers."""
 
 _PARAMETERS = "i64 %first, i64 %second, i64 %lane, i64 %tangents, double %x, double %y"
 _NUMBERS = ("%x", "%y")
