@@ -237,6 +237,9 @@ def advance(
 
     Returns:
         The records.
+
+    Raises:
+        TypeError: if records or bodies have another number of axes, or records are not contiguous.
     """
     if records.ndim != 2 or bodies.ndim != 3 or not records.flags.c_contiguous:
         raise TypeError("records are a contiguous array of two axes, bodies an array of three")
