@@ -88,7 +88,7 @@ class _Function(Function):
         self.lines.append(f"v{self.values} = {instruction}")
         return f"v{self.values}"
 
-    def over_lanes(self, code: Code) -> None:
+    def over_lanes(self, code: Code, group: int | None = None) -> None:
         """Write code for the one walker of a tile as a separate function, which compiles faster."""
         part = f"{self.name}_{len(self.lines) + 1}"
         lines, self.lines = self.lines, []
