@@ -43,11 +43,12 @@ def again(
     p: Problem, fresh: NDArray, tolerance: float, *, threads: int = 1, end_on_toe_stub: bool = False
 ) -> Callable[[], None]:
     """A function to be timed: each call integrates a copy of the records `fresh`."""
-    records = fresh.copy()
+    records, body = fresh.copy(), np.array(p.body)[None, None]
+    chosen = {"tolerance": tolerance, "threads": threads, "scuff": end_on_toe_stub}
 
     def job() -> None:
         records[:] = fresh
-        move(p, records, tolerance, threads=threads, end_on_toe_stub=end_on_toe_stub)
+        advance(p.system, body, records, **chosen)
 
     return job
 

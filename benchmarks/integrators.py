@@ -27,6 +27,7 @@ from gym_passive_walker._tools import console
 from gym_passive_walker.engine.compiled import phases_of, written
 from gym_passive_walker.engine.layout import HISTORY, PAIR, aligned, tile_for
 from gym_passive_walker.engine.machine import loaded, object_code
+from gym_passive_walker.engine.native import GROUP
 from gym_passive_walker.engine.run import integrate, new_records, options
 from gym_passive_walker.engine.runge_kutta import Pair
 from gym_passive_walker.models.equations.hybrid import System
@@ -74,7 +75,7 @@ def swinging(system: System) -> System:
 def compiled(p: Problem, pair: Pair) -> Callable[[NDArray, float], NDArray]:
     """A function that integrates initial states (n, 6) to `HORIZON`, at a tolerance."""
     system, body = swinging(p.system), np.array(p.body)[None, None]
-    phases = phases_of(system, loaded(object_code(written(system, pair=pair))))
+    phases = phases_of(system, loaded(object_code(written(system, pair=pair))), GROUP)
     working = aligned(tile_for(pair), 1), np.zeros(1, HISTORY)
 
     def ends(starts: NDArray, tolerance: float) -> NDArray:

@@ -7,6 +7,7 @@ or arrays.
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -100,9 +101,16 @@ def heyoka_integrators(
 
 
 def heyoka_stride(
-    p: Problem, tolerance: float, number: type = float
+    p: Problem, tolerance: float, number: type = float, *, spent: list[float] | None = None
 ) -> Callable[[NDArray], NDArray]:
-    """A stride map of one state (6,) by heyoka."""
+    """A stride map of one state (6,) by heyoka.
+
+    Args:
+        p: The problem.
+        tolerance: Heyoka's tolerance.
+        number: Type of its numbers.
+        spent: List to which the seconds of each call of the integrator are appended.
+    """
     integrators = heyoka_integrators(p, tolerance, number)
     collisions = [_collision(p, phase, number) for phase in p.system.phases]
 
@@ -113,7 +121,11 @@ def heyoka_stride(
             ta.reset_cooldowns()
             ta.state[:] = y
             while True:
-                if int(ta.propagate_until(number(_LONGEST))[0]) != -1:
+                began = time.perf_counter()
+                found = ta.propagate_until(number(_LONGEST))
+                if spent is not None:
+                    spent.append(time.perf_counter() - began)
+                if int(found[0]) != -1:
                     raise RuntimeError("heyoka missed an event")
                 if counts(p, phase, ta.state):
                     break

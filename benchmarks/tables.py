@@ -22,6 +22,7 @@ BENCHMARKS, GPU = DOCS / "benchmarks.md", DOCS / "gpu.md"
 
 SCRIPTS = {
     "benchmarks/work-precision": "work_precision strides",
+    "benchmarks/alone": "work_precision alone",
     "benchmarks/walks": "work_precision walks",
     "benchmarks/tick": "work_precision ticks",
     "benchmarks/penalty": "work_precision penalties",

@@ -15,11 +15,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from benchmarks import engine, errors_and_times, reference
+from benchmarks import engine, errors_and_times, other_solvers, reference
 from benchmarks.errors_and_times import BATCH, Point
-from benchmarks.problem import WALKS, error, problem
-from benchmarks.report import command, machine, plot, seconds, table
+from benchmarks.problem import WALKS, Problem, error, problem
+from benchmarks.report import command, in_turns, machine, plot, seconds, table, timed
 from benchmarks.tables import BENCHMARKS, keep
 
 TOLERANCES = 10.0 ** -np.arange(3.0, 14.1, 0.5)
@@ -77,6 +78,49 @@ def strides() -> None:
     )
 
 
+def _in_turns(p: Problem) -> tuple[Curve, Curve, Curve]:
+    """One walker by the engine, by heyoka, and by heyoka's integrators without Python between."""
+    exact, fresh, ours, theirs = reference.strides(p)[0], engine.new_batch(p, 1), [], []
+    measures = [partial(timed, partial(fresh.copy().__setitem__, slice(None), fresh))]
+
+    def inner(stride: Callable[[NDArray], NDArray], spent: list[float]) -> float:
+        spent.clear()
+        stride(p.starts[0])
+        return sum(spent)
+
+    for tolerance in map(float, TOLERANCES):
+        spent: list[float] = []
+        stride = other_solvers.heyoka_stride(p, tolerance, spent=spent)
+        ours.append(error(engine.strides(p, tolerance), exact))
+        theirs.append(error(np.array([stride(start) for start in p.starts]), exact))
+        measures += [
+            partial(timed, engine.again(p, fresh, tolerance)),
+            partial(timed, partial(stride, p.starts[0])),
+            partial(inner, stride, spent),
+        ]
+    copying, *times = (1e6 * time for time in in_turns(measures))
+    own = [time - copying for time in times[::3]]
+    return (
+        list(zip(ours, own, strict=True)),
+        list(zip(theirs, times[1::3], strict=True)),
+        list(zip(theirs, times[2::3], strict=True)),
+    )
+
+
+def alone() -> None:
+    """Measure one walker alone beside heyoka, in turns."""
+    rows: list[tuple] = []
+    for name, (walker, _) in WALKS.items():
+        own, *others = _in_turns(problem(name))
+        rows.append((walker, "this engine, µs", *(_at(own, level) for level in LEVELS)))
+        for label, curve in zip(("heyoka", "its integrator alone"), others, strict=True):
+            ratios = (_at(curve, level) / _at(own, level) for level in LEVELS)
+            rows.append(("", f"{label}, times that", *ratios))
+        print(rows[-3:], flush=True)
+    text = table(["walker", "", *(f"error {level:.0e}" for level in LEVELS)], rows)
+    keep("alone", f"{text}\n\nOne core. {machine('heyoka')}.", BENCHMARKS)
+
+
 def walks() -> None:
     """Measure a hundred strides on the stable gait of the lab walker."""
     p = problem("kneed")
@@ -122,7 +166,7 @@ def penalties() -> None:
 
 
 PARTS: dict[str, Callable[[], Any]] = {
-    "strides": strides, "walks": walks, "ticks": ticks, "penalties": penalties,
+    "strides": strides, "alone": alone, "walks": walks, "ticks": ticks, "penalties": penalties,
 }  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from gym_passive_walker.engine.layout import (
     tile_for,
 )
 from gym_passive_walker.engine.machine import group, kept_code
-from gym_passive_walker.engine.native import Code, Function, Memory, Module, uses
+from gym_passive_walker.engine.native import FEW, Code, Function, Memory, Module, uses
 from gym_passive_walker.engine.one_lane import OneLane, first_where
 from gym_passive_walker.engine.runge_kutta import Pair
 from gym_passive_walker.engine.step import StepCode
@@ -36,8 +36,10 @@ PHASE = np.dtype(
     [
         # Addresses of native functions.
         *((name, "i8") for name in (*OF_LANE, *OF_LANES, "open", "begin", "place")),
+        ("sweep_few", "i8"),
         ("table", "i8"),
         ("group", "i8"),  # lanes of a vector
+        ("few", "i8"),  # lanes of a vector of `sweep_few`, which is for fewer than a group
         ("resets", "i8", (len(Outcome),)),  # addresses by outcome; 0 for a fall
         ("links", "i8"),
         ("guards", "i8"),
@@ -142,7 +144,9 @@ def phases_of(system: System, code: Any, lanes: int = 1) -> NDArray:
         entry["table"] = code.get_global_value_address("table")
         for outcome in phase.resets:
             entry["resets"][outcome] = code.get_function_address(f"reset{i}_{outcome.name}")
-        entry["group"] = lanes
+        entry["group"], entry["few"] = lanes, min(lanes, FEW)
+        if lanes > FEW:
+            entry["sweep_few"] = code.get_function_address(f"sweep_few{i}")
         entry["links"], entry["guards"] = phase.links, len(phase.guards)
         entry["strike"] = 0 if phase.strike is None else phase.strike + 1
         entry["outcomes"][: len(phase.guards)] = [guard.outcome for guard in phase.guards]
@@ -194,10 +198,14 @@ def written(
         first = function(f"first{i}", tile, active=_STATES)
         first.over_lanes(step.first)
         first.end()
-        sweep = function(f"sweep{i}", tile, active=_STATES)
-        for code in step.sweep():
-            sweep.over_lanes(code)
-        sweep.end()
+        sweeps = {f"sweep{i}": module.group}
+        if module.group > FEW:
+            sweeps[f"sweep_few{i}"] = FEW
+        for name, lanes in sweeps.items():
+            sweep = function(name, tile, active=_STATES)
+            for code in step.sweep():
+                sweep.over_lanes(code, lanes)
+            sweep.end()
         once(f"open{i}", partial(_open, system, phase), record, body)
         for outcome in phase.resets:
             code = partial(reset, system, phase, outcome)

@@ -1,8 +1,8 @@
 """Integration of a batch through one phase, each walker with its own time and step size.
 
 A lane that finishes takes the next waiting record, so no lane waits for another. Lanes run in whole
-groups, so every walker takes the same instructions in any lane. A trajectory is
-therefore bitwise equal alone and in any batch.
+groups, the last few in half a group. Every walker takes the same operations in any lane, so its
+trajectory is bitwise equal alone and in any batch.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def integrate_phase(records, bodies, phase, number, tiles, histories, options):
         if going == 0:
             return
         # When no records wait, the last walkers move together to use fewer groups.
-        whole = (going + phase.group - 1) & -phase.group
+        whole = (going + phase.few - 1) & -phase.few
         lane = 0
         while used > whole:
             used -= 1
@@ -129,6 +129,8 @@ def integrate_phase(records, bodies, phase, number, tiles, histories, options):
             here = origin + 8 * lane
             if fresh:
                 call(phase.first, here, phase.table, 0, tangents, 0.0, 0.0)
-            call(phase.sweep, here, phase.table, 0, tangents, options.fineness, scuff)
-            lane += phase.group
+            few = whole - lane < phase.group
+            sweep = phase.sweep_few if few else phase.sweep
+            call(sweep, here, phase.table, 0, tangents, options.fineness, scuff)
+            lane += phase.few if few else phase.group
         fresh = False

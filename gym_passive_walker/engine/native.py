@@ -18,6 +18,9 @@ from gym_passive_walker.models.expressions import Expression, Tangents, operands
 GROUP = 8
 """Lanes of a vector on x86-64: one of 512 bits, or two of 256."""
 
+FEW = GROUP // 2
+"""Lanes of a vector for a few walkers."""
+
 _PARAMETERS = "i64 %first, i64 %second, i64 %lane, i64 %tangents, double %x, double %y"
 _NUMBERS = ("%x", "%y")
 _COMPARED = {"<": "olt", "<=": "ole", ">": "ogt", ">=": "oge"}
@@ -151,13 +154,14 @@ class Function:
         self.lines.append(f"%v{self.values} = {instruction}")
         return f"%v{self.values}"
 
-    def over_lanes(self, code: Code) -> None:
-        """Append code over a group of lanes; the first memory is a tile, from that group on.
+    def over_lanes(self, code: Code, group: int | None = None) -> None:
+        """Append code over a group of lanes, by default as large as the module's.
 
+        The first memory is a tile, from that group on.
         The second address is the module's table of constants. Memory operands cost nothing;
         separate constants would each need an address to be loaded.
         """
-        self._emit(code, vector=self.module.group > 1)
+        self._emit(code, group=group or self.module.group)
         self.block += 1  # a block of its own, scheduled separately
         self.lines += [f"br label %b{self.block}", f"b{self.block}:"]
 
@@ -196,7 +200,7 @@ class Function:
         """Finish the function."""
         self.module.functions.append("\n".join([*self.lines, "ret void", "}"]))
 
-    def _emit(self, code: Code, *, vector: bool = False, lane: bool = False) -> None:
+    def _emit(self, code: Code, *, group: int = 1, lane: bool = False) -> None:
         known: dict = {}
         memories = [Memory(layout, i, known) for i, layout in enumerate(self.layouts)]
         code(*memories)
@@ -208,16 +212,16 @@ class Function:
             if name in self.active:
                 change = tangents(x)
                 changes[base, name, index, 1] = x.number(0.0) if change is None else change
-        emit = self._emitter(uses(values.values()), vector=vector, lane=lane)
+        emit = self._emitter(uses(values.values()), group=group, lane=lane)
         results = {place: emit(x) for place, x in values.items()}
         loop = self._over_tangents(emit, changes) if changes else []
         for place, result in results.items():
             emit.store(place, result)
         self.lines += loop
 
-    def _emitter(self, uses: Counter[Expression], *, vector: bool, lane: bool) -> Emitter:
+    def _emitter(self, uses: Counter[Expression], *, group: int, lane: bool) -> Emitter:
         """Return an emitter for the instructions of one code."""
-        return Emitter(self, uses, vector=vector, lane=lane)
+        return Emitter(self, uses, group=group, lane=lane)
 
     def _over_tangents(self, emit: Emitter, changes: dict[tuple, Expression]) -> list[str]:
         """Return the loop that writes derivatives; invariant expressions are computed before it."""
@@ -268,12 +272,12 @@ class Emitter:
     """Emits instructions for expressions, each computed once."""
 
     def __init__(
-        self, owner: Function, uses: Counter[Expression], *, vector: bool, lane: bool
+        self, owner: Function, uses: Counter[Expression], *, group: int, lane: bool
     ) -> None:
-        self.owner, self.uses, self.vector, self.lane = owner, uses, vector, lane
+        self.owner, self.uses, self.group, self.lane = owner, uses, group, lane
+        self.vector = group > 1
         self.number, self.boolean, self.word = (
-            f"<{owner.module.group} x {kind}>" if vector else kind
-            for kind in ("double", "i1", "i64")
+            f"<{group} x {kind}>" if self.vector else kind for kind in ("double", "i1", "i64")
         )
         self.done: dict[Expression, str] = {}
         self.before_tangents: list[str] | None = None
@@ -359,7 +363,7 @@ class Emitter:
         if not self.vector:
             return new(f"{call}{value})")
         result = "poison"
-        for lane in range(self._group):
+        for lane in range(self.group):
             number = new(f"extractelement {self.number} {value}, i32 {lane}")
             changed = f"double {new(f'{call}{number})')}, i32 {lane}"
             result = new(f"insertelement {self.number} {result}, {changed}")
@@ -423,7 +427,7 @@ class Emitter:
         return new(f"bitcast {word} {value} to {self.number}")
 
     def _call(self, name: str, *operands: str) -> str:
-        full = f"@llvm.{name}.{f'v{self._group}f64' if self.vector else 'f64'}"
+        full = f"@llvm.{name}.{f'v{self.group}f64' if self.vector else 'f64'}"
         kinds = ", ".join([self.number] * len(operands))
         self.owner.module.declared.add(f"declare {self.number} {full}({kinds})")
         given = ", ".join(f"{self.number} {operand}" for operand in operands)
@@ -439,7 +443,7 @@ class Emitter:
 
     def _alike(self, kind: str, constant: str) -> str:
         """Return a literal, equal in all lanes; written out, as LLVM 15 has no `splat`."""
-        return f"<{', '.join([f'{kind} {constant}'] * self._group)}>" if self.vector else constant
+        return f"<{', '.join([f'{kind} {constant}'] * self.group)}>" if self.vector else constant
 
     def _splat(self, value: str) -> str:
         if not self.vector:
@@ -447,7 +451,7 @@ class Emitter:
         first = self.owner.new(f"insertelement {self.number} poison, double {value}, i32 0")
         return self.owner.new(
             f"shufflevector {self.number} {first}, {self.number} poison, "
-            f"<{self._group} x i32> zeroinitializer"
+            f"<{self.group} x i32> zeroinitializer"
         )
 
     def _address(self, place: tuple) -> tuple[str, bool]:
@@ -483,9 +487,5 @@ class Emitter:
         )
 
     @property
-    def _group(self) -> int:
-        return self.owner.module.group
-
-    @property
     def _alignment(self) -> int:
-        return 8 * self._group if self.vector else 8
+        return 8 * self.group if self.vector else 8

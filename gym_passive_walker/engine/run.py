@@ -10,7 +10,7 @@ import os
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -22,7 +22,6 @@ from gym_passive_walker.engine.lanes import CHUNK, RESTING, integrate_phase
 from gym_passive_walker.engine.layout import (
     NARROW,
     PAIR,
-    WIDE,
     Layout,
     aligned,
     history_for,
@@ -49,7 +48,6 @@ OPTIONS = np.dtype(
 LONGEST_STRIDE = 100.0
 """Time in sqrt(l/g) after which a stride without heelstrike is STALLED; a usual stride takes 3."""
 
-_WORKSPACES = threading.local()
 _WORTH_A_THREAD = 1024  # records below which a second thread costs more than it saves
 
 
@@ -145,12 +143,19 @@ def workspace(tangents: int = 0, layout: Layout = NARROW) -> tuple[NDArray, NDAr
     return tile, np.zeros(tangents + 1, history_for(layout))
 
 
+class _Workspaces(threading.local):
+    """Function `workspace` of each thread, which returns the same arrays in every call."""
+
+    def __init__(self) -> None:
+        self.of = cache(workspace)
+
+
+_WORKSPACES = _Workspaces()
+
+
 def thread_workspace(tangents: int = 0, layout: Layout = NARROW) -> tuple[NDArray, NDArray]:
     """Return this thread's own `workspace`, the same in every call."""
-    name = f"tangents{tangents}" + "wide" * (layout == WIDE)
-    if not hasattr(_WORKSPACES, name):
-        setattr(_WORKSPACES, name, workspace(tangents, layout))
-    return getattr(_WORKSPACES, name)
+    return _WORKSPACES.of(tangents, layout)
 
 
 @lru_cache
@@ -232,19 +237,49 @@ def advance(
 
     Returns:
         The records.
+
+    Raises:
+        TypeError: if records or bodies have another number of axes, or records are not contiguous.
     """
+    if records.ndim != 2 or bodies.ndim != 3 or not records.flags.c_contiguous:
+        raise TypeError("records are a contiguous array of two axes, bodies an array of three")
     changes = records.shape[1] - 1
     still = changes > 0 and bodies.shape[1] == 1
     if still:
         values, bodies = bodies, np.zeros((len(bodies), changes + 1, bodies.shape[2]))
         bodies[:, :1] = values
-    phases = compiled(system.name, derived=changes > 0, still=still)
-    chosen = options(tolerance, scuff=scuff, from_section=from_section, tangents=changes)
-    layout, bodies = layout_in(records.dtype), np.ascontiguousarray(bodies)
+    bodies = np.ascontiguousarray(bodies, float)
+    run, phases, chosen, layout = _prepared(
+        system.name, tolerance, scuff, from_section, changes, still, records.dtype
+    )
+    if len(records) < 2 * _WORTH_A_THREAD:  # to cut arrays takes as long as steps of one walker
+        run(records, bodies, phases, chosen, *thread_workspace(changes, layout))
+        return records
 
     def job(first: int, last: int) -> None:
         own = bodies[first:last] if len(bodies) > 1 else bodies
-        integrate(records[first:last], own, phases, chosen, *thread_workspace(changes, layout))
+        run(records[first:last], own, phases, chosen, *thread_workspace(changes, layout))
 
     in_parts(job, len(records), threads)
     return records
+
+
+@lru_cache
+def _prepared(
+    system: str,
+    tolerance: float,
+    scuff: bool,
+    from_section: bool,
+    tangents: int,
+    still: bool,
+    kind: np.dtype,
+) -> tuple[Callable[..., object], NDArray, NDArray, Layout]:
+    """Return `integrate` for records of a type, its phases and options, and the records' layout.
+
+    The function does not check its arguments, which takes longer than many a stride.
+    """
+    phases, layout = compiled(system, derived=tangents > 0, still=still), layout_in(kind)
+    chosen = options(tolerance, scuff=scuff, from_section=from_section, tangents=tangents)
+    arrays = np.zeros((1, 1), kind), np.zeros((1, 1, 1)), phases, chosen
+    run = integrate.native(*arrays, *thread_workspace(tangents, layout))
+    return run, phases, chosen, layout

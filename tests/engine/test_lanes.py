@@ -153,6 +153,14 @@ def test_one_shape_given_once_or_to_each_is_the_same():
     np.testing.assert_array_equal(once, each)
 
 
+@pytest.mark.parametrize("part", [np.s_[::2], np.s_[0]])
+def test_records_of_another_form_are_refused(part):
+    slopes, states, _ = many("D", 4)
+    records = new_records(statements.dimensionless(WALKERS["D"], states), slopes)
+    with pytest.raises(TypeError, match="records are a contiguous array of two axes"):
+        advance(WALKERS["D"].equations(), bodies(WALKERS["D"]), records[part], tolerance=1e-8)
+
+
 def test_a_walker_that_has_arrived_is_left_alone_by_ticks_of_the_others():
     """Records restart only where this is requested."""
     walker, gait = WALKERS["lab"], LONG_GAITS["lab"]

@@ -10,7 +10,7 @@ import pytest
 from gym_passive_walker import Outcome
 from gym_passive_walker.engine.compiled import compiled, constants_used
 from gym_passive_walker.engine.layout import HISTORY, PAIR, RECORD, TILE, WIDTH, aligned
-from gym_passive_walker.engine.native import GROUP, Memory
+from gym_passive_walker.engine.native import FEW, GROUP, Memory
 from gym_passive_walker.engine.one_lane import first_where
 from gym_passive_walker.engine.step import ALERT, LONGEST_STEP, PLAIN, UP
 from gym_passive_walker.models.equations import legs
@@ -264,10 +264,10 @@ class Filled:
         """Those of some controls that there are; the others are zero."""
         return Control(*(x if i in self.moving else 0.0 for i, x in enumerate(controls)))
 
-    def run(self, function: str, fineness: float = 2.0) -> None:
+    def run(self, function: str, fineness: float = 2.0, group: int = GROUP) -> None:
         """Call one of the phase's functions for all lanes."""
-        for group in range(WIDTH // GROUP):
-            here = self.tile.view(np.uint8)[8 * GROUP * group :]
+        for lane in range(0, WIDTH, group):
+            here = self.tile.view(np.uint8)[8 * lane :]
             table, tangents = self.code["table"], self.tangents
             call(self.code[function], here, table, 0, fineness, 1.0, tangents=tangents)
 
@@ -372,6 +372,19 @@ def test_a_sweep_makes_the_pairs_step_and_estimates_its_error(system, index):
         reported = tile["error"][0, lane] / fineness
         assert reported == pytest.approx(error, rel=1e-4, abs=1e-15)  # rounding
         assert error > 0.0
+
+
+@every_phase
+@pytest.mark.parametrize("tangents", [0, 2])
+def test_a_step_of_a_few_walkers_has_the_bits_of_a_step_of_many(system, index, tangents):
+    tiles = []
+    for sweep, group in (("sweep", GROUP), ("sweep_few", FEW)):
+        filled = Filled(system, index, 5, tangents)
+        filled.tile["h"][0] = np.linspace(0.01, 0.5, WIDTH)
+        filled.run("first")
+        filled.run(sweep, group=group)
+        tiles.append(filled.tile.tobytes())
+    assert tiles[0] == tiles[1]
 
 
 @every_phase

@@ -35,7 +35,7 @@ class Source(Module):
     """
 
     def __init__(self, before: Source | None = None, kind: str = "", *, fuses: bool = True) -> None:
-        super().__init__(fuses=fuses)
+        super().__init__(fuses=fuses, group=1)
         self.before, self.kind = before, kind
         self.names: list[str] = list(before.names) if before else []
         self.parts: list[str] = list(before.parts) if before else []
@@ -88,7 +88,7 @@ class _Function(Function):
         self.lines.append(f"v{self.values} = {instruction}")
         return f"v{self.values}"
 
-    def over_lanes(self, code: Code) -> None:
+    def over_lanes(self, code: Code, group: int | None = None) -> None:
         """Write code for the one walker of a tile as a separate function, which compiles faster."""
         part = f"{self.name}_{len(self.lines) + 1}"
         lines, self.lines = self.lines, []
@@ -109,8 +109,8 @@ class _Function(Function):
     def _text(self, name: str) -> str:
         return "\n    ".join([f"def {name}(first, second, x, y):", *self.lines, "return"])
 
-    def _emitter(self, uses: Counter[Expression], *, vector: bool, lane: bool) -> Emitter:
-        return _Emitter(self, uses, vector=False, lane=False)
+    def _emitter(self, uses: Counter[Expression], *, group: int, lane: bool) -> Emitter:
+        return _Emitter(self, uses, group=1, lane=False)
 
 
 class _Emitter(Emitter):

@@ -139,8 +139,8 @@ class _Geometry(Module):
 
 
 class _GeometryFunction(Function):
-    def _emitter(self, uses: Any, *, vector: bool, lane: bool) -> Emitter:
-        return _GeometryEmitter(self, uses, vector=vector, lane=lane)
+    def _emitter(self, uses: Any, *, group: int, lane: bool) -> Emitter:
+        return _GeometryEmitter(self, uses, group=group, lane=lane)
 
 
 class _GeometryEmitter(Emitter):
