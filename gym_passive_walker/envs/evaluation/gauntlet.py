@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any
@@ -20,7 +21,7 @@ from gym_passive_walker.gaits.control.controllers import (
     acting,
 )
 from gym_passive_walker.gaits.control.policy import policy_name
-from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike, make_scene
+from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, SceneLike, make_scene
 from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import name_of
 
@@ -175,13 +176,13 @@ def gauntlet(
 
 
 def _possible(changes: dict[str, Any], scene: Scene) -> dict[str, Any]:
-    """Return the changes without tolerances of what the walker does not have."""
-    if "domain_randomization" not in changes:
-        return changes
-    own = scene.walker.parameters
-    return {"domain_randomization": {
-        name: share for name, share in changes["domain_randomization"].items() if own.get(name)
-    }}  # fmt: skip
+    """Return the changes without tolerances of what does not change the walker."""
+    drawn = {}
+    for name, share in changes.get("domain_randomization", {}).items():
+        with suppress(SceneError):
+            make_scene(scene, domain_randomization={name: share})
+            drawn[name] = share
+    return changes if "domain_randomization" not in changes else {"domain_randomization": drawn}
 
 
 def _arena(scene: Scene, count: int) -> PassiveWalkerVectorEnv:
