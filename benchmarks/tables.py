@@ -34,6 +34,7 @@ SCRIPTS = {
     "benchmarks/scene cost": "scene_cost",
     **{f"simulators/{part}": f"simulators {part}" for part in (
         "walks", "contacts", "traps", "speed")},
+    "simulators/transfer": "transfer",
     "benchmarks/cold start": "cold_start waits",
     **{f"benchmarks/{part}": f"cold_start {part}" for part in ("wheel", "levels", "kernels")},
     "benchmarks/parts of a stride": "performance strides",
