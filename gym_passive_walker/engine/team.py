@@ -22,16 +22,15 @@ from gym_passive_walker.engine.jit import add_at, call, jitted, put_at, view, wo
 _LOOKS = 200_000  # for another step, before a thread lets others run between looks: some 100 µs
 _TURNS = 4_000  # of others, before a thread sleeps: some 2 ms where there are none
 _LINE = 64  # bytes that the cores of a CPU exchange at once
-_NAMES = ("next", "left", "helping", "leave", "pieces", "give_way")
+_NAMES = ("waiting", "left", "helping", "leave", "give_way")
 BOARD = np.dtype({"names": _NAMES, "formats": ["i8"] * len(_NAMES),
                   "offsets": [_LINE * i for i in range(len(_NAMES))],
                   "itemsize": _LINE * len(_NAMES)})  # fmt: skip
-"""Words that threads share: number of the next piece, of pieces that are not finished, and of
-helping threads; whether these are to leave; number of all pieces. The last one is the address of a
-function that lets other threads run."""
+"""Words that threads share: numbers of pieces that wait, of pieces that are not finished, and of
+helping threads; whether these are to leave. The last one is the address of a function that lets
+other threads run."""
 
-_NEXT, _LEFT, _HELPING, _LEAVE = (_LINE * i for i in range(4))
-_NONE = 1 << 40  # no piece has this number
+_WAITING, _LEFT, _HELPING, _LEAVE = (_LINE * i for i in range(4))
 _GIVE_WAY = ctypes.windll.kernel32.SwitchToThread if os.name == "nt" else (  # type: ignore[attr-defined]
     ctypes.CDLL(None).sched_yield)  # fmt: skip
 
@@ -39,10 +38,8 @@ _GIVE_WAY = ctypes.windll.kernel32.SwitchToThread if os.name == "nt" else (  # t
 @jitted
 def offer(board, pieces):
     """Offer the pieces of a step; what they need must be written before."""
-    put_at(board + _NEXT, _NONE)  # while their number changes
-    view(board, (1,), BOARD)[0].pieces = pieces
     put_at(board + _LEFT, pieces)
-    put_at(board + _NEXT, 0)
+    put_at(board + _WAITING, pieces)
 
 
 @jitted
@@ -61,14 +58,15 @@ def arrive(board):
 def take(board, helps):
     """Return the number of a piece to do, or -1 when there is nothing more to do.
 
-    The thread that steps leaves when all pieces are finished, a helping one when it has waited for
-    long, or is to leave.
+    One word counts the waiting pieces down and numbers them: steps differ in their number of
+    pieces, and a thread that is late may meet the next step. The thread that steps leaves when all
+    pieces are finished, a helping one when it has waited for long, or is to leave.
     """
     given, looks = view(board, (1,), BOARD)[0], 0
     while True:
-        if word_at(board + _NEXT) < given.pieces:
-            piece = add_at(board + _NEXT, 1)
-            if piece < given.pieces:
+        if word_at(board + _WAITING) > 0:
+            piece = add_at(board + _WAITING, -1) - 1
+            if piece >= 0:
                 return piece
         looks += 1
         if looks > _LOOKS:
@@ -78,7 +76,7 @@ def take(board, helps):
                 return -1
         elif looks > _LOOKS + _TURNS or word_at(board + _LEAVE) != 0:
             add_at(board + _HELPING, -1)
-            if word_at(board + _NEXT) >= given.pieces:
+            if word_at(board + _WAITING) <= 0:
                 return -1
             add_at(board + _HELPING, 1)  # a step that may have counted on this thread
             looks = 0
@@ -158,23 +156,27 @@ class _Team:
     def __init__(self) -> None:
         self.board: Callable[[], Board | None] = lambda: None
         self._helpers: list[_Helper] = []
-        self._lock = threading.Lock()
+        self._lock, self._ended = threading.Lock(), False
 
     def gather(self, board: Board, most: int, work: Callable[[], object]) -> None:
         """Call threads to a board, until `most` are on their way or there."""
         with self._lock:
+            if self._ended:
+                return
             if (before := self.board()) is not board:
                 if before:
                     before.leave(True)
-                board.leave(False)
                 self.board = weakref.ref(board)
+            board.leave(False)
             while len(self._helpers) < most:
                 self._helpers.append(_Helper())
             for helper in self._helpers[:most]:
                 helper.ask(work)
 
     def end(self) -> None:
-        """End all threads, before the interpreter does."""
+        """End all threads, before the interpreter does; other ones may step on, without help."""
+        with self._lock:
+            self._ended = True
         if board := self.board():
             board.leave(True)
         for helper in self._helpers:

@@ -85,9 +85,12 @@ def test_a_batch_that_nobody_has_is_freed():
     walked(envs)
     place = weakref.ref(envs.batch.entry_point)
     del envs
-    threading.Event().wait(0.1)  # the other thread looks for another step meanwhile
-    gc.collect()
-    assert place() is None
+    for _ in range(200):  # the other thread looks for another step meanwhile, long on a busy CPU
+        if place() is None:
+            return
+        threading.Event().wait(0.05)
+        gc.collect()
+    pytest.fail("the batch is still there")
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system copies no processes")
@@ -106,6 +109,18 @@ def test_a_copy_of_the_process_has_threads_of_its_own(alone):
         found = pickle.load(file)
     os.waitpid(child, 0)
     assert found == alone == walked(envs)
+
+
+def test_walkers_step_on_alone_when_the_threads_have_ended(alone, monkeypatch):
+    crew = team._Team()
+    monkeypatch.setattr(team, "_TEAM", crew)
+    envs = begun(2)
+    walked(envs)
+    crew.end()
+    assert not any(helper.is_alive() for helper in crew._helpers)
+    envs.reset(seed=0)
+    assert walked(envs) == alone
+    assert crew._helpers[0]._work is team._nothing  # else a thread that is to end may wait again
 
 
 def test_a_program_ends_while_threads_wait():

@@ -287,6 +287,8 @@ REFUSED = {
     "no such actuator": ({"max_push_off": (0.5, 2.0)}, "its actions are hip"),
     "friction of no effect": ({"friction": (0.5, 2.0)}, 'constraints={"friction": "end"}'),
     "slope by a factor": ({"slope": (0.5, 2.0)}, "slope is 0 in this scene"),
+    "share of a torque that is not there": ({"max_push_off": 0.0}, "its actions are hip"),
+    "share of a slope of zero": ({"slope": 0.0}, "slope is 0 in this scene"),
     "too steep": ({"slope": {"uniform": (0, 2), "operation": "abs"}}, "between -pi/2 and pi/2"),
     "too much noise": ({"reset_noise_scale": (0.5, 20.0)}, "must be from 0 to 0.9"),
 }  # fmt: skip
@@ -299,6 +301,12 @@ def test_what_cannot_be_or_act_is_refused(name):
         Scene(domain_randomization=given)
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_factors_are_a_row_of_any_kind():
+    for row in ((0.9, 1.1), [0.9, 1.1], np.array([0.9, 1.1])):
+        found = Scene(domain_randomization={"foot_radius": row}).domain_randomization
+        assert found == {"foot_radius": (0.9, 1.1)}
 
 
 def test_a_range_of_slopes_is_given_once():

@@ -125,6 +125,19 @@ def test_each_test_changes_its_one_thing_and_begins_with_the_same_seeds(monkeypa
     assert {limit for _, _, _, limit, _ in asked} == {333}
 
 
+def test_bodies_that_no_tolerance_changes_walk_as_they_are(monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        gauntlets, "simulate_episodes", lambda _, arena, seed: asked.append(arena.scene)
+    )
+    bodies = {name: changes for name, changes in TESTS.items() if "bodies" in name}
+    monkeypatch.setattr(gauntlets, "TESTS", bodies)
+    points = gpw.WALKERS["lab-straight"].with_body({"foot_radius": 0.0})  # no mass at its hip
+    drawn = {"domain_randomization": {"thigh_mass": 0.1}, "randomization_pool": 2}
+    gpw.gauntlet(Passive(), make_scene("steep", walker=points, **drawn), walkers=1)
+    assert asked == [make_scene("steep", walker=points)] * 2
+
+
 def test_a_card_has_the_name_of_its_controller_however_it_is_given(monkeypatch, tmp_path):
     class Nameless:
         """A controller without a name."""

@@ -177,12 +177,15 @@ def gauntlet(
 
 def _possible(changes: dict[str, Any], scene: Scene) -> dict[str, Any]:
     """Return the changes without tolerances of what does not change the walker."""
+    if "domain_randomization" not in changes:
+        return changes
     drawn = {}
-    for name, share in changes.get("domain_randomization", {}).items():
+    for name, share in changes["domain_randomization"].items():
         with suppress(SceneError):
             make_scene(scene, domain_randomization={name: share})
             drawn[name] = share
-    return changes if "domain_randomization" not in changes else {"domain_randomization": drawn}
+    pool = scene.randomization_pool if drawn else None  # a pool of nothing is refused
+    return {"domain_randomization": drawn, "randomization_pool": pool}
 
 
 def _arena(scene: Scene, count: int) -> PassiveWalkerVectorEnv:

@@ -281,10 +281,10 @@ def checked_randomization(scene: Any) -> dict[str, Any]:
             continue
         entry = _entry(", ".join(keys[key]), value, check=True)
         _check_units(entry, scene.walker)
-        if value != 0.0:  # a tolerance of 0 asks for nothing
-            for name in entry.names:
-                _check_effect(entry, name, scene)
         found[entry.key] = _plain(value)
+        for name in entry.names:
+            if found[entry.key] != 0.0 or name in SCENE_PARAMETERS:  # 0 leaves a body as it is
+                _check_effect(entry, name, scene)
     if CURRICULUM in given:
         if not found:
             raise SceneError(
