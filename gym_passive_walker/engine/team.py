@@ -14,6 +14,7 @@ import os
 import threading
 import weakref
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 
@@ -168,8 +169,9 @@ class _Team:
                     before.leave(True)
                 self.board = weakref.ref(board)
             board.leave(False)
-            while len(self._helpers) < most:
-                self._helpers.append(_Helper())
+            with suppress(RuntimeError):  # the system may allow no more threads
+                while len(self._helpers) < most:
+                    self._helpers.append(_Helper())
             for helper in self._helpers[:most]:
                 helper.ask(work)
 

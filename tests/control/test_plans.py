@@ -474,7 +474,7 @@ def test_what_is_refused_is_named(message):
 def test_a_scene_without_disturbances_keeps_all_else():
     scene = make_scene(
         "level", slope=(0.01, 0.03), reset_noise_scale=0.1, energy="net", command=(0.1, 0.2),
-        domain_randomization={"hip_mass": 0.1}, observation_noise=0.01, action_noise=0.1,
+        domain_randomization={"thigh_mass": 0.1}, observation_noise=0.01, action_noise=0.1,
         max_hip_torque=0.07, tick=0.21, terrain=gpw.rough(0.01), terrain_lookahead=2,
     )  # fmt: skip
     quiet = calm(scene)

@@ -54,6 +54,15 @@ def test_walks_without_the_threads_that_were_asked_are_the_same(alone, monkeypat
     assert walked(begun(2)) == alone
 
 
+def test_where_no_more_threads_may_start_a_batch_walks_on_one(alone, monkeypatch):
+    def refused():
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(team, "_Helper", refused)
+    monkeypatch.setattr(team, "_TEAM", team._Team())
+    assert walked(begun(2)) == alone
+
+
 def test_batches_that_step_by_turns_and_at_once_do_not_mix(alone):
     first, second = begun(2), begun(2)
     for _ in range(2):

@@ -332,9 +332,9 @@ CHANGED = {
     "energy": ({"energy": "net"}, "'net'"),
     "end_on_toe_stub": ({"end_on_toe_stub": False}, "False"),
     "reset_noise_scale": ({"reset_noise_scale": 0.2}, "0.2"),
-    "domain_randomization": ({"domain_randomization": {"hip_mass": 0.1}}, "{'hip_mass': 0.1}"),
+    "domain_randomization": ({"domain_randomization": {"thigh_mass": 0.1}}, "{'thigh_mass': 0.1}"),
     "randomization_pool": (
-        {"domain_randomization": {"hip_mass": 0.1}, "randomization_pool": 7}, "7"
+        {"domain_randomization": {"thigh_mass": 0.1}, "randomization_pool": 7}, "7"
     ),
     "observe_body": ({"observe_body": ("hip_mass",)}, "('hip_mass',)"),
     "start": ({"start": [0.2, -0.2, -0.2, -0.2, -0.1, -0.1]},

@@ -28,7 +28,7 @@ SCENES: dict[str, dict[str, Any]] = {
     "own observation": {"observation": lambda step: [float(step.time), float(step.slope)]},
     "own end": {"terminated": lambda step: bool(step.time > 0.15), "slope": 0.02},
     "disturbed": {"pushes": {"rate": 3.0, "impulse": 0.01}, "command": (0.1, 0.2)},
-    "other bodies": {"domain_randomization": {"hip_mass": 0.1}, "reward_terms": True},
+    "other bodies": {"domain_randomization": {"thigh_mass": 0.1}, "reward_terms": True},
 }
 KINDS = ("single", "NextStep", "SameStep", "Disabled", "stable-baselines3", "tensors")
 

@@ -20,7 +20,7 @@ KINDS = {
     "plain": {},
     "range of slopes": {"slope": (0.0, 0.06)},
     "one action a stride": {"scene": "steep"},
-    "varied walkers": {"domain_randomization": {"foot_radius": 0.1, "hip_mass": 0.1}},
+    "varied walkers": {"domain_randomization": {"foot_radius": 0.1, "thigh_mass": 0.1}},
     "everything": DISTURBED,
     "everything varied": {
         **DISTURBED,

@@ -23,7 +23,7 @@ DISTURBED = {
     "pushes": {"rate": 0.3, "impulse": (-0.02, 0.02)}, "action_delay": 2, "action_noise": 0.1,
     "command": (0.1, 0.2), "terrain": {"rough": {"height_std": 0.001, "slope_std": 0.001}},
 }  # fmt: skip
-SHARES = {"foot_radius": 0.1, "hip_mass": 0.2}
+SHARES = {"foot_radius": 0.1, "thigh_mass": 0.2}
 
 
 def many(**arguments):

@@ -22,7 +22,7 @@ DISTURBED = {
     "everything": ROUGH | OFTEN | NOISY | {"domain_randomization": {"foot_radius": 0.05}},
     "drawn delays and strengths": OFTEN | {"action_noise": 0.05, "domain_randomization": {
         "action_delay": {"choices": [0, 1, 3], "operation": "abs"},
-        "max_hip_torque": (0.5, 1.0), "hip_mass": 0.1,
+        "max_hip_torque": (0.5, 1.0), "thigh_mass": 0.1,
     }},
     "torques of a stride": OFTEN | ROUGH | {"control": "stride", "max_hip_torque": 0.003},
     "three actuators": OFTEN | NOISY | {

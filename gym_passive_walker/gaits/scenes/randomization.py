@@ -284,7 +284,7 @@ def checked_randomization(scene: Any) -> dict[str, Any]:
         found[entry.key] = _plain(value)
         for name in entry.names:
             if found[entry.key] != 0.0 or name in SCENE_PARAMETERS:  # 0 leaves a body as it is
-                _check_effect(entry, name, scene)
+                _check_effect(entry, name, scene, tolerance=not np.iterable(value))
     if CURRICULUM in given:
         if not found:
             raise SceneError(
@@ -424,7 +424,7 @@ def _check_units(entry: Distribution, walker: Any) -> None:
         )
 
 
-def _check_effect(entry: Distribution, name: str, scene: Any) -> None:
+def _check_effect(entry: Distribution, name: str, scene: Any, *, tolerance: bool) -> None:
     """Check that the values of a parameter are valid and have an effect in a scene."""
     title, of_body = entry.title, name not in SCENE_PARAMETERS
     nominal = scene.walker.parameters[name] if of_body else getattr(scene, name)
@@ -434,7 +434,7 @@ def _check_effect(entry: Distribution, name: str, scene: Any) -> None:
             '{"uniform": (0, 0.1), "operation": "abs"}'
         )
     if of_body:
-        _check_body(entry, name, scene.walker)
+        _check_body(entry, name, scene.walker, tolerance=tolerance)
         return
     if name == SLOPE and isinstance(nominal, tuple):
         raise SceneError(f"{title}: the scene's slope is a range already: give one of the two")
@@ -465,13 +465,18 @@ _OF_GRAVITY = (
 )
 
 
-def _check_body(entry: Distribution, name: str, walker: Walker) -> None:
-    """Check that the ends of a parameter's values make walkers, and others than the nominal one."""
+def _check_body(entry: Distribution, name: str, walker: Walker, *, tolerance: bool) -> None:
+    """Check that the ends of a parameter's values make walkers that differ.
+
+    Of a tolerance an end may make none, for draws without a walker are repeated.
+    """
     made = []
     for end in entry.ends(walker.parameters[name]):
         try:
             made.append(walker.with_body({name: end}))
         except WalkerError as error:
+            if tolerance:
+                return
             raise SceneError(f"{entry.title} draws {name}={end:g} too: {error}") from None
     if {each.kind for each in made} != {walker.kind}:
         raise SceneError(
