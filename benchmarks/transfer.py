@@ -53,8 +53,8 @@ def trained(name: str, seed: int, steps: int) -> tuple[PPO, float]:
         model = PPO("MlpPolicy", make_vec_env(SIMULATORS[name], ENVS, seed), seed=seed)
         model.learn(steps)
         model.save(place)
-        took.write_text(json.dumps(time.process_time() - began))
-    return PPO.load(place), json.loads(took.read_text())
+        took.write_text(json.dumps(time.process_time() - began), "utf-8")
+    return PPO.load(place), json.loads(took.read_text("utf-8"))
 
 
 def walk(policy: PPO, env: gym.Env, seed: int) -> dict[str, float]:
@@ -78,9 +78,10 @@ def walks(name: str, seed: int, steps: int, where: str) -> list[dict[str, float]
     place = FOLDER / f"{name}-{seed}-{steps} in {where}.json"
     if not place.exists():
         policy, env = trained(name, seed, steps)[0], SIMULATORS[where]()
-        place.write_text(json.dumps([walk(policy, env, FIRST + i) for i in range(WALKS)]))
+        found = [walk(policy, env, FIRST + i) for i in range(WALKS)]
+        place.write_text(json.dumps(found), "utf-8")
         print(name, seed, "in", where, "done", flush=True)
-    return json.loads(place.read_text())
+    return json.loads(place.read_text("utf-8"))
 
 
 def spread(values: list[float], form: str) -> str:

@@ -203,7 +203,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
         observation_noise=0.01, action_noise=0.02, action_delay=1, command=(0.1, 0.2),
         terrain=gpw.rough(0.001), terrain_lookahead=2, actions=("hip", "push_off"),
         constraints=dict.fromkeys(("contact", "friction", "scuffing"), "report"),
-        domain_randomization={"hip_mass": 0.02}, energy="positive",
+        domain_randomization={"thigh_mass": 0.02}, energy="positive",
     ),
 }  # fmt: skip
 

@@ -63,6 +63,7 @@ def any_scene(rng: np.random.Generator, kind: int) -> PassiveWalkerEnv:
     """An environment with a random walker and random options."""
     knees = kind == 0
     walker = WALKERS["D"] if kind == 2 else random_shapes(rng, 1, knees=knees)[0]
+    drawn = {} if kind == 2 else {"hip_mass": 0.3, "shank_com": 0.1}
     return PassiveWalkerEnv(
         walker=walker,
         slope=float(rng.uniform(-0.2, 0.3)),
@@ -72,7 +73,7 @@ def any_scene(rng: np.random.Generator, kind: int) -> PassiveWalkerEnv:
         energy=str(rng.choice(ENERGIES)),
         energy_weight=float(10.0 ** rng.uniform(-1.0, 2.0)),
         end_on_toe_stub=knees and bool(rng.random() < 0.5),
-        domain_randomization={"hip_mass": 0.3, "shank_com": 0.1} if rng.random() < 0.3 else {},
+        domain_randomization=drawn if rng.random() < 0.3 else {},
         start=(0.3, -0.3, -0.3, *(0.5 * rng.normal(size=3) - [0.8, 0.3, 0.6])),
         tolerance=float(rng.choice([1e-4, 1e-8])),
     )

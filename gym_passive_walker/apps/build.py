@@ -62,13 +62,11 @@ def _kernels(layout: Layout) -> Iterator[Callable[[], object]]:
     records = np.zeros((0, 1), record_for(layout))
     phases, numbers = np.zeros(0, PHASE), np.zeros(0)
     lanes, table, keys = np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0, np.uint64)
-    cube, words = np.zeros((0, 1, 1)), np.zeros((0, 1), np.int64)
-    singles, truths = np.zeros(0, np.float32), np.zeros(0, bool)
+    cube = np.zeros((0, 1, 1))
     given = [
         (run.integrate, records, cube, phases, run.options(1e-8), *run.workspace(layout=layout)),
         (transitions.look, np.zeros(0, transitions.note_for(layout)), 0, table),
         (ticks.draw_numbers, 0, lanes, table, keys),
-        (ticks.post, 0, False, singles, numbers, truths, truths, table, words),
         (newton.eliminate, cube, table),
         (starts.between, numbers, table, numbers, table),
         (terrain.grounds, table, numbers, keys, lanes, table),
@@ -94,6 +92,8 @@ def _of_batches(layout: Layout, pushed: bool, custom: bool) -> Iterator[Callable
     yield partial(of.write_info.native, 0, 0, 0, table, words)
     if custom:
         yield partial(of.enter.native, 0, True, True, numbers, truths)
+    filled = singles, numbers, truths, truths, table, words
+    yield partial(ticks.post.native, 0, False, *filled)
     yield partial(of.step.native, 0, 0, 0, 0, 0)
 
 

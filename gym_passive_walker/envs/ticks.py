@@ -70,7 +70,7 @@ _NUMBER, _WORD, _KEY = np.dtype("f8"), np.dtype("i8"), np.dtype("u8")
 _HALF = 32
 SMALL = 128  # walkers that a thread takes at once while it may be alone
 _TABLES = np.zeros((1, 1)), np.zeros((1, 1), np.int64)  # of the types of `write_info`
-FEW = 64  # walkers that begin together: their draws and gaits are on the stack
+_FEW = 64  # walkers that begin together: their draws and gaits are on the stack
 
 _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
     ("PyCapsule_GetPointer", ctypes.pythonapi)
@@ -130,7 +130,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     history, tile = history_for(layout), tile_for(PAIR, layout=layout)
     size, row_words = 2 * layout.links, task.ledger_for(layout).itemsize // 8
     reported = len(task.EVERY_STEP) - 1
-    drawn, numbers = FEW * DRAWS, FEW * size
+    drawn, numbers = _FEW * DRAWS, _FEW * size
 
     def within(compiler: Callable[..., Any]) -> Callable[..., Any]:
         return lambda function: compiler(named(function, kind))
@@ -164,11 +164,11 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
 
     @within(merged)
     def begin_few(where, here, lanes):
-        """Begin episodes of at most FEW walkers, at slopes and gaits of the `EntryPoint`."""
+        """Begin episodes of at most _FEW walkers, at slopes and gaits of the `EntryPoint`."""
         low, high, count = here.slope_range[0], here.slope_range[1], len(lanes)
-        slopes = view(stack(FEW), (count,), _NUMBER)
+        slopes = view(stack(_FEW), (count,), _NUMBER)
         draws = view(stack(drawn), (count, DRAWS), _NUMBER)
-        keys = view(stack(FEW), (count * disturbed,), _KEY)
+        keys = view(stack(_FEW), (count * disturbed,), _KEY)
         draw_numbers(where, lanes, draws, keys)
         for j in range(count):
             slopes[j] = low
@@ -186,8 +186,8 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         places = copied(where)
         places[0].observations = address(observations)
         here = arrays_at(address(places), arrays)
-        for first in range(0, len(lanes), FEW):
-            begin_few(where, here, lanes[first : first + FEW])
+        for first in range(0, len(lanes), _FEW):
+            begin_few(where, here, lanes[first : first + _FEW])
 
     @within(merged)
     def tick(here, first, last, tiles, histories):

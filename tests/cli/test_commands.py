@@ -530,7 +530,7 @@ for walker, slope in (("C", 0.03), ("A", 0.03), ("D", 0.009)):
     env.reset(seed=1)
     env.step(np.zeros(1))
     envs = gym.make_vec("PassiveWalker-v0", num_envs=50, walker=walker, control="stride",
-                          slope=slope, domain_randomization={"gravity": 0.1})
+                          slope=slope, domain_randomization={"max_hip_torque": (0.9, 1.1)})
     envs.reset(seed=1)
     for _ in range(5):
         envs.step(np.zeros((50, 1)))

@@ -62,8 +62,8 @@ def test_random_walkers_are_drawn_and_walk_as_they_would_alone(monkeypatch):
     monkeypatch.setattr(device_batch, "DRAWN", 16)
     scene = {
         "slope": 0.03,
-        "domain_randomization": {"foot_radius": 0.2, "hip_mass": 0.1},
-        "observe_body": ("hip_mass", "foot_radius"),
+        "domain_randomization": {"foot_radius": 0.2, "thigh_mass": 0.1},
+        "observe_body": ("thigh_mass", "foot_radius"),
         "tick": 0.5,
     }
     there = DeviceBatch(6, scene, seed=3, step_limit=8)

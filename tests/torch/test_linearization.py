@@ -61,7 +61,7 @@ def own_reward(step):
         {"energy_weight": 0.0, "slope": 0.0, "reset_noise_scale": 0.3}, {"command": 0.16},
         {"command": (0.05, 0.3), "command_weight": 1.3, "observe_body": ("foot_radius",)},
         {"domain_randomization": {"action_delay": {"choices": [0, 2], "operation": "abs"},
-                                  "max_hip_torque": (0.5, 1.0), "hip_mass": 0.1}},
+                                  "max_hip_torque": (0.5, 1.0), "thigh_mass": 0.1}},
         ROUGH, OFTEN, NOISY, ROUGH | OFTEN | NOISY | {"command": 0.2}, ALL, ALL | SOME,
         {"reward": own_reward}, ROUGH | OFTEN | NOISY | {"reward": own_reward},
         {"reward": {"distance": 1.0, "action_change": -0.3, "command": -1.0}, "command": 0.1},
