@@ -89,7 +89,7 @@ def _of_batches(layout: Layout, pushed: bool, custom: bool) -> Iterator[Callable
     yield partial(of.begin.native, 0, lanes, numbers, table, table, keys, singles)
     yield partial(of.observe.native, 0, singles)
     yield partial(of.begin_alike.native, 0, lanes, singles)
-    yield partial(of.write_info.native, 0, 0, 0, table, words)
+    yield partial(of.write_info.native, 0, table, words)
     if custom:
         yield partial(of.enter.native, 0, True, True, numbers, truths)
     filled = singles, numbers, truths, truths, table, words

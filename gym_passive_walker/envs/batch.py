@@ -97,7 +97,7 @@ class Batch:
         walkers: Walkers of one kind, (count,), instead of the scene's.
         slopes: Slopes in rad, (count,), instead of the scene's.
         step_limit: Steps after which an episode is truncated.
-        threads: Number of threads of large batches; that of all free CPUs when None.
+        threads: Most threads, with at least 512 walkers each; all free CPUs' when None.
 
     Attributes:
         walkers: The walker of each environment, (count,).
@@ -517,7 +517,7 @@ class Batch:
         first, size = len(task.EVERY_STEP) - 1, len(task.EVERY_STRIDE)
         if (report := self._report) is None:
             report = self._new_report()
-            self.entry_point.write_info(self.entry_point.address, 0, self.count, *report)
+            self.entry_point.write_info(self.entry_point.address, *report)
         steps, counts = report
         if not (just_now and self._report) and not stepped.all():
             steps, counts = np.where(stepped, steps, 0.0), np.where(stepped, counts, 0)

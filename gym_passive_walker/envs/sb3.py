@@ -215,7 +215,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         max_episode_steps: As for `PassiveWalkerVectorEnv`, as are the next four.
         walkers: Walkers of one kind, (num_envs,), instead of the scene's.
         slopes: Slopes in rad, (num_envs,), instead of the scene's.
-        threads: Number of threads for large batches; that of all free CPUs when None.
+        threads: Most threads, with at least 512 walkers each; all free CPUs' when None.
         render_mode: "rgb_array", or None.
         **changes: Arguments of the scene to change; see `PassiveWalkerEnv`.
 

@@ -315,19 +315,17 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         return endings
 
     @within(Kernel)
-    def write_info(where, first, last, steps, counts):
-        """Write what every step reports of the walkers from `first` to before `last`.
+    def write_info(where, steps, counts):
+        """Write what every step reports of all walkers.
 
         Args:
             where: Address from `EntryPoint.address`.
-            first: Index of the first walker.
-            last: Index after that of the last walker.
             steps: Filled with the entries of EVERY_STEP except the last, (entries, count).
             counts: Filled with the number of strides and the outcome as a number, (2, count). The
                 outcome is 0 if no stride or episode ends.
         """
         here = arrays_at(where, arrays)
-        for i in range(first, last):
+        for i in range(len(here.ledger)):
             report(here, i, steps, counts)
 
     if custom:  # these kernels are the same for several kinds of scenes
@@ -395,7 +393,7 @@ class EntryPoint:
     @cached_property
     def write_info(self) -> Any:
         """The machine code of `Kernels.write_info`."""
-        return self.kernels.write_info.native(0, 0, 0, *_TABLES)
+        return self.kernels.write_info.native(0, *_TABLES)
 
     def step(self, again: bool, *arrays: NDArray) -> tuple[int, int]:
         """Step all walkers.

@@ -47,7 +47,7 @@ class PassiveWalkerVectorEnv(
             observations refuse "SameStep"; all of them take "NextStep".
         walkers: Walkers of one kind, (num_envs,), instead of the scene's.
         slopes: Slopes in rad, (num_envs,), instead of the scene's.
-        threads: Number of threads for large batches; that of all free CPUs when None. Results do
+        threads: Most threads, with at least 512 walkers each; all free CPUs' when None. Results do
             not depend on it.
         render_mode: "rgb_array", or None.
         **changes: Arguments of the scene to change; see `PassiveWalkerEnv`.
