@@ -11,7 +11,10 @@ PYTHON ?= python3
 VENV := .venv
 ARGS :=
 BIN := $(VENV)/bin
-INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+EXTRAS = train,render,figures
+INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e ".[$(EXTRAS)]"
+# pip compiles on one core. Some files of libraries are no Python 3, and are left.
+COMPILE = $(BIN)/python -m compileall -qq -j 0 $(VENV)/lib || true
 
 .PHONY: train install test test-matrix docs web lint clean
 
@@ -53,11 +56,14 @@ $(VENV)/.created:
 	touch $@
 
 $(VENV)/.installed-train: pyproject.toml constraints.txt | $(VENV)/.created
-	$(INSTALL) -e ".[train,render,figures]"
+	$(INSTALL)
+	$(COMPILE)
 	touch $@
 
+$(VENV)/.installed-dev: EXTRAS = train,render,figures,dev
 $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(VENV)/.created
-	$(INSTALL) -e ".[train,render,figures,dev]"
+	$(INSTALL)
+	$(COMPILE)
 	touch $(VENV)/.installed-train $@
 
 clean:

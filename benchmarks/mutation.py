@@ -5,8 +5,8 @@
     python -m benchmarks.mutation --fresh 20 --packages gaits --tests tests/gaits
 
 Which fast tests execute a line is measured once by coverage.py, with the unchanged code. A mutant
-that passes them meets the slow tests of their files and of its package. Measurements and results
-are in `build/mutation`, so that an interrupted run is resumed by its seed.
+that passes them meets the slow tests of its package and of their files, for five minutes.
+Measurements and results are in `build/mutation`, so that an interrupted run is resumed by its seed.
 """
 
 from __future__ import annotations
@@ -24,12 +24,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
 from itertools import islice
+from multiprocessing import get_context
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -43,7 +45,9 @@ from benchmarks.tables import commit
 MOST = 150  # tests for a mutant
 ALWAYS = "tests/test_refusals.py"  # and these
 PATIENCE = 300.0  # seconds beyond five times the usual time, after which a mutant is noticed
-SLOW = 900.0  # seconds for the slow tests of a mutant that the fast ones do not notice
+SLOW = 300.0  # seconds for the slow tests of a mutant that the fast ones do not notice
+FORKS = get_context("fork")  # processes that have the libraries
+LOCK = FORKS.Lock()  # of the cache that all copies begin with
 LIBRARIES = ("numba", "scipy.optimize", "scipy.linalg", "gymnasium", "torch", "stable_baselines3")
 """Libraries that tests import and mutants do not change."""
 
@@ -88,6 +92,13 @@ class Copy:
             (tree / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, tree / name)
 
+    @classmethod
+    @contextmanager
+    def made(cls, filled: Path) -> Iterator[Copy]:
+        """Make a copy in a temporary folder."""
+        with tempfile.TemporaryDirectory() as folder:
+            yield cls(Path(folder), filled)
+
     def run(
         self,
         tests: Sequence[str],
@@ -104,7 +115,8 @@ class Copy:
         the seconds of each test.
         """
         shutil.rmtree(self.cache, ignore_errors=True)
-        shutil.copytree(self.filled, self.cache)
+        with LOCK:
+            shutil.copytree(self.filled, self.cache)
         said = self.tree / "said.json"
         said.unlink(missing_ok=True)
         changed = self.tree / (mutant.file if mutant else "pyproject.toml")
@@ -175,24 +187,24 @@ class Measured:
     Each file of tests is measured once, in a folder of measurements.
     """
 
-    def __init__(self, copy: Copy, kept: Path, tests: Sequence[str]) -> None:
+    def __init__(self, kept: Path, tests: Sequence[str], workers: int) -> None:
         from coverage import CoverageData
 
-        self.copy, self.data, self.seconds, self.left = copy, [], {}, {}
-        for number, test in enumerate(tests, 1):
+        self.data, self.seconds, self.left, results = [], {}, {}, {}
+        for test in tests:
             stem = test.removesuffix(".py").replace("/", "-")
-            results = kept / f"{stem}-{digest([test])}.json"
-            lines = results.with_suffix(".coverage")
-            if not results.exists():
-                print(f"measure {number} of {len(tests)}: {test}", flush=True)
-                lines.unlink(missing_ok=True)
-                failed, found = copy.run([test], 3600.0, measured=lines)
-                shutil.copytree(copy.cache, copy.filled, dirs_exist_ok=True)
-                results.write_text(json.dumps(found or {test: (failed or "skipped", 0.0)}), "utf-8")
-            for name, (outcome, seconds) in json.loads(results.read_text("utf-8")).items():
+            results[test] = kept / f"{stem}-{digest([test])}.json"
+        new = [test for test in tests if not results[test].exists()]
+        with ProcessPoolExecutor(workers, FORKS) as pool:
+            done = {pool.submit(measure, test, results[test], kept / "cache"): test for test in new}
+            for number, each in enumerate(as_completed(done), 1):
+                each.result()
+                print(f"measured {number} of {len(new)}: {done[each]}", flush=True)
+        for test in tests:
+            for name, (outcome, seconds) in json.loads(results[test].read_text("utf-8")).items():
                 self.left |= {} if outcome == "passed" else {name: outcome}
                 self.seconds |= {name: seconds} if outcome == "passed" else {}
-            if lines.exists():
+            if (lines := results[test].with_suffix(".coverage")).exists():
                 self.data.append(CoverageData(str(lines)))
                 self.data[-1].read()
 
@@ -211,13 +223,16 @@ class Measured:
 
     def of_line(self, file: str, line: int) -> set[str]:
         """Tests that execute a line, or the lines before it of the same statement."""
-        tree = ast.parse((self.copy.tree / file).read_text("utf-8"))
+        tree = ast.parse((ROOT / file).read_text("utf-8"))
         statements = [node.lineno for node in ast.walk(tree) if isinstance(node, ast.stmt)]
         first = max((begin for begin in statements if begin <= line), default=line)
         return set().union(*(self.lines(file).get(i, ()) for i in range(first, line + 1)))
 
-    def choose(self, mutant: Mutant) -> tuple[list[str], int]:
-        """Choose tests for a mutant, those of quick files first; and how many execute its line."""
+    def choose(self, mutant: Mutant) -> tuple[dict[str, float], int]:
+        """Choose tests for a mutant, those of quick files first.
+
+        Returns the seconds of each test, and how many tests execute the line.
+        """
         on_line = self.of_line(mutant.file, mutant.line)
         chosen: list[str] = []
         for pool in (on_line, self.of([mutant.file]), self.of(importers(mutant.file))):
@@ -230,38 +245,52 @@ class Measured:
         quick = [*dict.fromkeys(test.split("::")[0] for test in chosen)]
         chosen.sort(key=lambda test: quick.index(test.split("::")[0]))  # they share fixtures
         always = (test for test in self.seconds if test.startswith(f"{ALWAYS}::"))
-        return [*dict.fromkeys([*chosen, *always])], len(self.seconds.keys() & on_line)
+        tests = {test: self.seconds[test] for test in (*chosen, *always)}
+        return tests, len(self.seconds.keys() & on_line)
 
-    def files_for(self, mutant: Mutant, tests: Iterable[str]) -> list[str]:
-        """Files of which the slow tests are tried: those of chosen tests, and of its package."""
-        named = {f"tests/{part}" for part in Path(mutant.file).with_suffix("").parts}
-        own = [name for name in listed() if str(Path(name).parent) in named]
-        chosen = {test.split("::")[0] for test in tests}
-        return sorted({*chosen, *(name for name in own if Path(name).match("test_*.py"))})
 
-    def attempt(self, mutant: Mutant) -> dict[str, Any]:
-        """Try a mutant. A failure counts if the same tests pass without the change."""
-        began, failed = time.monotonic(), ""
-        tests, on_line = self.choose(mutant)
+def measure(test: str, results: Path, filled: Path) -> None:
+    """Measure a file of tests, and write its results and the lines that they execute."""
+    lines = results.with_suffix(".coverage")
+    lines.unlink(missing_ok=True)
+    with Copy.made(filled) as copy:
+        failed, found = copy.run([test], 3600.0, measured=lines)
+        with LOCK:
+            shutil.copytree(copy.cache, filled, dirs_exist_ok=True)
+    results.write_text(json.dumps(found or {test: (failed or "skipped", 0.0)}), "utf-8")
+
+
+def files_for(mutant: Mutant, tests: Iterable[str]) -> list[str]:
+    """Files of which the slow tests are tried: those of its package, and of chosen tests."""
+    named = {f"tests/{part}" for part in Path(mutant.file).with_suffix("").parts}
+    own = [name for name in listed() if str(Path(name).parent) in named]
+    own = [name for name in own if Path(name).match("test_*.py")]
+    return [*dict.fromkeys([*own, *(test.split("::")[0] for test in tests)])]
+
+
+def attempt(mutant: Mutant, tests: dict[str, float], on_line: int, filled: Path) -> dict[str, Any]:
+    """Try a mutant. A failure counts if the same tests pass without the change."""
+    began, failed, left = time.monotonic(), "", []
+    with Copy.made(filled) as copy:
         while tests:
-            patience = PATIENCE + 5.0 * sum(self.seconds[test] for test in tests)
-            failed, _ = self.copy.run(tests, patience, mutant)
-            upto = tests[: tests.index(failed) + 1] if failed in tests else tests
-            without = self.copy.run(upto, patience)[0] if failed else ""
+            patience = PATIENCE + 5.0 * sum(tests.values())
+            failed, _ = copy.run([*tests], patience, mutant)
+            names = [*tests]
+            upto = names[: names.index(failed) + 1] if failed in tests else names
+            without = copy.run(upto, patience)[0] if failed else ""
             if not without:
                 break
-            self.left[without] = "failed without a change"
-            failed = ""
+            left, failed = [*left, without], ""
             if without not in tests:
                 break
-            tests.remove(without)
-            del self.seconds[without]
-        if not failed and (files := self.files_for(mutant, tests)):
-            failed, _ = self.copy.run(files, SLOW, mutant, slow=True)
-            if failed and self.copy.run([failed] if "::" in failed else files, SLOW, slow=True)[0]:
+            del tests[without]
+        if not failed and (files := files_for(mutant, tests)):
+            failed, _ = copy.run(files, SLOW, mutant, slow=True)
+            # Slow tests may take longer, so that only a failure of one counts.
+            if "::" not in failed or copy.run([failed], SLOW, slow=True)[0]:
                 failed = ""
-        return {"name": mutant.name, "noticed_by": failed, "tests": len(tests), "on_line": on_line,
-                "seconds": round(time.monotonic() - began)}  # fmt: skip
+    return {"name": mutant.name, "noticed_by": failed, "tests": len(tests), "on_line": on_line,
+            "left": left, "seconds": round(time.monotonic() - began)}  # fmt: skip
 
 
 def listed() -> list[str]:
@@ -287,6 +316,7 @@ def main() -> None:
     add("--seed", type=int, help="seed of the draw, to resume a run; random if not given")
     add("--packages", nargs="+", metavar="FOLDER", default=[], help="draw from these folders only")
     add("--tests", nargs="+", metavar="PATH", default=["tests"], help="use these tests only")
+    add("--workers", type=int, default=os.cpu_count(), metavar="N", help="processes at once")
     add("--again", action="store_true", help="repeat changes that were not noticed")
     options = parser.parse_args()
     seed = random.SystemRandom().randrange(10**6) if options.seed is None else options.seed
@@ -310,22 +340,27 @@ def main() -> None:
     sources = (name for name in sources if not Path(name).match("test_*.py"))
     kept = ROOT / "build" / "mutation" / digest(sources)
     (kept / "cache").mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Copy(Path(folder), kept / "cache")
-        measured = Measured(copy, kept, [*dict.fromkeys([*tests, ALWAYS])])
-        log, records = kept / f"{hashlib.sha256(words.encode()).hexdigest()[:16]}.jsonl", []
-        old = log.read_text("utf-8").splitlines() if log.exists() else []
-        known = {record["name"]: record for record in map(json.loads, old)}
-        for number, mutant in enumerate(mutants, 1):
-            record = known.get(mutant.name)
-            if not record or (options.again and not record["noticed_by"]):
-                record = measured.attempt(mutant)
-                with log.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(record) + "\n")
-                result = record["noticed_by"] or "NOT NOTICED"
-                took = f"{number} of {options.fresh}, {record['seconds']} s"
-                print(f"{took}: {mutant.name}\n    {result}", flush=True)
-            records.append(record)
+    measured = Measured(kept, [*dict.fromkeys([*tests, ALWAYS])], options.workers)
+    log = kept / f"{hashlib.sha256(words.encode()).hexdigest()[:16]}.jsonl"
+    old = log.read_text("utf-8").splitlines() if log.exists() else []
+    known = {record["name"]: record for record in map(json.loads, old)}
+    if options.again:
+        known = {name: record for name, record in known.items() if record["noticed_by"]}
+    new = [mutant for mutant in mutants if mutant.name not in known]
+    with ProcessPoolExecutor(options.workers, FORKS) as pool:
+        chosen = ((mutant, *measured.choose(mutant)) for mutant in new)
+        for done in as_completed([pool.submit(attempt, *each, kept / "cache") for each in chosen]):
+            record = done.result()
+            known[record["name"]] = record
+            with log.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(record) + "\n")
+            result = record["noticed_by"] or "NOT NOTICED"
+            print(
+                f"{len(known)}, {record['seconds']} s: {record['name']}\n    {result}", flush=True
+            )
+    records = [known[mutant.name] for mutant in mutants]
+    for record in records:
+        measured.left |= dict.fromkeys(record["left"], "failed without a change")
 
     left = (f"test left out, {outcome}: {test}" for test, outcome in measured.left.items())
     print("", *left, sep="\n")

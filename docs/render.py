@@ -20,6 +20,7 @@ import os
 import re
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from enum import Enum
 from functools import cached_property
 from itertools import groupby
@@ -366,9 +367,11 @@ def main() -> int:
     for make in (environment, commands, reference):
         (arguments.out / f"{make.__name__}.md").write_text(make(), encoding="utf-8")
     os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
-    for name in arguments.notebooks:
-        target = arguments.out / "notebooks" / f"{name}.ipynb"
-        target.write_text(run(books[name]), encoding="utf-8")
+    with ThreadPoolExecutor(os.cpu_count()) as pool:  # each waits for a process of its own
+        texts = pool.map(run, map(books.__getitem__, arguments.notebooks))
+        for name, text in zip(arguments.notebooks, texts, strict=True):
+            target = arguments.out / "notebooks" / f"{name}.ipynb"
+            target.write_text(text, encoding="utf-8")
     return 0
 
 

@@ -45,7 +45,7 @@ def test_two_builds_of_the_pages_are_equal_and_tracked_ones_are_up_to_date(rende
 
 @pytest.mark.slow
 def test_two_builds_of_notebooks_are_equal(tmp_path):
-    names = ("kneed-gait", "simplest-walker", "your-own-machine")  # the others take minutes
+    names = ("simplest-walker", "your-own-machine")  # all of them take minutes
     for library in ("nbclient", "ipykernel"):
         pytest.importorskip(library)
     first, second = (

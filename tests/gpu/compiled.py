@@ -6,6 +6,7 @@ devices gets the kind of device as an argument.
 
 from __future__ import annotations
 
+import os
 import sys
 from types import ModuleType
 
@@ -14,6 +15,8 @@ import numpy as np
 
 def on_cpu(name: str) -> float:
     """By how much strides by the device's functions, compiled for this CPU, are off."""
+    os.environ["NUMBA_OPT"] = "0"  # compilation takes longer than the strides
+
     import numba
     import numba.cuda.extending
     import numba.extending
