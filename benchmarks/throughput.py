@@ -239,7 +239,7 @@ def threads() -> None:
         "µs a step, 1 thread",
         *(f"{n} threads" for n in numbers[1:]),
     ]
-    text = "In between, the thread that steps computes. Medians, the best of five by turns."
+    text = "In between, the thread that steps computes. Medians, the best of 15 by turns."
     keep("threads", f"{table(heads, rows)}\n\n{text} {machine('gymnasium')}.", BENCHMARKS)
 
 
@@ -250,7 +250,7 @@ def _by_turns(count: int, numbers: list[int], between: float) -> dict[int, float
     batches = {n: gym.make_vec("PassiveWalker-v0", num_envs=count, threads=n) for n in numbers}
     for envs in batches.values():
         envs.reset(seed=0)
-    for _ in range(5):
+    for _ in range(15):
         for n, envs in batches.items():
             times = []
             for i in range(max(20, 50_000 // count)):

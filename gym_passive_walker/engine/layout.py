@@ -174,8 +174,8 @@ HISTORY = history_for(NARROW)
 
 
 def aligned(layout: np.dtype, count: int) -> NDArray:
-    """Return zeros of a layout, (count,), aligned to cache lines of 64 bytes."""
+    """Return zeros of a layout, (count,), in cache lines of 64 bytes that hold nothing else."""
     size = layout.itemsize * count
-    buffer = np.zeros(size + 64, np.uint8)
+    buffer = np.zeros(size + 128, np.uint8)
     start = -buffer.ctypes.data % 64
     return buffer[start : start + size].view(layout)

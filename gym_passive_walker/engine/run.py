@@ -140,7 +140,7 @@ def states_in(records: NDArray, coordinates: int) -> NDArray[np.float64]:
 def workspace(tangents: int = 0, layout: Layout = NARROW) -> tuple[NDArray, NDArray]:
     """Return a tile and a guard history, each (1 + tangents,), for one thread at a time."""
     tile = aligned(tile_for(PAIR, layout=layout), tangents + 1)
-    return tile, np.zeros(tangents + 1, history_for(layout))
+    return tile, aligned(history_for(layout), tangents + 1)
 
 
 class _Workspaces(threading.local):

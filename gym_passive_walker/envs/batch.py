@@ -511,19 +511,20 @@ class Batch:
 
         Returns:
             EVERY_STEP without the strides, (entries, count); number of strides and index of the
-            outcome in OUTCOMES, (2, count); the walkers that have ended a stride; and their
-            EVERY_STRIDE, (walkers, entries), which is zero for all others.
+            outcome in OUTCOMES, (2, count); the walkers that have ended a stride, in any order; and
+            their EVERY_STRIDE, (walkers, entries), which is zero for all others.
         """
-        first, size = len(task.EVERY_STEP) - 1, len(task.EVERY_STRIDE)
         if (report := self._report) is None:
             report = self._new_report()
             self.entry_point.write_info(self.entry_point.address, *report)
         steps, counts = report
+        number = self.entry_point.ended.item(0)
+        ended = self.entry_point.ended[1 : number + 1].copy()
+        measures = self.entry_point.measures[:number].copy()
         if not (just_now and self._report) and not stepped.all():
             steps, counts = np.where(stepped, steps, 0.0), np.where(stepped, counts, 0)
-        ended = counts[1].nonzero()[0]
-        words = self.ledger.view(np.float64).reshape(self.count, -1)
-        return steps, counts, ended, words[ended, first : first + size]
+            ended, measures = ended[stepped[ended]], measures[stepped[ended]]
+        return steps, counts, ended, measures
 
     def step(
         self,

@@ -24,6 +24,7 @@ from gym_passive_walker.engine.jit import (
     draw_word,
     merged,
     named,
+    put_at,
     stack,
     view,
 )
@@ -44,11 +45,11 @@ from gym_passive_walker.envs.transitions import TIMED_OUT
 from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts, interpolate_states
 
 ADDRESSES = np.dtype(
-    [(name, "i8") for name in (*ARRAYS, "generators", "tiles", "histories")]
+    [(name, "i8") for name in (*ARRAYS, "generators", "tiles", "histories", "ended", "measures")]
     + [(f"of_{axis}", "i8") for axis in AXES]
 )
-"""Addresses of a batch's arrays, of those of its random generators, and of the working memory of
-one thread; lengths of axes."""
+"""Addresses of a batch's arrays, of those of its random generators, of the working memory of one
+thread, and of two arrays of `EntryPoint`; lengths of axes."""
 
 ALONE, SHARED, HELPING = range(3)
 """Roles of a thread in a step: the only one, the one that steps with others, or one of those."""
@@ -129,7 +130,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     arrays = memory.arrays_in(kind, declared, layout, _AT, _LENGTHS, ARRAYS)
     history, tile = history_for(layout), tile_for(PAIR, layout=layout)
     size, row_words = 2 * layout.links, task.ledger_for(layout).itemsize // 8
-    reported = len(task.EVERY_STEP) - 1
+    reported, measured = len(task.EVERY_STEP) - 1, len(task.EVERY_STRIDE)
     drawn, numbers = _FEW * DRAWS, _FEW * size
 
     def within(compiler: Callable[..., Any]) -> Callable[..., Any]:
@@ -207,15 +208,23 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         return strides, endings
 
     @within(merged)
-    def report(here, i, steps, counts):
+    def report(where, here, i, steps, counts):
         """Write what every step reports of a walker; see `write_info`."""
-        words = view(address(here.ledger), (len(here.ledger), row_words), _NUMBER)
-        for k in range(len(steps)):
+        count = len(here.ledger)
+        words = view(address(here.ledger), (count, row_words), _NUMBER)
+        for k in range(reported):
             steps[k, i] = words[i, k]  # EVERY_STEP first
         counts[0, i], outcome = here.ledger[i].strides, here.ledger[i].outcome
         if here.ledger[i].truncated != 0 and here.ledger[i].ending == 0:
             outcome = TIMED_OUT
         counts[1, i] = outcome
+        if outcome != 0:
+            places = view(where, (1,), ADDRESSES)[0]
+            j = add_at(places.ended, 1)
+            view(places.ended, (count + 1,), _WORD)[j + 1] = i
+            measures = view(places.measures, (count, measured), _NUMBER)
+            for k in range(measured):
+                measures[j, k] = words[i, reported + k]
 
     @within(merged)
     def next_piece(given, piece, role, count):
@@ -253,6 +262,8 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
             if wrong >= 0:
                 return -1 - wrong
             given.strides, given.endings = 0, 0
+            if given.steps != 0:
+                put_at(view(where, (1,), ADDRESSES)[0].ended, 0)
             given.size = given.large
             if role == SHARED:
                 if helping(given.board) + 1 < given.threads:  # nobody waits for one that comes late
@@ -275,13 +286,14 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
                 counts = view(given.counts, (2, count), _WORD)
                 lane = view(stack(1), (1,), _WORD)
                 for i in range(first, last):
-                    report(here, i, steps, counts)
-                    if here.records[i, 0].outcome == RESTING:
-                        for k in range(reported):
-                            steps[k, i] = 0.0
-                        counts[0, i], counts[1, i], lane[0] = 0, 0, i
-                        if given.again:
-                            begin_few(where, here, lane)
+                    if here.records[i, 0].outcome != RESTING:
+                        report(where, here, i, steps, counts)
+                        continue
+                    for k in range(reported):
+                        steps[k, i] = 0.0
+                    counts[0, i], counts[1, i], lane[0] = 0, 0, i
+                    if given.again:
+                        begin_few(where, here, lane)
             if role == ALONE:
                 given.strides += strides
                 given.endings += endings
@@ -316,7 +328,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
 
     @within(Kernel)
     def write_info(where, steps, counts):
-        """Write what every step reports of all walkers.
+        """Write what every step reports of all walkers, also to `ended` and `measures`.
 
         Args:
             where: Address from `EntryPoint.address`.
@@ -325,8 +337,9 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
                 outcome is 0 if no stride or episode ends.
         """
         here = arrays_at(where, arrays)
+        put_at(view(where, (1,), ADDRESSES)[0].ended, 0)
         for i in range(len(here.ledger)):
-            report(here, i, steps, counts)
+            report(where, here, i, steps, counts)
 
     if custom:  # these kernels are the same for several kinds of scenes
         observe = kernels_for(layout, disturbed, False).observe
@@ -355,6 +368,9 @@ class EntryPoint:
         words: EVERY_STEP without the strides, EVERY_STRIDE, and as integers the number of strides
             and the outcome, of the first walker: the words of its row that `info` reports.
         outcomes: The last two of them, number of strides and outcome, as integers.
+        ended: From the last step or `write_info`: the number of walkers that ended a stride or an
+            episode, and then these walkers in any order, (count + 1,).
+        measures: Their EVERY_STRIDE, which are zero for all others, (count, entries).
     """
 
     def __init__(self, arrays: dict[str, NDArray], threads: int = 1, **lengths: int) -> None:
@@ -367,7 +383,11 @@ class EntryPoint:
         for axis, length in lengths.items():
             self._places[f"of_{axis}"] = length
         tiles, histories = workspace(layout=layout)
-        self._put(**arrays, tiles=tiles, histories=histories)
+        count = len(arrays["ledger"])
+        self.ended = np.zeros(count + 1, np.int64)
+        self.measures = np.zeros((count, len(task.EVERY_STRIDE)))
+        own = {"ended": self.ended, "measures": self.measures}
+        self._put(**arrays, tiles=tiles, histories=histories, **own)
         self.actions, self.observations = arrays["actions"], arrays["observations"]
         self.results = arrays["rewards"], arrays["terminated"], arrays["truncated"]
         words = len(task.EVERY_STEP) + len(task.EVERY_STRIDE) + 1
@@ -377,7 +397,6 @@ class EntryPoint:
         self._helpers, self._board = threads - 1, Board()
         self._shared = np.zeros(2, STEP)  # of all walkers, and of a single one
         self._shared["board"], self._shared["threads"] = self._board.address, (threads, 1)
-        count = len(arrays["ledger"])
         self._shared["large"] = -(-count // (threads * -(-count // (threads * CHUNK))))
         self._of_all, here = (self._shared[i:].ctypes.data for i in range(2))
         self._workspace = tiles.ctypes.data, histories.ctypes.data
