@@ -57,7 +57,7 @@ def note_for(layout: Layout) -> np.dtype:
         [(name, "f8", sizes.get(name, ())) for name in Transition._fields]
         + [
             ("began", "f8"),  # time since the stride began, before the step
-            ("lost", "f8"),  # energy lost at kneestrike in the stride, before the step
+            ("lost", "f8"),  # energy / (m g l) lost at kneestrike in the stride, before the step
             ("paid", "f8"),  # result of `reward`
             ("ends", "f8"),  # result of `terminated`
         ]
@@ -106,7 +106,7 @@ def before(here, first, last):
         note, record = here.notes[i], here.records[i, 0]
         for k in range(len(record.state)):
             note.before[k] = record.state[k]
-        note.began, note.lost = record.time, record.knee_loss
+        note.began, note.lost = record.time, record.knee_loss / here.rules[0].weight
 
 
 def note_ledger(note, row, struck):
@@ -160,7 +160,7 @@ def note_step(here, i):
     if noted & _TIMES:
         note.duration = (row.step_period if struck else record.time) - note.began
         note.time = row.clock + record.time
-        lost = row.collision_cost * row.step_length if struck else record.knee_loss
+        lost = row.collision_cost * row.step_length if struck else record.knee_loss / rules.weight
         note.collision_loss = lost - note.lost
 
 

@@ -391,7 +391,7 @@ def _transition(
         ankle_work=ankle[0],
         ankle_work_absolute=ankle[1],
         push_off_work=torch.where(struck, moved.result("push_work"), 0.0),
-        collision_loss=moved.result("knee_loss") + moved.result("heel_loss"),
+        collision_loss=(moved.result("knee_loss") + moved.result("heel_loss")) / _weight(scene),
         heelstrike=struck,
         step_length=torch.where(struck, moved.result("step_length"), 0.0),
         strides=ends.strides.double(),
@@ -409,8 +409,12 @@ def is_ruled(scene: Scene) -> bool:
 
 def _works(scene: Scene) -> NDArray[np.float64]:
     """Return the work of a unit of each control per unit of motion in m g l, (controls,)."""
-    walker = scene.walker
-    return np.divide(walker.equations().works, walker.weight / walker.units.force)
+    return np.divide(scene.walker.equations().works, _weight(scene))
+
+
+def _weight(scene: Scene) -> float:
+    """Return the weight of the walker in the unit of its records."""
+    return scene.walker.weight / scene.walker.units.force
 
 
 def is_locked(scene: Scene, phases: Tensor) -> Tensor:

@@ -1,5 +1,6 @@
 """Gradients through walks of a user's own system in PyTorch."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 import gym_passive_walker as gpw
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.scenes.scene import make_scene
-from tests.own.statements import COMPASS, DRIVEN, SCENES, STRAIGHT
+from tests.own.statements import COMPASS, DRIVEN, SCENES, STRAIGHT, Legs
 
 torch = pytest.importorskip("torch")
 gt = pytest.importorskip("gym_passive_walker.torch")
@@ -77,6 +78,10 @@ OWN = {
     "rough ground": {
         "system": DRIVEN, "slope": (0.02, 0.03), "command": 0.3,
         "terrain": gpw.rough(height_std=0.0005), "domain_randomization": dict.fromkeys(BODY, 0.05),
+    },
+    "twice the mass": {
+        "system": replace(DRIVEN, name="heavy compass", body=Legs(*(2.0 * x for x in DRIVEN.body))),
+        "slope": SLOPE, "reward": lambda step: step.distance - 3.0 * step.collision_loss,
     },
     "own reward": {
         "system": DRIVEN, "slope": SLOPE, "terminated": lambda step: step.state.stance > 0.3,
