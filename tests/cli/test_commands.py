@@ -107,6 +107,11 @@ def described_in_the_help():
     return textwrap.dedent(sweep.__doc__.partition("lab.yaml contains:\n")[2])
 
 
+def test_a_word_that_names_no_argument_of_the_command_stays_in_an_error():
+    said = parser().by_option("choose one by slope=0.01, or by gravity=1.6")
+    assert said == "choose one by slope=0.01, or by gravity=1.6"
+
+
 def test_the_sweep_of_the_help_is_one():
     yaml = pytest.importorskip("yaml")
     assert len(Description.of(yaml.safe_load(described_in_the_help())).tasks) == 9

@@ -83,6 +83,7 @@ def test_agents_see_the_footholds_ahead():
         ahead = terrain.ground(key, np.arange(place, place + 3))[:, 1:]
         np.testing.assert_allclose(observations[place][8:], ahead.ravel(), rtol=1e-6, atol=1e-9)
     assert env.observation_space.shape == (14,)
+    np.testing.assert_allclose(env.observation_space.high[8:], 3 * [1.0, np.pi / 2], rtol=1e-6)
     assert env.observation_space.contains(observations[0])
 
 

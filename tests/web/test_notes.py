@@ -156,6 +156,17 @@ def test_imports_of_each_kind_are_named():
     assert container.imports(made) == [name for name, _ in entries]
 
 
+@pytest.mark.parametrize("size", [1, 100, 122, 123, 128, 16_384])
+def test_an_export_s_name_may_have_any_length(size):
+    """The lengths of its name and of its section have one byte below 128."""
+    table = leb(1) + b"\0\0" + leb(5) + text("f" * size)
+    linking = b"\2\x08" + leb(len(table)) + table
+    parts = section(10, b"code") + section(0, text("linking"), linking)
+    made = container.module(b"\0asm\1\0\0\0" + parts, ("f" * size,), {})
+    (exported,) = (content for number, content in container.sections(made) if number == 7)
+    assert exported == leb(1) + text("f" * size) + b"\0\5"
+
+
 def test_a_module_exports_what_is_asked_for_before_its_code():
     symbols = [
         b"\1\0" + text("numbers") + b"\0\0\5",  # data
