@@ -17,6 +17,14 @@ from tests.own.statements import DRIVEN, PROGRESSIVE
 from tests.web.browser import BROWSERS, Browser
 
 
+@pytest.hookimpl(tryfirst=True)  # before pytest leaves marked tests out
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of the compiled package, which takes a minute to compile."""
+    for item in items:
+        if "package" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.slow)
+
+
 @pytest.fixture(scope="session")
 def node() -> str:
     """Node.js."""
