@@ -227,41 +227,41 @@ def _envpool(name: str, count: int, threads: int) -> float:
 def threads() -> None:
     """Measure control steps on several threads, at once and with other work in between."""
     numbers = [n for n in (1, 2, 4, 8, 16, 32, 64) if n <= CORES]
+    counts, pauses = (512, 1024, 1536, 2048, 4096, 10_000, 100_000), (0.0, 0.3e-3, 2e-3)
+    make = partial(gym.make_vec, "PassiveWalker-v0")
+    batches = {(x, n): make(num_envs=x, threads=n) for x in counts for n in numbers}
+    for envs in batches.values():
+        envs.reset(seed=0)
+    best: dict[tuple, float] = {}
+    for _ in range(10):
+        for pause, (of, envs) in product(pauses, batches.items()):
+            best[pause, *of] = min(best.get((pause, *of), math.inf), _step(envs, pause))
     rows: list[tuple] = []
-    for between in (0.0, 0.3e-3, 2e-3):
-        for count in (512, 1024, 1536, 2048, 4096, 10_000, 100_000):
-            took = _by_turns(count, numbers, between)
-            ratios = (took[1] / took[n] for n in numbers[1:])
-            rows.append((1e3 * between, count, took[1] * 1e6, *(f"× {x:.2f}" for x in ratios)))
+    for pause, count in product(pauses, counts):
+        alone, *others = (best[pause, count, n] for n in numbers)
+        rows.append((1e3 * pause, count, alone * 1e6, *(f"× {alone / x:.2f}" for x in others)))
     heads = [
         "ms between steps",
         "walkers",
         "µs a step, 1 thread",
         *(f"{n} threads" for n in numbers[1:]),
     ]
-    text = "In between, the thread that steps computes. Medians, the best of 15 by turns."
+    text = "In between, the thread that steps computes. Medians, the best of ten by turns."
     keep("threads", f"{table(heads, rows)}\n\n{text} {machine('gymnasium')}.", BENCHMARKS)
 
 
-def _by_turns(count: int, numbers: list[int], between: float) -> dict[int, float]:
-    """Seconds of a step of a batch by the number of threads."""
-    random, best = np.random.default_rng(0), dict.fromkeys(numbers, math.inf)
-    actions = [random.uniform(-1.0, 1.0, (count, 1)).astype(np.float32) for _ in range(8)]
-    batches = {n: gym.make_vec("PassiveWalker-v0", num_envs=count, threads=n) for n in numbers}
-    for envs in batches.values():
-        envs.reset(seed=0)
-    for _ in range(15):
-        for n, envs in batches.items():
-            times = []
-            for i in range(max(20, 50_000 // count)):
-                until = time.perf_counter() + between
-                while time.perf_counter() < until:
-                    pass
-                began = time.perf_counter()
-                envs.step(actions[i % len(actions)])
-                times.append(time.perf_counter() - began)
-            best[n] = min(best[n], median(times))
-    return best
+def _step(envs: Any, pause: float) -> float:
+    """Seconds of a step of a batch, the median of some."""
+    random, times = np.random.default_rng(0), []
+    actions = [random.uniform(-1.0, 1.0, (envs.num_envs, 1)).astype(np.float32) for _ in range(8)]
+    for i in range(max(20, 50_000 // envs.num_envs)):
+        until = time.perf_counter() + pause
+        while time.perf_counter() < until:
+            pass
+        began = time.perf_counter()
+        envs.step(actions[i % len(actions)])
+        times.append(time.perf_counter() - began)
+    return median(times)
 
 
 def learning() -> None:

@@ -328,6 +328,7 @@ WRONG = {
     "table 4.3": "no table '4.3': choose from 4.1, 4.2",
     "video lab 0.036 --out walk.doc": "must end in .mp4 or .gif",
     "evaluate nobody": "no policy 'nobody': choose from",
+    "compare lab": "by the controller 'passive', with walker='lab' or --walker lab",
     "evaluate level-ppo --episodes 0": "--episodes must be a whole number from 1 on",
     "fly": "COMMAND: the list of choices has no fly (family?); it has walkers",
     "evalute level-ppo": "COMMAND: the list of choices has no evalute (evaluate?); it has",

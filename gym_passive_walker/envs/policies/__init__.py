@@ -23,6 +23,7 @@ from gym_passive_walker.envs.policies.sb3_file import Sb3Policy
 from gym_passive_walker.envs.policies.tensors import PolicyError, read_tensors, reading
 from gym_passive_walker.gaits.scenes.named import check_source, outside
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene, seen_by_policy
+from gym_passive_walker.models.walkers import WALKERS
 
 TENSORS, DESCRIPTION = "policy.safetensors", "policy.json"
 _SHIPPED = Path(__file__).parent
@@ -97,6 +98,11 @@ def policy_folder(name: str | Path) -> Path:
             with suppress(OSError, ValueError):  # invalid file names
                 if (folder / DESCRIPTION).is_file():
                     return folder
+    if isinstance(name, str) and name in WALKERS:
+        raise PolicyError(
+            f"no policy {name!r}, which is a walker: it walks without one by the controller "
+            f"'passive', with walker={name!r} or --walker {name}"
+        )
     known = shipped_policies()
     raise PolicyError(
         f"no policy {cut(str(name))!r}{near(name, known)}: choose from {', '.join(known)}; or give "
