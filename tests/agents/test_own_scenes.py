@@ -106,6 +106,8 @@ def test_a_file_that_names_a_function_is_refused_without_trust(run, capsys):
                  ["evaluate", "kept"], ["--from", "run", *TINY]):  # fmt: skip
         assert train.main(line) == 2
         assert "if you trust it, add --trust" in capsys.readouterr().err
+    assert passive_walker(["evaluate", "kept", "--episodes", "1"]) == 2
+    assert "if you trust it, add --trust" in capsys.readouterr().err
     assert train.main(["gait", "kept.onnx"]) == 2
     assert "if you trust it, add --trust" in capsys.readouterr().err
     for name in ("kept", "kept.onnx"):
@@ -114,6 +116,7 @@ def test_a_file_that_names_a_function_is_refused_without_trust(run, capsys):
     assert "mytask" not in sys.modules
     train.main(["gait", "kept.onnx", "--trust"])  # the policy of two updates need not walk
     assert "mytask" in sys.modules and "--trust" not in capsys.readouterr().err
+    assert passive_walker(["evaluate", "kept", "--episodes", "1", "--trust"]) == 0
 
 
 def test_a_run_goes_on_with_its_own_scene_and_refuses_one_that_changed(run, own_folder, capsys):
