@@ -46,7 +46,7 @@ MOST = 150  # tests for a mutant
 ALWAYS = "tests/test_refusals.py"  # and these
 PATIENCE = 300.0  # seconds beyond five times the usual time, after which a mutant is noticed
 SLOW = 300.0  # seconds for the slow tests of a mutant that the fast ones do not notice
-FORKS = get_context("fork")  # processes that have the libraries
+FORKS = get_context("fork" if hasattr(os, "fork") else None)  # processes that have the libraries
 LOCK = FORKS.Lock()  # of the cache that all copies begin with
 LIBRARIES = ("numba", "scipy.optimize", "scipy.linalg", "gymnasium", "torch", "stable_baselines3")
 """Libraries that tests import and mutants do not change."""
@@ -319,6 +319,8 @@ def main() -> None:
     add("--workers", type=int, default=os.cpu_count(), metavar="N", help="processes at once")
     add("--again", action="store_true", help="repeat changes that were not noticed")
     options = parser.parse_args()
+    if options.workers is not None and options.workers < 1:
+        parser.error("--workers must be at least 1")
     seed = random.SystemRandom().randrange(10**6) if options.seed is None else options.seed
     given = {"--seed": [seed], "--packages": options.packages, "--tests": options.tests}
     words = shlex.join(str(x) for key, values in given.items() if values for x in (key, *values))

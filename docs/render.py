@@ -365,7 +365,9 @@ def main() -> int:
     arguments = parser.parse_args()
     (arguments.out / "notebooks").mkdir(parents=True, exist_ok=True)
     for make in (environment, commands, reference):
-        (arguments.out / f"{make.__name__}.md").write_text(make(), encoding="utf-8")
+        page, text = arguments.out / f"{make.__name__}.md", make()
+        if not page.exists() or page.read_text(encoding="utf-8") != text:  # lint may be reading it
+            page.write_text(text, encoding="utf-8")
     os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
     with ThreadPoolExecutor(os.cpu_count()) as pool:  # each waits for a process of its own
         texts = pool.map(run, map(books.__getitem__, arguments.notebooks))

@@ -26,7 +26,7 @@ from gym_passive_walker.envs.one_thread import Token
 from gym_passive_walker.envs.randomized import Randomized
 from gym_passive_walker.gaits.scenes.rewards import DRAWN, OWN
 from gym_passive_walker.gaits.scenes.rules import ENERGIES, KNEE_LOCK, proportion
-from gym_passive_walker.gaits.scenes.scene import Scene, SceneError
+from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, recorded_weight
 from gym_passive_walker.gaits.scenes.starts import DRAWS, Starts, as_recorded
 from gym_passive_walker.models.equations.hybrid import System
 from gym_passive_walker.models.equations.systems import FITTINGS, UNEVEN
@@ -56,7 +56,7 @@ def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
     rules["charged"] = ENERGIES.index(scene.energy)
     rules["step_limit"] = step_limit
     rules["reset_noise_scale"] = scene.ends("reset_noise_scale")[1]
-    rules["weight"] = scene.walker.weight / scene.walker.units.force
+    rules["weight"] = recorded_weight(scene)
     rules["works"][0, : len(system.works)] = np.divide(system.works, rules["weight"])
     rules["works"][0, -1] = 1.0
     places = scene.walker.exchanged_places

@@ -23,7 +23,7 @@ from gym_passive_walker.envs.disturbances import settings_of
 from gym_passive_walker.envs.transitions import STOPPED
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, rule_of
-from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.gaits.scenes.scene import Scene, recorded_weight
 from gym_passive_walker.gaits.scenes.transition import Transition
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.systems import UNEVEN
@@ -391,7 +391,8 @@ def _transition(
         ankle_work=ankle[0],
         ankle_work_absolute=ankle[1],
         push_off_work=torch.where(struck, moved.result("push_work"), 0.0),
-        collision_loss=(moved.result("knee_loss") + moved.result("heel_loss")) / _weight(scene),
+        collision_loss=(moved.result("knee_loss") + moved.result("heel_loss"))
+        / recorded_weight(scene),
         heelstrike=struck,
         step_length=torch.where(struck, moved.result("step_length"), 0.0),
         strides=ends.strides.double(),
@@ -409,12 +410,7 @@ def is_ruled(scene: Scene) -> bool:
 
 def _works(scene: Scene) -> NDArray[np.float64]:
     """Return the work of a unit of each control per unit of motion in m g l, (controls,)."""
-    return np.divide(scene.walker.equations().works, _weight(scene))
-
-
-def _weight(scene: Scene) -> float:
-    """Return the weight of the walker in the unit of its records."""
-    return scene.walker.weight / scene.walker.units.force
+    return np.divide(scene.walker.equations().works, recorded_weight(scene))
 
 
 def is_locked(scene: Scene, phases: Tensor) -> Tensor:

@@ -35,7 +35,7 @@ from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.gaits.measures import SHARES, Measured, in_words
 from gym_passive_walker.gaits.scenes.rules import CHANNELS
-from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.gaits.scenes.scene import Scene, recorded_weight
 from gym_passive_walker.gaits.section import Points, Section
 from gym_passive_walker.gaits.stride import Stride, account, one_of, reported_as
 from gym_passive_walker.models.model import check_supports
@@ -235,7 +235,7 @@ class Problem:
         self.motors = max(used, default=0) + 1
         self.largest = np.repeat([*largest.values()][: self.motors], ticks)  # torque of each part
         works = Walkers(walker=scene.walker).system().works  # 0 of a hip, with feet of no mass
-        works = np.divide(works, scene.walker.weight / scene.walker.units.force)
+        works = np.divide(works, recorded_weight(scene))
         self.works = np.repeat(works[: self.motors], ticks)
         self._last: tuple[Any, Any] = None, None
 

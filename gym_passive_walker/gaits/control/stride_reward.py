@@ -20,7 +20,7 @@ from gym_passive_walker.gaits.flow import Walkers, hip_places, report_of, states
 from gym_passive_walker.gaits.map_result import product
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.rewards import checked_rule, rule_of
-from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.gaits.scenes.scene import Scene, recorded_weight
 from gym_passive_walker.gaits.scenes.transition import Transition
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.expressions import Expression, Tangents, read
@@ -60,7 +60,7 @@ class StrideReward:
     def __init__(self, scene: Scene, function: Callable[[Transition], Any] | Mapping) -> None:
         self.scene = scene
         self._system = scene.walker.equations()
-        works = np.divide(self._system.works, scene.walker.weight / scene.walker.units.force)
+        works = np.divide(self._system.works, recorded_weight(scene))
         self._works = dict(zip(scene.channels, works.tolist(), strict=False))
         known: dict[Any, Any] = {}
         self._result = self._traced(rule_of(checked_rule("reward", function)), known)
@@ -237,7 +237,7 @@ class StrideReward:
         duration = time.copy()
         for total in (duration, lost):
             total[1:, 0] -= total[:-1, 0].copy()
-        weight = scene.walker.weight / scene.walker.units.force
+        weight = recorded_weight(scene)
         command = scene.command if isinstance(scene.command, float) else 0.0
         fields: dict[_Place, NDArray] = {
             ("distance",): wide(there - places[:-1]),

@@ -302,7 +302,7 @@ class Scene:
         limit = self.actuator(channel).limit
         if not isinstance(limit, str):
             return float(limit)
-        return self.ends(limit)[1] * (self.walker.weight / self.walker.units.force)
+        return self.ends(limit)[1] * recorded_weight(self)
 
     def ends(self, name: str) -> tuple[float, float]:
         """Return the smallest and the largest value of an argument that can be drawn."""
@@ -375,6 +375,11 @@ class Scene:
         if self.control == "stride":
             return 2
         return max(1, round(1.0 / (self.tick * self.walker.time_unit)))
+
+
+def recorded_weight(scene: Scene) -> float:
+    """Return the weight of a scene's walker in the unit of its records; 1 for a `Walker`."""
+    return scene.walker.weight / scene.walker.units.force
 
 
 def kept_argument(name: str, value: Any) -> Any:
