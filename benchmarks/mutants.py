@@ -8,7 +8,7 @@ import random
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = "gym_passive_walker"
@@ -97,15 +97,20 @@ def sources() -> set[str]:
 
 
 @cache
-def importers(file: str) -> set[str]:
-    """Modules that import a source of compiled code, directly or by other sources."""
+def imports() -> Any:
+    """The graph of imports between modules."""
     import grimp
 
-    graph, found = grimp.build_graph(*FOLDERS, cache_dir=None), set()
-    waiting = [file] if file in sources() else []
+    return grimp.build_graph(*FOLDERS, cache_dir=None)
+
+
+@cache
+def importers(file: str) -> set[str]:
+    """Modules that import a module, directly or by sources of compiled code."""
+    found, waiting = set(), [file]
     while waiting:
         name = waiting.pop().removesuffix(".py").removesuffix("/__init__").replace("/", ".")
-        for module in graph.find_modules_that_directly_import(name):
+        for module in imports().find_modules_that_directly_import(name):
             path = Path(*module.split("."))
             path = path / "__init__.py" if (ROOT / path).is_dir() else path.with_suffix(".py")
             if path.as_posix() not in found:

@@ -4,9 +4,9 @@
     python -m benchmarks.mutation --fresh 120                         Draw 120 changes and try them.
     python -m benchmarks.mutation --fresh 20 --packages gaits --tests tests/gaits
 
-Which fast tests execute a line is measured once by coverage.py, with the unchanged code. A mutant
-that passes them meets the slow tests of its package and of their files, for five minutes.
-Measurements and results are in `build/mutation`, so that an interrupted run is resumed by its seed.
+Which tests execute a line, fast and slow ones, is measured once by coverage.py, with the unchanged
+code. Measurements and results are in `build/mutation`, so that an interrupted run is resumed by its
+seed.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import argparse
 import ast
 import hashlib
 import json
+import math
 import os
 import random
 import shlex
@@ -24,13 +25,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from bisect import bisect
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
-from itertools import islice
+from itertools import accumulate, islice
 from multiprocessing import get_context
 from pathlib import Path
 from types import ModuleType
@@ -42,10 +44,9 @@ from benchmarks.mutants import FOLDERS, PACKAGE, ROOT, Mutant, draw, files, impo
 from benchmarks.report import machine
 from benchmarks.tables import commit
 
-MOST = 150  # tests for a mutant
+MOST = 240.0  # seconds of tests for a mutant
 ALWAYS = "tests/test_refusals.py"  # and these
-PATIENCE = 300.0  # seconds beyond five times the usual time, after which a mutant is noticed
-SLOW = 300.0  # seconds for the slow tests of a mutant that the fast ones do not notice
+PATIENCE = 300  # seconds beyond ten times the usual time, after which a test has noticed a mutant
 FORKS = get_context("fork" if hasattr(os, "fork") else None)  # processes that have the libraries
 LOCK = FORKS.Lock()  # of the cache that all copies begin with
 LIBRARIES = ("numba", "scipy.optimize", "scipy.linalg", "gymnasium", "torch", "stable_baselines3")
@@ -53,11 +54,15 @@ LIBRARIES = ("numba", "scipy.optimize", "scipy.linalg", "gymnasium", "torch", "s
 
 
 class _Watch:
-    """Plugin of pytest: selects tests, and records their results and the lines they execute."""
+    """Plugin of pytest: selects tests, and records their results and the lines they execute.
 
-    def __init__(self, chosen: Sequence[str], coverage: Any) -> None:
-        self.chosen, self.coverage = chosen, coverage
-        self.failed, self.results = "", {}
+    A test that takes too long ends the process.
+    """
+
+    def __init__(self, seconds: dict[str, float], coverage: Any) -> None:
+        self.chosen, self.coverage = [test for test in seconds if "::" in test], coverage
+        self.seconds, self.failed, self.results = seconds, "", {}
+        signal.alarm(PATIENCE)  # for imports
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_modifyitems(self, items: list) -> None:
@@ -66,6 +71,7 @@ class _Watch:
             items[:] = [by_name[name] for name in self.chosen if name in by_name]
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
+        signal.alarm(0 if self.coverage else PATIENCE + round(10.0 * self.seconds[nodeid]))
         if self.coverage:
             self.coverage.switch_context(nodeid)
 
@@ -100,19 +106,14 @@ class Copy:
             yield cls(Path(folder), filled)
 
     def run(
-        self,
-        tests: Sequence[str],
-        patience: float,
-        mutant: Mutant | None = None,
-        measured: Path | None = None,
-        slow: bool = False,
+        self, tests: dict[str, float], mutant: Mutant | None = None, measured: Path | None = None
     ) -> tuple[str, dict[str, tuple[str, float]]]:
         """Run tests, or all tests of files, in a fork of this process, which has the libraries.
 
         The lines that they execute are written to a file. Without one, the first failure ends the
-        run. The tests are the fast ones, or the slow ones. Returns the first failure ("time" if
-        they ran too long, "crash" if there are no results, "" if they pass), and the outcome and
-        the seconds of each test.
+        run. The usual seconds of the tests are given. Returns the first failure ("time" if a test
+        ran too long, "crash" if there are no results, "" if they pass), and the outcome and the
+        seconds of each test.
         """
         shutil.rmtree(self.cache, ignore_errors=True)
         with LOCK:
@@ -126,25 +127,24 @@ class Copy:
         sys.stdout.flush()
         if (child := os.fork()) == 0:
             try:
-                self._test(tests, said, measured, slow)
+                self._test(tests, said, measured)
             finally:
                 os._exit(1)
-        until, ended = time.monotonic() + patience, 0
+        status = None
         try:
-            while not ended and time.monotonic() < until:
-                time.sleep(0.05)
-                ended, _ = os.waitpid(child, os.WNOHANG)
+            _, status = os.waitpid(child, 0)
         finally:
             with suppress(ProcessLookupError):
                 os.killpg(child, signal.SIGKILL)  # with the processes that tests have left
-            if not ended:
+            if status is None:
                 os.waitpid(child, 0)
             changed.write_bytes(original)
         if said.exists():
             return tuple(json.loads(said.read_text("utf-8")))
-        return ("crash" if ended else "time"), {}
+        late = os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM
+        return ("time" if late else "crash"), {}
 
-    def _test(self, tests: Sequence[str], said: Path, measured: Path | None, slow: bool) -> None:
+    def _test(self, tests: dict[str, float], said: Path, measured: Path | None) -> None:
         """Run tests in this (child) process, and write their results to a file."""
         os.setsid()
         with (self.tree / "output").open("wb") as output:
@@ -169,9 +169,9 @@ class Copy:
             coverage.set_option("run:relative_files", True)
             coverage.set_option("run:core", "ctrace")  # others know no contexts
             coverage.start()
-        watch = _Watch([test for test in tests if "::" in test], coverage)
-        options = ["-q", "--tb=short", "-p", "no:cacheprovider", *["-x"] * (not measured)]
-        options += ["-m", "slow"] * slow
+        watch = _Watch(tests, coverage)
+        options = ["-q", "--tb=short", "-p", "no:cacheprovider", "-m", "not learning"]
+        options += ["-x"] * (not measured)
         paths = dict.fromkeys(test.split("::")[0] for test in tests)
         code = pytest.main([*options, *paths], plugins=[watch])
         if coverage:
@@ -236,11 +236,15 @@ class Measured:
         on_line = self.of_line(mutant.file, mutant.line)
         chosen: list[str] = []
         for pool in (on_line, self.of([mutant.file]), self.of(importers(mutant.file))):
+            room = MOST - sum(self.seconds[test] for test in chosen)
             rest = sorted((self.seconds.keys() & pool).difference(chosen))
             rest.sort(key=self.seconds.__getitem__)
-            room = min(MOST - len(chosen), len(rest))
-            # Quick and slow ones: the quickest alone are tests of arguments.
-            chosen += [rest[i * len(rest) // room] for i in range(room)]
+            ends = [*accumulate(self.seconds[test] for test in rest)]
+            # Half the time for the quickest; these alone are tests of arguments.
+            quickest = bisect(ends, 0.5 * room)
+            chosen += rest[:quickest]
+            every = math.ceil(max(ends[-1:] or [0.0]) / max(0.5 * room, 1e-3))
+            chosen += rest[quickest :: max(every, 1)]
         chosen.sort(key=self.seconds.__getitem__)
         quick = [*dict.fromkeys(test.split("::")[0] for test in chosen)]
         chosen.sort(key=lambda test: quick.index(test.split("::")[0]))  # they share fixtures
@@ -254,18 +258,10 @@ def measure(test: str, results: Path, filled: Path) -> None:
     lines = results.with_suffix(".coverage")
     lines.unlink(missing_ok=True)
     with Copy.made(filled) as copy:
-        failed, found = copy.run([test], 3600.0, measured=lines)
+        failed, found = copy.run({test: 0.0}, measured=lines)
         with LOCK:
             shutil.copytree(copy.cache, filled, dirs_exist_ok=True)
     results.write_text(json.dumps(found or {test: (failed or "skipped", 0.0)}), "utf-8")
-
-
-def files_for(mutant: Mutant, tests: Iterable[str]) -> list[str]:
-    """Files of which the slow tests are tried: those of its package, and of chosen tests."""
-    named = {f"tests/{part}" for part in Path(mutant.file).with_suffix("").parts}
-    own = [name for name in listed() if str(Path(name).parent) in named]
-    own = [name for name in own if Path(name).match("test_*.py")]
-    return [*dict.fromkeys([*own, *(test.split("::")[0] for test in tests)])]
 
 
 def attempt(mutant: Mutant, tests: dict[str, float], on_line: int, filled: Path) -> dict[str, Any]:
@@ -273,22 +269,16 @@ def attempt(mutant: Mutant, tests: dict[str, float], on_line: int, filled: Path)
     began, failed, left = time.monotonic(), "", []
     with Copy.made(filled) as copy:
         while tests:
-            patience = PATIENCE + 5.0 * sum(tests.values())
-            failed, _ = copy.run([*tests], patience, mutant)
+            failed, _ = copy.run(tests, mutant)
             names = [*tests]
             upto = names[: names.index(failed) + 1] if failed in tests else names
-            without = copy.run(upto, patience)[0] if failed else ""
+            without = copy.run({test: tests[test] for test in upto})[0] if failed else ""
             if not without:
                 break
             left, failed = [*left, without], ""
             if without not in tests:
                 break
             del tests[without]
-        if not failed and (files := files_for(mutant, tests)):
-            failed, _ = copy.run(files, SLOW, mutant, slow=True)
-            # Slow tests may take longer, so that only a failure of one counts.
-            if "::" not in failed or copy.run([failed], SLOW, slow=True)[0]:
-                failed = ""
     return {"name": mutant.name, "noticed_by": failed, "tests": len(tests), "on_line": on_line,
             "left": left, "seconds": round(time.monotonic() - began)}  # fmt: skip
 

@@ -8,6 +8,7 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gym_passive_walker.engine import sines  # noqa: F401 - the sine and cosine of expressions
 from gym_passive_walker.engine.equations import Equations
 from gym_passive_walker.models.equations import kneed
 from gym_passive_walker.models.equations.hybrid import State

@@ -18,6 +18,7 @@ from gym_passive_walker.envs.evaluation.walks import (
     score_table,
     simulate_episodes,
 )
+from gym_passive_walker.envs.policies import policy_folder
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.control.baselines import Passive
 from gym_passive_walker.gaits.scenes.scene import make_scene
@@ -147,7 +148,7 @@ def test_a_card_has_the_name_of_its_controller_however_it_is_given(monkeypatch, 
             return np.zeros((len(observation), 1)), state
 
     monkeypatch.setattr(gauntlets, "simulate_episodes", lambda *_, seed: walks(1, 1))
-    folder = gpw.envs.policies.policy_folder("steep-ppo")
+    folder = policy_folder("steep-ppo")
     for controller, scene, title in (
         ("steep-sac", None, "steep-sac"), (folder, None, str(folder)),
         (gpw.load_policy("steep-ppo"), None, "steep-ppo"), (Nameless(), "lab", "Nameless"),

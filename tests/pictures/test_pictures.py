@@ -159,6 +159,27 @@ def test_a_branch_is_drawn_by_each_measure_over_its_parameter(by, family):
             np.testing.assert_allclose(line.get_ydata(), on_it, rtol=1e-9)
 
 
+@pytest.mark.parametrize("first", [True, False])
+def test_a_branch_that_passes_a_slope_twice_is_marked_where_the_period_doubles(family, first):
+    """Of two gaits at the slope, only one has a multiplier of -1."""
+    other = 1.5 * family.multipliers
+    order = slice(None, None, 1 if first else -1)
+
+    def both(here, there):
+        return np.concatenate([here, there[::-1]][order])
+
+    angle = both(family.stance_angle, family.stance_angle + 1.0)
+    folded = replace(
+        family, value=both(family.value, family.value), stance_angle=angle,
+        multipliers=both(family.multipliers, other),
+    )  # fmt: skip
+    ax = Figure().subplots()
+    plots.draw_family(ax, folded)
+    (doublings,) = (line for line in ax.lines if line.get_marker() == "d")
+    assert len(doublings.get_ydata()) == len(family.period_doublings) > 0
+    assert max(doublings.get_ydata()) < 1.0 < max(angle)
+
+
 def test_measures_are_labelled_by_what_they_are():
     assert plots.PLOTTED == {
         "stance_angle": "stance angle θ (rad)",
