@@ -31,6 +31,27 @@ def compass(second=5.0, inertia="", axis="0 1 0", more=""):
     return PLAIN.format(HIP.format(inertia) + legs + JOINTS.format(axis) + more)
 
 
+def hanging(place="0 0 0", inertia=""):
+    """The same with both legs on hinges, below a hip that floats."""
+    hinge = f'name="left" type="continuous"><origin xyz="{place}"/><axis xyz="0 1 0"/>'
+    return compass(inertia=inertia).replace('name="left" type="fixed">', hinge)
+
+
+def turned_round():
+    """The same with the hip's mass on the swing leg: the stance leg is the lighter one."""
+    light = compass().replace('<mass value="10"/>', '<origin xyz="0 0 -0.5"/><mass value="5"/>')
+    light = light.replace(LEG.format("left_leg", 5.0), LEG.format("left_leg", 0.0))
+    heavy = """<link name="top"><inertial><mass value="10"/></inertial></link>
+    <joint name="top_weld" type="fixed"><parent link="right_leg"/><child link="top"/></joint>"""
+    return light.replace("</robot>", heavy + "</robot>")
+
+
+def of_capsules():
+    """The same with feet that are the lower ends of capsules."""
+    feet = '<origin xyz="0 0 -0.9"/><geometry><capsule radius="0" length="0.2"/>'
+    return compass().replace('<origin xyz="0 0 -1"/><geometry><sphere radius="0"/>', feet)
+
+
 @pytest.fixture
 def read(tmp_path):
     """A function that reads a walker from the text of a URDF."""
@@ -84,9 +105,43 @@ def test_it_does_not_matter_how_the_file_s_legs_stand(turned, read):
     assert leaning.body == pytest.approx(upright.body, abs=1e-12)
 
 
+@pytest.mark.parametrize("text", [hanging(), hanging("0 0.1 0"), turned_round(), of_capsules()])
+def test_one_walker_has_many_files(text, read):
+    assert read(text).body == pytest.approx(read(compass()).body, abs=1e-12)
+
+
+TOE = """<link name="toe"><inertial><mass value="1"/></inertial></link>
+<joint name="toe_pin" type="continuous"><parent link="right_shank"/><child link="toe"/>
+<axis xyz="0 0 1"/></joint></robot>"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("</robot>", TOE, "toe hangs on a foot"),
+        ("</robot>", TOE.replace("right_shank", "left_shank"), "right_hip is not on the axis of"),
+        ('<dynamics damping="0.0" />\n    <parent link="right_thigh" />',
+         '<dynamics damping="0.1" />\n    <parent link="right_thigh" />',
+         "right_knee has damping, which a Walker's knee has not"),
+    ],
+)  # fmt: skip
+def test_kneed_legs_have_two_links_and_knees_without_friction(old, new, said, read, tmp_path):
+    gpw.export("lab", tmp_path / "lab.urdf")
+    text = (tmp_path / "lab.urdf").read_text("utf-8")
+    assert text.count(old) == 1
+    with pytest.raises(gpw.WalkerError, match=said):
+        read(text.replace(old, new))
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
+        (hanging("0.1 0 0"), "pin is not on the axis of left"),
+        (hanging(inertia='<inertia ixx="1" iyy="1" izz="1"/>'),
+         "hip has a moment of inertia about the hip, where a Walker has a point mass"),
+        (compass().replace('"right_leg"><collision><origin xyz="0 0 -1"',
+                           '"right_leg"><collision><origin xyz="0 0 -1.1"'),
+         "hip and right_leg have different lengths"),
         ("nonsense", "is no model, for it is no XML"),
         ("<mujoco/>", "is no model: its root is <mujoco>, and not <robot>"),
         ('<robot name="x"><link/></robot>', "is no model: 'name'"),
