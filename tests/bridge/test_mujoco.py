@@ -11,6 +11,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import gym_passive_walker as gpw
+from gym_passive_walker.bridge import loop
 from gym_passive_walker.bridge.mujoco import PassiveWalkerMujocoEnv
 from gym_passive_walker.envs.registration import ID, MUJOCO_ID
 from gym_passive_walker.gaits.scenes.scene import SceneError
@@ -98,6 +99,20 @@ def test_a_saved_state_continues_bit_for_bit():
             assert np.array_equal(step[0], repeated[0]) and step[1] == repeated[1]
     with pytest.raises(ValueError, match="'mujoco' must be"):
         env.set_state({**saved, "mujoco": np.zeros(3)})
+
+
+@pytest.mark.parametrize(
+    ("angles", "outcome"),
+    [
+        ((-1.6, 0.0, 0.0), "FELL_FORWARD"),
+        ((1.6, 3.2, 0.0), "FELL_BACKWARD"),
+        ((0.2, 3.2, 0.0), "SWING_OVERROTATION"),
+        ((0.2, 0.0, -3.2), "SWING_OVERROTATION"),
+        ((-1.5, 3.1, -3.1), "RUNNING"),
+    ],
+)
+def test_a_walker_has_fallen_where_its_leg_is_level_or_its_swing_leg_upside_down(angles, outcome):
+    assert loop._fall(angles) == gpw.Outcome[outcome]
 
 
 def test_the_energy_balance_of_a_stride_closes():

@@ -200,6 +200,9 @@ def test_a_sequence_s_period_is_its_smallest(period):
     values = np.tile(np.arange(1.0, period + 1.0), 24)[:24]
     assert period_of(values, 10) == period
     assert period_of(values + np.linspace(0.0, 1e-3, 24), 10) == 0
+    for longest in (0, 24):
+        with pytest.raises(ValueError, match=f"a period from 1 to below 24, not {longest}"):
+            period_of(values, longest)
 
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])

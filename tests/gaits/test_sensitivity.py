@@ -20,6 +20,7 @@ from gym_passive_walker.gaits.design.objectives import (
 )
 from gym_passive_walker.gaits.gait import multipliers_of
 from gym_passive_walker.gaits.stride_map import StrideMap
+from tests.own.statements import COMPASS
 
 BY = {
     "lab": ("slope", "thigh_com", "shank_gyration", "foot_radius", "thigh_mass", "thigh_length"),
@@ -97,6 +98,20 @@ def test_quantities_of_a_gait_change_as_their_gradients_say(name):
         size = np.maximum(np.abs(moved), np.abs(values))
         gradient = np.array([gradient[column] for gradient in gradients])
         np.testing.assert_allclose(gradient / size, moved / size, atol=1e-8)
+
+
+def test_the_gait_of_a_system_costs_the_sine_of_its_slope_whatever_its_mass():
+    """Gravity pays for the collisions."""
+    slope, by = 0.03, ("slope", *COMPASS.parameters)
+    strides = StrideMap.of(COMPASS, slope=slope)
+    gait = sensitivity(strides.points(find_gait(strides).state), by)
+    cost, gradient = QUANTITIES["cost_of_transport"](gait)
+    assert cost == pytest.approx(np.sin(slope), abs=1e-12)
+    np.testing.assert_allclose(gradient, [np.cos(slope), 0.0, 0.0], atol=1e-10)
+    mass, by_part = QUANTITIES["total_mass"](gait)
+    hip, leg = COMPASS.body
+    assert mass == pytest.approx(hip + 2.0 * leg, rel=1e-12)
+    np.testing.assert_allclose(by_part, [0.0, 1.0, 2.0], atol=1e-12)
 
 
 @pytest.mark.parametrize("name", BY)
