@@ -157,15 +157,16 @@ def _compare(session: nox.Session, cpu: str, expected: str, found: str) -> None:
 
 @nox.session(default=False)
 def rllib(session: nox.Session) -> None:
-    """Sample and learn through RLlib, with the Gymnasium that it pins."""
+    """Sample, learn and sweep on Ray, with the Gymnasium that RLlib pins."""
     session.install("-e", ".[rllib,test]", "torch")
     # Ray waits forever in a temporary folder below its environment, which is nox's.
     kernels = {"XDG_CACHE_HOME": session.create_tmp(), "TMPDIR": gettempdir()}
     chosen = [
         "tests/envs/test_rllib.py",
         "tests/trainers/test_rllib.py",
+        "tests/sweeps/test_ray.py",
         "-m",
-        "learning or not slow",
+        "",
     ]
     session.run("python", "-m", "pytest", *chosen, *session.posargs, env=QUIET | kernels)
 

@@ -88,7 +88,7 @@ OF_LIBRARIES = ("pymp-", "torchinductor_", "pytest-of-", ".ses", "ray")
 @pytest.fixture(scope="session")
 def temporary_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A private temporary directory of all tests and of the processes that they start."""
-    folder = tmp_path_factory.mktemp("temporary")
+    folder = tmp_path_factory.mktemp("t")  # Ray's sockets there have at most 107 bytes in a path
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TMPDIR", str(folder))
         # Where stable-baselines3 makes a folder of logs for each model that has no logger.

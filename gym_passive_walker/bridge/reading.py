@@ -408,9 +408,7 @@ class _Reader:
 
     def _leg(self, leg: tuple[Element, ...], hip: Vector) -> _Leg:
         """Return a leg of parts."""
-        if len(leg) > 2:
-            self.refuse(f"{leg[2].name} hangs on a leg of two links")
-        last = [*leg][-1]
+        last = leg[-1]
         if not last.feet:
             self.refuse(
                 f"{last.name} has no foot: a sphere, or a cylinder across the plane, that collides"
@@ -506,8 +504,6 @@ class _Reader:
         """Check that the legs are equal but for a point mass at the hip of the first one."""
         one, other = legs
         length = other.leg
-        if len(parts[0]) != len(parts[1]):
-            self.refuse(f"{parts[1][-1].name} has no counterpart")
         for i, ((m, a, s), (n, b, t)) in enumerate(zip(one.masses, other.masses, strict=True)):
             more = extra_mass if i == 0 else 0.0
             moment = np.abs(m * a - n * b).max()

@@ -70,18 +70,21 @@ def test_one_seed_is_one_walk():
 
 def test_a_policy_walks_in_both():
     policy = gpw.load_policy("level-ppo")
-    rewards = []
+    rewards, works = [], []
     for env in both("level", timestep=2e-3):
         observation, _ = env.reset(seed=0)
-        total = 0.0
+        total, strides = 0.0, {}
         for _ in range(130):
             action, _ = policy.predict(observation, deterministic=True)
             observation, reward, ended, _, info = env.step(action)
             assert not ended
             total += reward
+            strides.setdefault(info["strides"], [info["hip_cost"], info["net_hip_cost"]])
         rewards.append(total)
+        works.append([strides[i] for i in range(1, 5)])
         assert info["strides"] == 4
     assert rewards[1] == pytest.approx(rewards[0], rel=0.02)
+    np.testing.assert_allclose(works[1], works[0], rtol=0.1)
 
 
 def test_a_saved_state_continues_bit_for_bit():

@@ -52,6 +52,13 @@ def of_capsules():
     return compass().replace('<origin xyz="0 0 -1"/><geometry><sphere radius="0"/>', feet)
 
 
+def toe(parent, axis):
+    """A body on a hinge, and the end of a file."""
+    return f"""<link name="toe"><inertial><mass value="1"/></inertial></link>
+    <joint name="toe_pin" type="continuous"><parent link="{parent}"/><child link="toe"/>
+    <axis xyz="{axis}"/></joint></robot>"""
+
+
 @pytest.fixture
 def read(tmp_path):
     """A function that reads a walker from the text of a URDF."""
@@ -110,16 +117,11 @@ def test_one_walker_has_many_files(text, read):
     assert read(text).body == pytest.approx(read(compass()).body, abs=1e-12)
 
 
-TOE = """<link name="toe"><inertial><mass value="1"/></inertial></link>
-<joint name="toe_pin" type="continuous"><parent link="right_shank"/><child link="toe"/>
-<axis xyz="0 0 1"/></joint></robot>"""
-
-
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("</robot>", TOE, "toe hangs on a foot"),
-        ("</robot>", TOE.replace("right_shank", "left_shank"), "right_hip is not on the axis of"),
+        ("</robot>", toe("right_shank", "0 0 1"), "toe hangs on a foot"),
+        ("</robot>", toe("left_shank", "0 0 1"), "right_hip is not on the axis of"),
         ('<dynamics damping="0.0" />\n    <parent link="right_thigh" />',
          '<dynamics damping="0.1" />\n    <parent link="right_thigh" />',
          "right_knee has damping, which a Walker's knee has not"),
@@ -152,10 +154,10 @@ def test_kneed_legs_have_two_links_and_knees_without_friction(old, new, said, re
         (compass(more=LEG.format("third_leg", 5.0) + '<joint name="third" type="continuous">'
                  '<parent link="hip"/><child link="third_leg"/><axis xyz="0 1 0"/></joint>'),
          "third_leg would be a third leg"),
-        (compass(more='<link name="tail"><inertial><mass value="1"/></inertial></link>'
-                 '<joint name="tail_pin" type="continuous"><parent link="right_leg"/>'
-                 '<child link="tail"/><axis xyz="1 0 0"/></joint>'),
-         "the hinge tail_pin is not parallel to pin"),
+        (compass().replace("</robot>", toe("right_leg", "1 0 0")),
+         "the hinge toe_pin is not parallel to pin"),
+        (compass().replace("</robot>", toe("right_leg", "0 1 0")),
+         "toe is one link too many, or one of its legs has too few"),
         (compass().replace('<sphere radius="0"/>', '<mesh filename="foot.stl"/>'), "has no foot"),
         (compass().replace('type="continuous"', 'type="prismatic"'),
          "right_leg needs one hinge, and has pin"),

@@ -4,7 +4,6 @@ import subprocess
 import sys
 import threading
 import time
-from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -16,14 +15,6 @@ parquet = pytest.importorskip("pyarrow.parquet")
 cluster_utils = pytest.importorskip("ray.cluster_utils")
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # Ray's own
-
-
-@pytest.fixture(autouse=True)
-def nearby(tmp_path_factory, monkeypatch):
-    """A folder of a short path for Ray, the sockets of which have at most 107 bytes."""
-    with TemporaryDirectory(dir=tmp_path_factory.getbasetemp().parents[1]) as folder:
-        monkeypatch.setenv("RAY_TMPDIR", folder)
-        yield
 
 
 @pytest.fixture
