@@ -14,14 +14,11 @@ from tqdm import tqdm
 from agents import checkpoint, envs, files
 from agents.callbacks import Milestones, StopRequest
 from agents.config import Config
-from agents.evaluation import write_rows
+from agents.evaluation import EPISODES, write_rows
 from agents.exploration import explorers
 from agents.learner import LearnedPolicy, begin_with, build, on_numpy
 from gym_passive_walker._tools.files import replacing
 from gym_passive_walker.envs.evaluation.walks import simulate_episodes
-
-EPISODES = 20
-"""Number of episodes of each evaluation during training."""
 
 EXAM_SEED = 1_000_000
 """Seed of the evaluations during training; the final evaluation has other episodes."""

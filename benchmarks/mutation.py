@@ -234,8 +234,10 @@ class Measured:
         Returns the seconds of each test, and how many tests execute the line.
         """
         on_line = self.of_line(mutant.file, mutant.line)
+        own = f"test_{Path(mutant.file).name}"  # of a module that is all compiled
+        module = self.of([mutant.file]) | {x for x in self.seconds if f"/{own}::" in x}
         chosen: list[str] = []
-        for pool in (on_line, self.of([mutant.file]), self.of(importers(mutant.file))):
+        for pool in (on_line, module, self.of(importers(mutant.file))):
             room = MOST - sum(self.seconds[test] for test in chosen)
             rest = sorted((self.seconds.keys() & pool).difference(chosen))
             rest.sort(key=self.seconds.__getitem__)

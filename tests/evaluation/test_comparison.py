@@ -106,6 +106,10 @@ def test_a_scene_in_which_no_feedback_acts_has_none(monkeypatch):
     for name in comparison.FEEDBACKS:
         monkeypatch.setitem(comparison.BASELINES, name, refuses)
     assert [*swift().walks] == ["steep-ppo", "passive"]
+    # Those after one that cannot act are tried.
+    *_, last = comparison.FEEDBACKS
+    monkeypatch.setitem(comparison.BASELINES, last, comparison.BASELINES["passive"])
+    assert last in swift().walks
 
 
 def test_the_optimum_is_the_stored_one_at_the_median_speed_of_walks_to_the_time_limit():

@@ -18,6 +18,7 @@ from gym_passive_walker import (
     stride,
     stride_map,
 )
+from gym_passive_walker.gaits.branches.continuation import LOST, TANGENTIAL
 from gym_passive_walker.gaits.control.feedback import powered_gait
 
 LEVEL = {
@@ -55,13 +56,16 @@ def test_a_drive_that_does_nothing_leaves_the_passive_gait(name):
     assert driven.controller is None
 
 
-@pytest.mark.parametrize(("torque", "steepest"), [(0.02, -0.0180160), (0.05, -0.0418362)])
-def test_a_family_climbs_as_steep_as_its_torque_allows_and_turns_back_there(torque, steepest):
+@pytest.mark.parametrize(
+    ("torque", "steepest", "end"), [(0.02, -0.0180160, TANGENTIAL), (0.05, -0.0418362, LOST)]
+)
+def test_a_family_climbs_as_steep_as_its_torque_allows_and_turns_back_there(torque, steepest, end):
     family = gait_family(
         stride_map("C", controller=own("C", Actuation(hip_torque=torque))), -0.05, 0.01
     )
     assert family.folds[0] == pytest.approx(steepest, abs=1e-6)
     assert family.slope.min() == pytest.approx(steepest, abs=1e-5)
+    assert family.ends[0].reason.startswith(end)
     assert family.controller.hip_torque > 0.0
     # It is the same curve as is found at one slope alone.
     near = find_gait(stride_map("C", -0.01, controller=family.controller))
