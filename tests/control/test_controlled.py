@@ -16,6 +16,7 @@ from gym_passive_walker.gaits.control.maps import acting_as
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from tests.control.in_environment import walked
 
+MEASURES = ("ends", "durations", "lengths", "lost", "supplied")
 SINGLE = 2e-6  # what single precision of observations and actions comes to in a stride
 
 
@@ -443,6 +444,12 @@ def test_motors_that_do_the_same_in_each_stride_act_alike_as_a_policy(drive):
     walk = [stride.state for stride in strides.walk(state, 0.009, count=2)]
     found = in_environment(policy, make_scene(scene, tolerance=1e-10), state, 2)
     np.testing.assert_allclose(found, walk, atol=1e-6)
+    acted = gpw.stride_map(controller=policy, scene=scene)
+    points = strides.points_at(state) * [[1.0], [1.01]]
+    expected, passage = (each.apply(points, 0.009) for each in (strides, acted))
+    for name in (*MEASURES, "braked", "imbalance"):
+        seen, own = getattr(passage, name), getattr(expected, name)
+        np.testing.assert_allclose(seen, own, rtol=1e-6, atol=1e-8, err_msg=name)
 
 
 @pytest.fixture(scope="module")
@@ -530,7 +537,8 @@ def test_a_controller_that_never_acts_is_the_passive_walker():
     expected, passage = passive.apply(points), idle.apply(points)
     assert expected.alive.all()
     np.testing.assert_array_equal(passage.outcomes, expected.outcomes)
-    np.testing.assert_allclose(passage.ends, expected.ends, atol=1e-9)
+    for name in (*MEASURES, "imbalance"):
+        np.testing.assert_allclose(getattr(passage, name), getattr(expected, name), atol=1e-9)
 
 
 def test_a_search_for_a_gait_begins_on_both_sides_of_the_start_of_walks():
