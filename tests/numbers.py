@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from gym_passive_walker.gaits.flow import Flow
 
 NO_RESULTS = {
     "walker", "stride_map", "axis", "walk", "body", "controller", "scene", "motion",
-    "period_response", "_map",
+    "period_response", "_map", "simulator",
 }  # fmt: skip
 """Fields of results that were given, or are made of others; the last one's digits are few."""
 _PINS = (Path(__file__).parents[1] / "constraints.txt").read_text("utf-8").splitlines()
@@ -52,10 +53,15 @@ def alike(one: str, other: str, rel_tol: float, abs_tol: float) -> bool:
 
 
 def numbers_in(found: Any, path: str = "", depth: int = 0) -> Iterator[tuple[str, str]]:
-    """The numbers of a result, in short, by the names of its fields."""
+    """The numbers of a result, in short, and its words, by the names of its fields."""
     if hasattr(found, "detach") and hasattr(found, "numpy"):
         found = found.detach().numpy()
-    if isinstance(found, np.ndarray | float | int | complex):
+    if isinstance(found, str | Enum):
+        yield path, getattr(found, "name", found)
+    elif isinstance(found, Mapping):
+        for key, each in found.items():
+            yield from numbers_in(each, f"{path}[{key}]", depth)
+    elif isinstance(found, np.ndarray | float | int | complex):
         values = np.asarray(found)
         if values.dtype.kind == "c":
             values = np.sort(np.abs(values))

@@ -7,10 +7,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from dataclasses import asdict
+from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -21,6 +25,7 @@ from examples.five_links import FIVE_LINKS
 from examples.rimless_wheel import RIMLESS_WHEEL
 from examples.torso import TORSO
 from gym_passive_walker.envs.policies import shipped_policies
+from gym_passive_walker.envs.registration import MUJOCO_ID
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.control.baselines import LinearFeedback, Optimal
 from gym_passive_walker.gaits.scenes.scene import SCENES, make_scene
@@ -113,6 +118,60 @@ def at_speed(scene: Any, speed: float) -> dict[str, Any]:
             "speed": found.froude_speed}  # fmt: skip
 
 
+def taken(controller: str, **given: Any) -> dict[str, Any]:
+    """A stride under a policy from beside its gait, and derivatives on the gait."""
+    strides = gpw.stride_map(controller=controller, **given)
+    point = strides.apply(strides.beginning(strides.slope), strides=100).ends
+    _, change = strides.linearize(point, by=("state", "slope", "foot_radius"))
+    return {"stride": strides.apply(1.01 * point), "change": change}
+
+
+def printed(scene: Any) -> str:
+    """The explanation of a scene."""
+    with redirect_stdout(StringIO()) as words:
+        gpw.explain(scene)
+    return words.getvalue()
+
+
+def exported(model: Any, ending: str, **given: Any) -> str:
+    """The file of a model in the format of a simulator."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder, f"model.{ending}")
+        gpw.export(model, path, **given)
+        return path.read_text("utf-8")
+
+
+def in_mujoco(**given: Any) -> dict[str, Any]:
+    """Steps of an environment of MuJoCo."""
+    pytest.importorskip("mujoco")
+    env = gymnasium.make(MUJOCO_ID, timestep=2e-3, **given)
+    seen, rewards, infos = [env.reset(seed=3)[0]], [], []
+    for action in np.random.default_rng(0).uniform(-0.6, 0.8, (80, 1)):
+        observation, reward, ended, _, info = env.step(action)
+        seen.append(observation), rewards.append(reward)
+        infos.append([float(x) for x in info.values() if not isinstance(x, str)])
+        if ended:
+            break
+    return {"seen": np.array(seen), "rewards": np.array(rewards), "infos": np.array(infos)}
+
+
+def compared(controller: Any, **given: Any) -> gpw.Comparison:
+    """Walks in MuJoCo beside the exact ones."""
+    pytest.importorskip("mujoco")
+    return gpw.compare(controller, timesteps=[4e-3, 2e-3], strides=4, **given)
+
+
+def disturbed(walker: Any, slope: float) -> gpw.Stride:
+    """A stride under all motors that a walker may have, on ground that changes."""
+    body = gpw.as_walker(walker)
+    units, point = body.units, body.foot_radius == 0.0
+    return gpw.stride(
+        walker, slope, gpw.find_gait(walker, slope).state, hip_torque=0.005 * units.torque,
+        ankle_torque=-0.002 * units.torque * point, push_off=0.02 * units.impulse,
+        height_change=0.001 * units.length, slope_change=0.002,
+    )  # fmt: skip
+
+
 RESULTS: dict[str, Callable[[], Any]] = {
     **{f"gaits of {w}": lambda w=w, s=s: gpw.find_gaits(w, s) for w, s in SLOPES.items()},
     "gaits of period 2": lambda: gpw.find_gaits("D", 0.0165, period=2),
@@ -194,6 +253,40 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "robustness of a policy": lambda: gpw.robustness("push-off-ppo", walkers=8, strides=10),
     "rollout": lambda: differentiated("level", 1, 8),
     "rollout with push-off": lambda: differentiated("push-off", 1, 8),
+    **{f"stride of {w} under motors": lambda w=w, s=s: disturbed(w, s)
+       for w, s in {**SLOPES, "lab": 0.036, "lab-straight": 0.05}.items()},
+    **{f"stride under {name}": lambda name=name: taken(name)
+       for name in ("level-ppo", "push-off-ppo", "rough-ppo")},
+    "family under torques": lambda: gpw.gait_family(
+        gpw.stride_map("C", 0.0, controller=gpw.Actuation(hip_torque=0.05)), -0.05, 0.01
+    ),
+    "diagram under a policy": lambda: gpw.bifurcation_diagram(
+        gpw.stride_map(controller="steep-ppo"), [0.0, 0.01], n_transient=40
+    ),
+    "exponents of lab": lambda: gpw.lyapunov_exponents("lab", [0.036], count=3, strides=50),
+    "basin of lab": lambda: gpw.basin_of_attraction("lab", 0.036, resolution=12),
+    "measures": lambda: gpw.measures(gpw.find_gait("lab", 0.036)),
+    "nearest gaits": lambda: [
+        gpw.nearest_gait("lab", 0.2, keep=keep) for keep in ("slope", "walker")
+    ],
+    "foot": lambda: gpw.foot_velocity(gpw.find_gait("lab", 0.036)),
+    "design": lambda: gpw.optimize_walker(
+        "lab", "cost_of_transport", ("thigh_com", "shank_com"), [(0.08, 0.13), (0.1, 0.25)],
+        slope=0.036, constraints={"spectral_radius": (None, 0.8)}, iterations=20,
+    ),
+    "evaluation": lambda: gpw.evaluate("lab-ppo", episodes=3, max_episode_steps=400),
+    **{f"explanation of {name}": lambda name=name: printed(name) for name in SCENES},
+    **{f"file of {name}, {ending}": lambda x=x, ending=ending, given=given: exported(
+        x, ending, **given
+    ) for name, x, given in (
+        ("lab", "lab", {"slope": 0.036}), ("E", "E", {}),
+        ("torso", TORSO, {"unit_length": 0.8, "unit_mass": 32.0}),
+    ) for ending in ("xml", "urdf", "sdf")},
+    "comparison with MuJoCo": lambda: compared(gpw.find_gait("lab", 0.036)),
+    "comparison of a policy with MuJoCo": lambda: compared("level-ppo"),
+    **{f"{name} in MuJoCo": lambda given=given: in_mujoco(**given) for name, given in {
+        "level": {}, "steep": {"scene": "steep"}, "straight legs": {"walker": "A", "slope": 0.02},
+    }.items()},
     "presets": configured,
     "level, a pool of walkers": lambda: walked(
         "level", domain_randomization={"shank_mass": 0.1}, randomization_pool=2
@@ -213,6 +306,8 @@ def found(name: str) -> dict[str, str]:
     with work() as counts:
         result = RESULTS[name]()
     fields = result if isinstance(result, dict) else {"": result}
+    if type(result).__str__ not in (object.__str__, str.__str__, list.__str__, dict.__str__):
+        fields = {**fields, "text": str(result)}
     if "seen" in fields or "robust" in fields or isinstance(result, gpw.Robustness):
         counts = {}  # gaits from which an environment starts are kept from one to the next
     return counts | dict(x for key, value in fields.items() for x in numbers_in(value, key))

@@ -194,6 +194,7 @@ class _Product(torch.autograd.Function):
 
     @staticmethod
     def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+        ctx.set_materialize_grads(False)  # None says that a tangent is zero
         ctx.save_for_backward(inputs[0])
         ctx.save_for_forward(inputs[0])
 

@@ -233,7 +233,7 @@ def test_files_that_are_no_policies_are_refused(tmp_path, monkeypatch):
     written(path, twice, [(x, FLOAT, ["n", 8]) for x in "ab"], [("action", FLOAT, ["n", 8])])
     with pytest.raises(gpw.PolicyError, match=r"one input.*not a tensor.float. .*b tensor"):
         gpw.load_policy(path)
-    for kind, shape in ((INTEGER, ["n", 8]), (FLOAT, [8])):
+    for kind, shape in ((INTEGER, ["n", 8]), (FLOAT, [8]), (FLOAT, ["n", 2, 8])):
         same = [node("Identity", ["a"], ["action"])]
         written(path, same, [("a", kind, shape)], [("action", kind, shape)])
         with pytest.raises(gpw.PolicyError, match=r"observations \(n, size\)"):

@@ -387,6 +387,23 @@ def test_vmap_is_a_larger_batch():
     assert torch.equal(found, each) and (found != 0.0).any()
 
 
+def test_the_gradient_of_a_weighted_loss_has_a_derivative_by_the_weights():
+    """It is linear in them, so that no second derivative of the walk is needed."""
+    slope, states = gait("A")
+    state, weights = states[0].detach(), torch.tensor([2.0, -3.0], dtype=torch.float64)
+
+    def measures(state):
+        found = stride("A", slope, state)
+        return torch.stack([found.step_length, found.duration])
+
+    def gradient(weights):
+        return torch.func.grad(lambda state: weights @ measures(state))(state)
+
+    expected = torch.func.jacrev(measures)(state)
+    for way in (torch.func.jacfwd, torch.func.jacrev):
+        torch.testing.assert_close(way(gradient)(weights), expected.T)
+
+
 def test_second_derivatives_are_refused():
     slope, states = gait("A")
 
