@@ -71,9 +71,11 @@ class _Watch:
             items[:] = [by_name[name] for name in self.chosen if name in by_name]
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
-        signal.alarm(0 if self.coverage else PATIENCE + round(10.0 * self.seconds[nodeid]))
         if self.coverage:
             self.coverage.switch_context(nodeid)
+            signal.alarm(3600)
+        else:
+            signal.alarm(PATIENCE + round(10.0 * self.seconds[nodeid]))
 
     def pytest_runtest_logreport(self, report: Any) -> None:
         outcome, seconds = self.results.get(report.nodeid, ("passed", 0.0))

@@ -14,6 +14,7 @@ import sys
 import textwrap
 from contextlib import chdir, redirect_stdout
 from dataclasses import asdict, fields, replace
+from importlib.util import find_spec
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -613,8 +614,11 @@ def test_json_has_no_infinities():
 
 
 if __name__ == "__main__":
-    found = {}
+    kept, found = json.loads(PRINTED.read_text("utf-8")), {}
     for line in sorted({*LINES} - {*ENDLESS}):
+        if "--ray" in line and not find_spec("ray"):
+            found[line] = kept[line]
+            continue
         with TemporaryDirectory() as folder, chdir(folder):
             found[line] = printed(line, Path(folder))
     PRINTED.write_text(json.dumps(found, indent=0, ensure_ascii=False) + "\n", "utf-8")
