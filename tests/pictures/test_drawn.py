@@ -242,6 +242,17 @@ FIGURES: dict[str, Callable[[], Any]] = {
         terrain=gpw.footholds([0.0] * 3, [0.0, 0.01, -0.01]),
     ),
     "transition": lambda: transition(point_feet()),
+    "locus": lambda: gpw.bifurcation_locus(
+        fold := gpw.gait_family("lab", 0.003, 0.15), fold.folds[1], "shank_length", 0.3, 0.6
+    ).plot(OWN),
+    "cascade": lambda: gpw.doubling_cascade("D", 0.01, 0.0195, doublings=3).plot(OWN),
+    "evaluation": lambda: gpw.evaluate("steep-ppo", episodes=2, max_episode_steps=40).plot(OWN),
+    "gauntlet": lambda: gpw.gauntlet("steep-ppo", walkers=2).plot(OWN),
+    "robustness": lambda: gpw.robustness(
+        "D", slope=0.009, walkers=16, strides=20, starts=16
+    ).plot(OWN),
+    "optimum": lambda: optimal.load("level")[0].plot(OWN),
+    "forces": lambda: gpw.simulate(_gait(), strides=2, samples=20).plot(OWN, of="forces"),
     **{f"agents-{x}": lambda x=x: of_agents(x) for x in ("costs", "runs", "curve", "gait")},
 }  # fmt: skip
 FRAMES: dict[str, Callable[[], list[str]]] = {
