@@ -509,9 +509,10 @@ def test_a_walker_s_text_makes_it_and_omits_defaults(knees):
         assert "gravity" not in repr(preset) and "hip_stiffness" not in repr(preset)
 
 
-def test_facts_of_a_walker_are_all_its_parameters_to_six_digits():
-    walker = anything(3, knees=False)
-    expected = {name: f"{getattr(walker, name):.6g}" for name in NUMBERS} | {"knees": "False"}
+@pytest.mark.parametrize("knees", [True, False, "held"])
+def test_facts_of_a_walker_are_all_its_parameters_to_six_digits(knees):
+    walker = anything(3, knees=knees)
+    expected = {name: f"{getattr(walker, name):.6g}" for name in NUMBERS} | {"knees": str(knees)}
     assert walker.facts() == expected
 
 

@@ -156,6 +156,8 @@ def page_of(setup: Setup) -> dict[str, bytes]:
 
 def _as_changes(walker: Walker) -> tuple[str, dict[str, float]]:
     """Return the most similar named walker, and the parameters in which this one differs."""
+    if walker.knees == "held":
+        raise ValueError("a page has no walkers with held knees: draw this by picture= or video=")
     found = {
         name: {
             parameter: getattr(walker, parameter)

@@ -169,7 +169,10 @@ def check_walkers(given: Any, own: Sequence[Walker], starts: Sequence[Starts]) -
         drawing = each.randomization
         off = []
         for name, value in _parameters(each.walker).items():
-            low, high = drawing.ends(name) if drawing and name != "knees" else (value, value)
+            if name == "knees":
+                off += [name] * (values[name] != value)
+                continue
+            low, high = drawing.ends(name) if drawing else (value, value)
             room = ROUNDING * max(abs(low), abs(high))
             if not low - room <= values[name] <= high + room:
                 off.append(name)

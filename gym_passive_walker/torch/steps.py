@@ -150,11 +150,13 @@ def take_step(
     )  # fmt: skip
     grounded = [here.slopes + tilts, *held.values(), rises, turns]
     moved, met = _walked(scene, here, grounded, until, impulses, options)
-    struck = moved.outcomes == _STRUCK
+    lands = moved.outcomes == _STRUCK
     outcomes = rules.outcome_of(moved.outcomes, until, scene.max_stride_time).long()
     outcomes = torch.where(going, outcomes, moved.outcomes)
+    struck = lands
     if violated is not None:
         outcomes = torch.where(violated & going, STOPPED, outcomes)
+        struck = lands & ~violated  # the episode ends, and not a stride
     falls = rules.ends_episode(outcomes)
     distances = rules.distance_of(falls, moved.distance, here.progress)
     energies = torch.zeros_like(distances)
@@ -165,7 +167,7 @@ def take_step(
             angles = moved.result("moved", j), moved.result("turned", j)
             energies = energies + rules.motor_charge(charged, torques, *angles)
     if "push_off" in scene.actions and "actuation" in scene.walker.supports:
-        energies = energies + torch.where(struck, moved.result("push_work"), 0.0)
+        energies = energies + torch.where(lands, moved.result("push_work"), 0.0)
     distances, energies = (torch.where(going, x, 0.0) for x in (distances, energies))
     rewards = rules.reward(distances, energies, scene.energy_weight)
     durations = here.times + moved.result("time")
@@ -179,7 +181,7 @@ def take_step(
         starts=torch.where(struck[:, None], moved.states[:, : here.starts.shape[1]], here.starts),
         progress=torch.where(struck, 0.0, here.progress + distances),
         strides=here.strides + struck,
-        parameters=exchanged(scene, here.parameters, struck),
+        parameters=exchanged(scene, here.parameters, lands),
         steps=here.steps + going,
         due=torch.where(struck, met.due - durations, met.due),
         pushes=met.pushes,
@@ -188,8 +190,8 @@ def take_step(
     if ruled:
         step = _transition(scene, here, ends, moved, held)._replace(
             distance=distances, energy=energies, fell=falls, reward=rewards,
-            step_period=torch.where(struck, durations, 0.0), slope=here.slopes + tilts,
-            push=met.impulse, action=tuple(shares.T),
+            step_period=torch.where(struck, durations, 0.0), push=met.impulse,
+            action=tuple(shares.T),
         )  # fmt: skip
         ends = ends._replace(last=step)
         if scene.reward is not None:
@@ -369,7 +371,7 @@ def _transition(
 ) -> Transition:
     """Build the `Transition` for custom rewards and terminations.
 
-    Not filled in here: distance, energy, fell, reward, step_period, slope, push and action.
+    Not filled in here: distance, energy, fell, reward, step_period, push and action.
     """
     hip, ankle = [[torch.zeros_like(here.times)] * 2 for _ in range(2)]
     for j, (of, name, work) in enumerate(
@@ -378,8 +380,9 @@ def _transition(
         angles = moved.result("moved", j), moved.result("turned", j)
         of[:] = rules.work_of(held[name] * work, *angles)
     State = scene.walker.equations().State
-    struck, last = moved.outcomes == _STRUCK, here.last
-    _, rises, turns = footing_of(scene, ends).T
+    struck, last = ends.strides > here.strides, here.last
+    tilts, rises, turns = footing_of(scene, ends).T
+    lost = moved.result("knee_loss") + torch.where(struck, moved.result("heel_loss"), 0.0)
     return last._replace(
         before=State(*here.states.T),
         state=State(*moved.states.T),
@@ -391,12 +394,12 @@ def _transition(
         ankle_work=ankle[0],
         ankle_work_absolute=ankle[1],
         push_off_work=torch.where(struck, moved.result("push_work"), 0.0),
-        collision_loss=(moved.result("knee_loss") + moved.result("heel_loss"))
-        / recorded_weight(scene),
+        collision_loss=lost / recorded_weight(scene),
         heelstrike=struck,
         step_length=torch.where(struck, moved.result("step_length"), 0.0),
         strides=ends.strides.double(),
         steps=last.steps + 1.0,
+        slope=here.slopes + tilts,
         height_change=rises,
         slope_change=turns,
         last_action=last.action,

@@ -109,6 +109,17 @@ def test_only_integers_fit_a_column_of_another_type(first, second, fits, tmp_pat
     assert (columns["y"][1] == second) if fits else "others found y" in columns["error"][1]
 
 
+def test_a_result_named_like_a_column_has_its_own_and_loses_neither(tmp_path):
+    description = Description(analysis="a:b", over={"x": [0.25, 0.5]})
+    found = {"status": "odd", "x": True, "x_found": 3, "seconds": 60.0}
+    columns = written(tmp_path / "out", description, [found, found]).columns()
+    assert columns["x"].tolist() == [0.25, 0.5] and columns["x_found"].tolist() == [True] * 2
+    assert columns["x_found_found"].tolist() == [3, 3]
+    assert columns["status"].tolist() == [DONE] * 2
+    assert columns["status_found"].tolist() == ["odd"] * 2
+    assert columns["seconds_found"].tolist() == [60.0] * 2 and columns["seconds"][1] < 60.0
+
+
 def test_rows_of_several_files_and_of_the_journal_are_one_table(tmp_path, monkeypatch):
     """A file is written at a number of rows; what a kill leaves in the journal follows."""
     description = Description(analysis="a:b", over={"x": list(range(7))})

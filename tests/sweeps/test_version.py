@@ -18,8 +18,11 @@ from gym_passive_walker.apps.sweeps.version import version
         ("models/equations/kneed.py", True),
         ("gaits/control/optimal.py", True),
         ("envs/task.py", True),
+        ("envs/evaluation/robustness.py", True),
+        ("engine/own/system.py", True),
         ("apps/sweeps/tasks.py", True),
         ("pictures/axes.py", False),
+        ("envs/evaluation/pictures.py", False),
         ("apps/sweeps/pictures.py", False),
     ],
 )

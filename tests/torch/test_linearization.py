@@ -255,8 +255,10 @@ def test_observations_of_ones_own_have_their_derivative_by_the_state():
         np.testing.assert_allclose(found[0], expected, atol=1e-6)
 
 
-def test_an_episode_that_a_constraint_ends_gives_back_its_stride_s_distance():
-    env = world(constraints={"friction": "end"}, friction=0.3, energy_weight=0.0)
+@pytest.mark.parametrize("command", [None, 0.16])
+def test_an_episode_that_a_constraint_ends_gives_back_its_stride_s_distance_alone(command):
+    ends = {"constraints": {"friction": "end"}, "friction": 0.3}
+    env = world(**ends, energy_weight=0.0, command=command)
     env.reset(seed=1)
     recorder, ended = StepRecorder(env), []
     for _ in range(30):
@@ -267,6 +269,7 @@ def test_an_episode_that_a_constraint_ends_gives_back_its_stride_s_distance():
     linear, over = recorder.linearize(np.stack(ended)), np.stack(ended)
     assert over.any()
     assert not linear.rewards_by_action[over].any()
-    progress = 6  # no part of the state lies between
+    (progress,) = np.flatnonzero(linear.rewards_by_state[over][0])
+    np.testing.assert_array_equal(np.nonzero(linear.rewards_by_state[over])[1], progress)
     assert (linear.rewards_by_state[over][:, progress] == -1.0).all()
     assert not linear.rewards_by_state[~over][:, progress].any()

@@ -237,9 +237,11 @@ def test_a_heelstrike_just_after_the_start_of_a_control_step_has_its_margin():
     assert torch.isfinite(walked.rewards).all()
 
 
-def test_own_rewards_at_heelstrikes_see_the_next_foothold_of_the_stride_that_begins():
-    ground = {"terrain": {"rough": {"height_std": 0.001}}, "reset_noise_scale": 0.0, "tick": 0.5}
-    scene = make_scene("lab", **ground, reward=lambda step: step.height_change)
+@pytest.mark.parametrize("of", ["height_change", "slope_change", "slope"])
+def test_own_rewards_at_heelstrikes_see_the_ground_of_the_stride_that_begins(of):
+    rough = {"height_std": 0.001, "slope_std": 0.001}
+    ground = {"terrain": {"rough": rough}, "reset_noise_scale": 0.0, "tick": 0.5}
+    scene = make_scene("lab", **ground, reward=lambda step: getattr(step, of))
     envs = PassiveWalkerVectorEnv(COUNT, scene, autoreset_mode="Disabled")
     envs.reset(seed=0)
     walked = rollout(lambda seen: 0.0 * seen[:, :1], scene, 20, count=COUNT, seed=0)

@@ -14,7 +14,7 @@ import json
 import os
 import time
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -204,11 +204,13 @@ class Store:
 
         Args:
             row: The task's number, arguments, status, error, and duration in seconds.
-            results: The task's results by name; empty if it failed.
+            results: The task's results by name; empty if it failed. If a name is that of a
+                parameter or of a column of every sweep, "_found" is appended to it.
 
         Raises:
             OSError: if the folder cannot be written.
         """
+        results = _renamed(results, {**_BEFORE, **self._parameters, **_AFTER})
         if results:
             kinds = {name: _TYPES[type(value)] for name, value in results.items()}
             if self._manifest["columns"] is None:
@@ -219,7 +221,7 @@ class Store:
             if kinds != columns and not _fits(kinds, columns):
                 said = f"it found {_said(kinds)}, where others found {_said(columns)}"
                 row, results = row | {"status": FAILED, "error": said}, {}
-        row = self._same | row | dict(results)
+        row = self._same | row | results
         self._keep(row)
         self.done[row["task"]] = row["status"]
         if len(self._pending) >= _ROWS or time.monotonic() - self._written > _SECONDS:
@@ -423,6 +425,16 @@ def _columns(tasks: list[dict[str, Any]]) -> dict[str, str]:
             kinds = {"double"}
         found[name] = kinds.pop() if len(kinds) == 1 else "string"
     return {name: kind for name, kind in found.items() if name != "seed"}
+
+
+def _renamed(results: Mapping[str, Any], taken: Collection[str]) -> dict[str, Any]:
+    """Return results under names that are not taken."""
+    named: dict[str, Any] = {}
+    for name, value in results.items():
+        while name in taken or name in named:
+            name += "_found"
+        named[name] = value
+    return named
 
 
 def _fits(kinds: dict[str, str], columns: dict[str, str]) -> bool:

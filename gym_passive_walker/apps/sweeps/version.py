@@ -11,8 +11,8 @@ from gym_passive_walker._tools.loading import found_at
 from gym_passive_walker._version import __version__
 from gym_passive_walker.apps.sweeps.tasks import ANALYSES, function
 
-_SOURCES = ("_tools/arguments", "models/**/*", "engine/*", "gaits/**/*", "envs/*")
-_SOURCES += ("envs/policies/*", "apps/sweeps/tasks")
+_SOURCES = ("_tools/arguments", "models/**/*", "engine/**/*", "gaits/**/*", "envs/**/*")
+_SOURCES += ("apps/sweeps/tasks",)
 
 
 def version(analysis: str, outside: Iterable[str] = ()) -> str:
@@ -28,7 +28,8 @@ def version(analysis: str, outside: Iterable[str] = ()) -> str:
         ValueError: if there is no such analysis or module.
     """
     root = Path(__file__).parents[2]
-    sources = [path for part in _SOURCES for path in sorted(root.glob(f"{part}.py"))]
+    sources = [path for part in _SOURCES for path in sorted(root.glob(f"{part}.py"))
+               if path.stem != "pictures"]  # fmt: skip
     function(analysis)  # imports its module
     for address in outside:
         found_at(address, "the name")
