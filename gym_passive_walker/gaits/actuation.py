@@ -59,7 +59,7 @@ class Actuation(NamedTuple):
 
     @property
     def using(self) -> tuple[str, ...]:
-        """Names in `physics.systems.EXTRAS` that this actuation needs."""
+        """Names in `models.equations.systems.EXTRAS` that this actuation needs."""
         if self[1:] == PASSIVE[1:] if _single(self) else not (np.any(self[1]) or np.any(self[2])):
             return ()
         return "ankle", "push_off"

@@ -119,19 +119,19 @@ class Stride(StrideQuantities, InUnits, Table, _Fields):
 
 
 def check_foothold(
-    height_change: ArrayLike, slope_change: ArrayLike
+    height_change: ArrayLike | None, slope_change: ArrayLike | None
 ) -> tuple[NDArray, NDArray] | None:
-    """Return the changes to the next foothold as arrays; None if all of them are zero.
+    """Return the changes to the next foothold as arrays; None if all are zero or not given.
 
     Raises:
         ValueError: if a number is not finite, or a slope change is not between -pi and pi.
     """
-    if type(height_change) is type(slope_change) is float and height_change == slope_change == 0.0:
+    if height_change is None and slope_change is None:
         return None
     allowed = "a number or an array of them"
     ground = (
-        real_array(height_change, "height_change", allowed),
-        real_array(slope_change, "slope_change", allowed),
+        real_array(0.0 if height_change is None else height_change, "height_change", allowed),
+        real_array(0.0 if slope_change is None else slope_change, "slope_change", allowed),
     )
     if not np.all(np.abs(ground[1]) < np.pi):
         raise ValueError(
@@ -148,8 +148,8 @@ def stride(
     hip_torque: ArrayLike | None = None,
     ankle_torque: ArrayLike | None = None,
     push_off: ArrayLike | None = None,
-    height_change: ArrayLike = 0.0,
-    slope_change: ArrayLike = 0.0,
+    height_change: ArrayLike | None = None,
+    slope_change: ArrayLike | None = None,
     tolerance: float = 1e-10,
     max_stride_time: float = LONGEST_STRIDE,
     end_on_toe_stub: bool = False,
@@ -173,10 +173,11 @@ def stride(
         push_off: Impulse of the ground along the stance leg just before heelstrike; a number or
             shape (n,). 0 by default, or the gait's own.
         height_change: Height of the next foothold over this one, along this one's normal; a number
-            or shape (n,). A map with a terrain begins on its first foothold if neither this nor
-            `slope_change` is given.
+            or shape (n,). 0 by default; a map with a terrain begins on its first foothold if
+            neither this nor `slope_change` is given.
         slope_change: Slope of the next foothold beyond this one's, in rad, positive downhill; a
-            number or shape (n,). The final state's angles are from the next foothold's normal.
+            number or shape (n,). 0 by default. The final state's angles are from the next
+            foothold's normal.
         tolerance: Error relative to the largest angle or (dimensionless) angular velocity. The
             final state's error stays within a hundred times this on ordinary gaits, and is usually
             below it.
@@ -203,10 +204,10 @@ def stride(
                 "a stride map with a controller or a terrain has its own rules: "
                 "leave max_stride_time, end_on_toe_stub and backend out"
             )
-        foothold = {"height_change": ground[0], "slope_change": ground[1]} if ground else {}
         return controlled.with_tolerance(tolerance).stride(
-            check_state(state, of=walker), slope, **foothold
-        )
+            check_state(state, of=walker), slope,
+            height_change=height_change, slope_change=slope_change,
+        )  # fmt: skip
     size = walker.size
     states, slopes = check_state(state, of=walker), check_slope(slope)  # type: ignore[arg-type]
     actuation = check_actuation(walker, actuation)
@@ -215,7 +216,8 @@ def stride(
     threads = None if threads is None else whole(threads, "threads")
     if not callable(backend):
         raise ValueError(f"backend must be a function, such as gpu.advance, not {shown(backend)}")
-    check_heights_only(walker, slope_change)
+    if ground is not None:
+        check_heights_only(walker, ground[1])
     try:
         around = [part.shape for part in (*actuation, *(ground or ())) if type(part) is not float]
         shape = np.broadcast_shapes(states.shape[:-1], slopes.shape, *around)

@@ -215,7 +215,9 @@ class StrideMap(Section):
             (place + np.arange(self.terrain_lookahead)) % len(self.ground), 1:
         ].ravel()
 
-    def _trailing(self, angles: NDArray, place: int) -> tuple[NDArray, NDArray, NDArray]:
+    def _trailing(
+        self, angles: NDArray, place: int, lanes: NDArray | None
+    ) -> tuple[NDArray, NDArray, NDArray]:
         """Angles of straight trailing legs for stance angles (...); derivatives by angle and leg.
 
         Both feet touch the ground at a heelstrike. The trailing foot stands on the previous
@@ -224,20 +226,24 @@ class StrideMap(Section):
         Args:
             angles: Angles of the stance leg in rad, from this foothold's normal, (...).
             place: Number of this foothold.
+            lanes: Indices of the walkers, where they differ in a parameter; all when None.
         """
         _, height_change, slope_change = self.ground[place - 1]
-        leg = self.walkers.system().Body(*self.walkers.constants[:, 0].T).leg
+        bodies = self.walkers.constants if lanes is None else self.walkers.bodies(lanes=lanes)
+        leg = self.walkers.system().Body(*bodies[:, 0].T).leg
         leg = leg.reshape(-1, *[1] * (angles.ndim - 1)) if angles.ndim else leg[0]
         with np.errstate(invalid="ignore", divide="ignore"):
             behind = -np.arccos(np.cos(angles - slope_change) + height_change / leg)
             by_angle = np.sin(angles - slope_change) / np.sin(behind)
             return behind + slope_change, by_angle, height_change / (leg**2 * np.sin(behind))
 
-    def state(self, points: NDArray, place: int = 0) -> NDArray:
+    def state(
+        self, points: NDArray, place: int = 0, lanes: NDArray | None = None
+    ) -> NDArray[np.float64]:
         """Return dimensionless states (..., 6) at points (..., m), on foothold `place`."""
         states = super().state(points)
         if self.terrain is not None and self.chart.trailing_leg_follows:
-            states[..., 1] = states[..., 2] = self._trailing(points[..., 0], place)[0]
+            states[..., 1] = states[..., 2] = self._trailing(points[..., 0], place, lanes)[0]
         return states
 
     def seeds(self, n: int, by: Sequence[str], along: NDArray | None) -> Seeds:
@@ -251,16 +257,18 @@ class StrideMap(Section):
             parts.append(ways if name == "point" else np.zeros((n, m, 1)))
         return Seeds(np.concatenate(parts, axis=2), moving)
 
-    def state_by(self, points: NDArray, seeds: Seeds, place: int = 0) -> NDArray:
+    def state_by(
+        self, points: NDArray, seeds: Seeds, place: int, lanes: NDArray
+    ) -> NDArray[np.float64]:
         """Return changes of states (n, 6, k) at points (n, m) along tangents."""
         states = super().state(seeds.points.swapaxes(1, 2)).swapaxes(1, 2)
         if self.terrain is None or not self.chart.trailing_leg_follows:
             return states
         # The trailing leg's angle depends on the points and on the leg length.
-        _, by_angle, by_leg = self._trailing(points[:, 0], place)
+        _, by_angle, by_leg = self._trailing(points[:, 0], place, lanes)
         states[:, 1:3] = (by_angle[:, None] * seeds.points[:, 0])[:, None]
         for name in set(seeds.moving) & set(PARAMETERS):
-            bodies = self.walkers.bodies((name,))
+            bodies = self.walkers.bodies((name,), lanes)
             where = self.walkers.system((name,)).Body._fields.index("leg")
             states[:, 1:3, seeds.moving[name]] += (by_leg * bodies[:, -1, where])[:, None]
         return states
@@ -391,11 +399,11 @@ class StrideMap(Section):
             first = {"rises": ground[0, 1], "turns": ground[0, 2]}
         if by and (along is not None or self.terrain is not None):
             seeds = self.seeds(len(walking), by, None if along is None else along[walking])
-            along = self.state_by(points[walking], seeds)
-        slopes = slopes[walking]
+            along = self.state_by(points[walking], seeds, 0, lanes[walking])
+        slopes, begun = slopes[walking], self.state(points[walking], lanes=lanes[walking])
         with np.errstate(all="ignore"), progress("strides", strides) as taken:
             walked = flow(
-                self.walkers, self.state(points[walking]), slopes + ground[0, 0], **first,
+                self.walkers, begun, slopes + ground[0, 0], **first,
                 controls=actuations[:, :2], push_offs=actuations[:, 2], until=self.max_stride_time,
                 by=by, along=along, lanes=lanes[walking],
             )  # fmt: skip

@@ -521,6 +521,30 @@ def test_a_stride_of_a_map_with_terrain_is_over_its_footholds(controller, seeing
     np.testing.assert_allclose(before, late.states[0, 0], atol=1e-6)
 
 
+def test_a_level_step_that_is_given_replaces_that_of_a_map_s_terrain():
+    state = gpw.find_gait("lab", 0.036).state
+    stairs = gpw.stride_map("lab", 0.036, terrain=gpw.stairs(-0.01))
+    level = gpw.stride("lab", 0.036, state)
+    for given in ({"height_change": 0.0}, {"slope_change": 0.0}):
+        assert gpw.stride(stairs, state=state, **given).duration == level.duration
+    assert gpw.stride(stairs, state=state).duration > level.duration
+
+
+def test_controllers_of_walkers_that_differ_observe_each_one_s_own_body():
+    strides = gpw.stride_map(controller="anywhere-ppo")
+    walker, point = strides.walker, strides.beginning(strides.slope)[:1]
+    assert "shank_mass" in strides.scene.observe_body
+    masses = walker.shank_mass * (1.0 + np.array([-1e-6, 0.0, 1e-6]))
+    each = strides.with_parameter("shank_mass", masses)
+    points, asked = np.repeat(point, 3, axis=0), {"by": ("state", "shank_mass")}
+    found, change = each.linearize(points, **asked)
+    for i, mass in enumerate(masses):
+        alone = strides.with_walker(walker.with_parameters(shank_mass=mass))
+        np.testing.assert_allclose(found.ends[i], alone.apply(point).ends[0], rtol=1e-10)
+    by_mass = (found.ends[2] - found.ends[0]) / (masses[2] - masses[0])
+    np.testing.assert_allclose(change.ends[1, :, -1], by_mass, rtol=1e-5, atol=1e-7)
+
+
 def test_a_map_keeps_its_own_rules(seeing):
     strides = gpw.stride_map(controller=seeing[0])
     for given in ({"max_stride_time": 3.0}, {"end_on_toe_stub": True}):

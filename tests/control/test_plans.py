@@ -459,6 +459,9 @@ REFUSED = {
     "action_delay=2 carries actions over": lambda: map_in(
         make_scene("level", action_delay=2), Passive()
     ),
+    "optimal gaits are played at the hip alone": lambda: Optimal(
+        make_scene("level", actions=("hip", "push_off")), optimal.load("level")[0]
+    ),
     "commands vary in this scene": lambda: map_in(
         make_scene("level", command=(0.1, 0.2)), Passive()
     ),
@@ -474,7 +477,8 @@ def test_what_is_refused_is_named(message):
 def test_a_scene_without_disturbances_keeps_all_else():
     scene = make_scene(
         "level", slope=(0.01, 0.03), reset_noise_scale=0.1, energy="net", command=(0.1, 0.2),
-        domain_randomization={"thigh_mass": 0.1}, observation_noise=0.01, action_noise=0.1,
+        domain_randomization={"thigh_mass": 0.1}, randomization_pool=3, observation_noise=0.01,
+        action_noise=0.1,
         max_hip_torque=0.07, tick=0.21, terrain=gpw.rough(0.01), terrain_lookahead=2,
     )  # fmt: skip
     quiet = calm(scene)

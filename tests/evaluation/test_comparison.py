@@ -2,6 +2,7 @@
 
 import csv
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -130,11 +131,28 @@ def test_an_optimum_that_is_not_stored_is_searched_for_once(tmp_path, monkeypatc
     )
     costs = [optimal.least_cost(scene, 0.17, time_limit=7.0) for _ in range(3)]
     assert costs == [optimal.charged(gait)] * 3 and searched == [{"time_limit": 7.0}]
-    for other in (make_scene(scene, slope=0.011), make_scene(scene, energy="net")):
-        optimal.least_cost(other, 0.17)
-    assert len(searched) == 3
+    held = replace(scene.walker, knees="held")
+    for n, changes in enumerate(({"slope": 0.011}, {"energy": "net"}, {"walker": held}), 2):
+        optimal.least_cost(make_scene(scene, **changes), 0.17)
+        assert len(searched) == n
     with pytest.raises(TimeoutError, match="with time_limit=0 none is searched for"):
         optimal.least_cost(scene, 0.17, time_limit=0)
+
+
+def test_an_optimum_of_a_reward_is_that_of_its_command(tmp_path, monkeypatch):
+    monkeypatch.setattr(optimal.cached, "cache_directory", lambda: tmp_path)
+    searched, gait = [], optimal.load("level")[0]
+    monkeypatch.setattr(optimal, "optimal_gait", lambda *a, **b: (searched.append(a), gait)[1])
+    monkeypatch.setattr(optimal, "_cost", lambda gait: -float(len(searched)))
+    reward = {"distance": 1.0, "command": -2.0}
+    scenes = [make_scene("level", reward=reward, command=command) for command in (0.1, 0.2, 0.1)]
+    assert [optimal.most_reward(scene) for scene in scenes] == [1.0, 2.0, 1.0]
+
+
+def test_the_least_cost_without_the_rule_of_the_toe_is_not_the_stored_one(monkeypatch):
+    monkeypatch.setattr(optimal, "_searched_cost", lambda *_: 0.001)
+    assert optimal.least_cost(make_scene("level"), 0.1) == optimal.least_cost("level", 0.1)
+    assert optimal.least_cost(make_scene("level", end_on_toe_stub=False), 0.1) == 0.001
 
 
 def test_that_there_is_no_gait_is_remembered_with_its_reason(tmp_path, monkeypatch):

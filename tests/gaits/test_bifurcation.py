@@ -238,6 +238,11 @@ def test_a_crisis_is_found_to_the_accuracy_that_is_asked_for(accuracy):
     assert found == pytest.approx(0.01905, abs=max(accuracy, 4e-4))
 
 
+def test_walkers_make_as_many_strides_as_a_crisis_demands_and_no_more():
+    few, more = (crisis("D", 0.0125, 0.03, strides=n, walkers=8) for n in (10, 50))
+    assert few > more
+
+
 def test_a_crisis_beyond_the_range_is_refused_however_far_its_walkers_are_moved():
     """In one step to the steepest slope they fall; in small steps they walk on beyond it."""
     walker = Walker(

@@ -158,6 +158,16 @@ def test_a_design_that_makes_no_sense_is_refused(arguments, message):
         optimize_walker(**{**given, **arguments})
 
 
+def test_quantities_on_waves_are_those_of_the_mean_stride():
+    waves = gpw.stride_map("lab", 0.036, terrain=gpw.waves(0.0005, 3))
+    for name in ("step_length", "step_period", "speed", "cost_of_transport"):
+        design = optimize_walker(waves, name, ["slope"], [(0.0355, 0.0365)], iterations=2)
+        assert design.values[name][1] == pytest.approx(getattr(design.gait, name), rel=1e-9)
+    for name in ("knee_margin", "clearance"):
+        with pytest.raises(ValueError, match=f"{name} is of gaits that repeat after one stride"):
+            optimize_walker(waves, name, ["slope"], [(0.0355, 0.0365)])
+
+
 def test_the_gait_of_a_straight_walker_has_no_knee_margin():
     with pytest.raises(ValueError, match="knee_margin is of walkers with knees"):
         optimize_walker(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+import gym_passive_walker as gpw
 from gym_passive_walker import (
     WALKERS,
     Actuation,
@@ -350,3 +351,13 @@ def test_an_index_of_no_gait_is_refused_in_a_sentence():
         with pytest.raises(TypeError, match=r"^family\[i\] takes a whole number or a slice; "):
             family[index]
     assert family[np.int64(-1)].slope == family[count - 1].slope
+
+
+def test_on_waves_of_hardly_any_height_a_family_ends_as_on_smooth_ground():
+    """Each of the strides of a gait may fail."""
+    smooth, waves = (
+        gait_family(gpw.stride_map("lab", terrain=terrain), 0.0355, 0.05, resolution=0.5)
+        for terrain in (None, gpw.waves(1e-9, 3))
+    )
+    assert smooth.ends[1].reason == waves.ends[1].reason == "kneestrike and heelstrike coincide"
+    assert waves.ends[1].value == pytest.approx(smooth.ends[1].value, rel=1e-6)

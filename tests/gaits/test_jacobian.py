@@ -5,6 +5,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
+import gym_passive_walker as gpw
 from gym_passive_walker import (
     WALKERS,
     Actuation,
@@ -145,6 +146,19 @@ def test_under_motors_a_parameter_changes_their_units_as_well(name, parameter):
     value = held.get(parameter, getattr(walker, parameter, 0.0))
     expected = differences(moved, value, 3e-3 * value)
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=2e-9 * max(1.0, np.abs(found).max()))
+
+
+def test_under_motors_on_steps_a_parameter_changes_their_units_too():
+    """On ground that is level but for rounding, derivatives are those on level ground."""
+    driven = gpw.Actuation(push_off=0.05)
+    level, steps = (
+        gpw.stride_map("E", 0.009, controller=driven, terrain=terrain)
+        for terrain in (None, gpw.stairs(1e-9))
+    )
+    state = gpw.find_gait(level).state
+    by = [gpw.stride_jacobian(each, state=state, wrt="gravity") for each in (level, steps)]
+    np.testing.assert_allclose(by[1], by[0], atol=1e-6)
+    assert np.abs(by[0]).max() > 0.1
 
 
 @pytest.mark.parametrize("name", ["C", "lab", "lab from its parts"])

@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+import gym_passive_walker as gpw
 from gym_passive_walker import WALKERS, Outcome, find_gait, stride
 from gym_passive_walker.gaits.actuation import Actuation, actuation_units
 from gym_passive_walker.gaits.find.newton import newton
@@ -137,6 +138,25 @@ def test_falls_do_not_change_the_others(count):
                     np.testing.assert_array_equal(getattr(mine, what)[i], getattr(its, what)[0])
             np.testing.assert_allclose(plain.ends[i], alone[0].ends[0], rtol=1e-10)
     assert np.count_nonzero(plain.alive) < count - 3
+
+
+@pytest.mark.parametrize("count", [1, 30])
+def test_a_fall_on_stairs_leaves_each_other_walker_its_own_legs(count):
+    stairs = gpw.stride_map("lab", 0.036, terrain=gpw.stairs(-0.001))
+    point = gpw.find_gait(stairs).point.values
+    shares = np.repeat([0.09, 0.0, 0.09], count)
+    masses, lengths = 0.1 + shares, 0.35 + 0.01 * shares
+    points = np.repeat(np.concatenate([point, np.nan * point, point]), count, axis=0)
+    for name, values in (("hip_mass", masses), ("thigh_length", lengths)):
+        there = stairs.with_parameter(name, values)
+        passage, change = there.linearize(points, by=("state", name))
+        np.testing.assert_allclose(passage.ends, there.apply(points).ends, rtol=1e-13)
+        np.testing.assert_array_equal(passage.alive, np.repeat([True, False, True], count))
+        alone = stairs.with_walker(stairs.walker.with_parameters(**{name: values[-1]}))
+        ends, by = alone.linearize(point, by=("state", name))
+        for at in (0, -1):
+            np.testing.assert_allclose(passage.ends[at], ends.ends[0], rtol=1e-12)
+            np.testing.assert_allclose(change.ends[at], by.ends[0], rtol=1e-9, atol=1e-9)
 
 
 def test_a_stride_that_takes_longer_than_it_may_is_given_up():

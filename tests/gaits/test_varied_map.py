@@ -21,6 +21,30 @@ def downstairs(height: float) -> StrideMap:
     return gpw.stride_map(LAB, SLOPE, terrain=gpw.stairs(-height))
 
 
+def test_a_diagram_over_stairs_settles_on_the_gaits_of_each_height():
+    found = gpw.bifurcation_diagram(
+        downstairs, [0.001, 0.002], parameter="height", n_transient=100, n_recorded=33
+    )
+    assert found.period.tolist() == [1, 1]
+    gaits = [gpw.find_gait(downstairs(height)) for height in (0.001, 0.002)]
+    np.testing.assert_allclose(
+        found.stance_angle[:, -1], [gait.stance_angle for gait in gaits], rtol=1e-9
+    )
+
+
+def test_the_cost_of_a_family_under_a_controller_is_that_of_its_gaits():
+    """Work that motors take up is paid for, too."""
+
+    def driven(share):
+        torque = -share * LAB.units.torque
+        return gpw.stride_map(LAB, SLOPE, controller=gpw.Actuation(hip_torque=torque))
+
+    family = gpw.parameter_family(driven, "share", 1e-4, 5e-4, resolution=0.5)
+    costs = [family[k].cost_of_transport for k in range(len(family))]
+    np.testing.assert_allclose(family.cost_of_transport, costs, rtol=1e-9)
+    assert np.min(costs) > np.sin(SLOPE)
+
+
 def test_a_function_gives_the_family_that_the_parameter_itself_gives():
     own = gpw.parameter_family(LAB, "shank_offset", 0.02, 0.028, slope=SLOPE)
     made = gpw.parameter_family(shank, "offset", 0.02, 0.028)

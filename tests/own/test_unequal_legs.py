@@ -265,6 +265,37 @@ def test_a_controller_acts_on_both_legs():
         seen, *_, info = env.step(pull(seen[None].astype(float))[0])
         lengths += [info["step_length"]] * bool(info["step_length"])
     np.testing.assert_allclose(lengths, [*found.cycle.step_length] * 2, rtol=1e-5)
+    walk = gpw.simulate(found, strides=4)
+    np.testing.assert_allclose(walk.taken.step_length, [*found.cycle.step_length] * 2, rtol=1e-9)
+
+
+def test_a_controller_observes_the_legs_in_the_order_of_the_first_stride():
+    """As agents of the environment do."""
+
+    def by_mass(seen):
+        return 0.01 * (seen[:, -1:] - 5.1) - 0.01 * seen[:, 3:4]
+
+    scene = make_scene(system=PROSTHESIS, slope=SLOPE, observe_body=("swing_mass",))
+    strides = gpw.stride_map(controller=by_mass, scene=scene)
+    start = gpw.find_gait(PROSTHESIS, SLOPE).state
+    env = gym.make("PassiveWalker-v0", scene=scene, tolerance=1e-12).unwrapped
+    (seen, _), lengths = env.reset(options={"state": start}), []
+    while len(lengths) < 4:
+        seen, *_, info = env.step(by_mass(seen[None].astype(float))[0])
+        lengths += [info["step_length"]] * bool(info["step_length"])
+    walk = strides.walk(start, SLOPE, 2)
+    np.testing.assert_allclose([each.step_length for each in walk], lengths, rtol=1e-6)
+    point, masses = strides.points_at(start), [5.1, 5.3]
+    found = strides.with_parameter("swing_mass", masses).apply(np.repeat(point, 2, axis=0))
+    for ends, mass in zip(found.ends, masses, strict=True):
+        alone = strides.with_walker(PROSTHESIS.vary(swing_mass=mass))
+        np.testing.assert_allclose(ends, alone.apply(point).ends[0], rtol=1e-10)
+
+
+def test_exponents_are_those_of_a_stride():
+    gait = gpw.find_gait(PROSTHESIS, SLOPE)
+    (found,) = gpw.lyapunov_exponents(PROSTHESIS, [SLOPE], strides=200, n_transient=50)
+    assert found[0] == pytest.approx(0.5 * np.log(np.abs(gait.multipliers[0])), rel=0.02)
 
 
 def rows(env):

@@ -396,8 +396,8 @@ def crisis(
 
     def all_walk(points: NDArray, value: float) -> NDArray | None:
         there, at = own.axis.setting(own.own, value)
-        for _ in range(0, strides, 50):
-            points = there.apply(points, at, strides=50).ends
+        for done in range(0, strides, 50):
+            points = there.apply(points, at, strides=min(50, strides - done)).ends
             if not np.all(np.isfinite(points)):
                 return None
         return points
@@ -435,7 +435,7 @@ def lyapunov_exponents(
     """Compute Lyapunov exponents of settled walks, per stride, from exact derivatives.
 
     A positive exponent means chaos: neighbouring walks diverge by its exponential at each stride.
-    On a stable gait of period n the exponents are ln|multipliers| / n.
+    On a stable gait that repeats after n strides the exponents are ln|multipliers| / n.
 
     Args:
         walker: The walker, a map of `stride_map`, or a function from a value to one, as for
@@ -444,8 +444,9 @@ def lyapunov_exponents(
         parameter: What varies: "slope", or another parameter that `parameter_family` takes.
         slope: Slope in rad where another parameter varies; the map's own when None.
         count: Number of exponents, from the largest on; at most the section's dimension.
-        strides: Strides of the average.
-        n_transient: Transient strides before them.
+        strides: Strides of the average; of legs or ground that repeat after L strides, L times as
+            many.
+        n_transient: Transient strides before them, counted so too.
         start: Initial state on the Poincaré section, (6,), or one for each value, (n, 6); beside
             the gait if None.
         kind: Gait to begin beside, "long" or "short".
@@ -483,5 +484,5 @@ def lyapunov_exponents(
             frames, triangle = np.linalg.qr(there.at(points).in_search(change.ends[on]))
             with np.errstate(divide="ignore"):  # a direction that a strike forgets: minus infinity
                 sums = sums + np.log(np.abs(np.diagonal(triangle, axis1=1, axis2=2)))
-    exponents[walking] = sums / strides
+    exponents[walking] = sums / (strides * len(walks.own.ground))
     return exponents

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -29,7 +30,7 @@ from gym_passive_walker.gaits.branches.varied_map import MapOfValue, VariedMap, 
 from gym_passive_walker.gaits.find.newton import newton, solved
 from gym_passive_walker.gaits.flow import RATE_BEFORE
 from gym_passive_walker.gaits.gait import gait_equations
-from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.gaits.stride_map import Samples, StrideMap
 
 KNEE_MEETS_HEEL = "kneestrike and heelstrike coincide"
 STANCE_STOPS = "the stance leg barely passes the vertical"
@@ -107,8 +108,9 @@ class Axis(NamedTuple):
             varied = stride_map.with_parameter(self.parameter, values / self.unit)
             return varied, np.full(len(values), self.slope)
         made = VariedMap(
-            walker=stride_map.walker, parameter=self.parameter, values=values,
-            tolerance=stride_map.tolerance, make=self.make, bounds=(self.low, self.high),
+            walker=stride_map.walker, terrain=stride_map.terrain, parameter=self.parameter,
+            values=values, tolerance=stride_map.tolerance, make=self.make,
+            bounds=(self.low, self.high),
         )  # fmt: skip
         return made, np.array([each.chosen(self.slope) for each in made.maps])
 
@@ -454,7 +456,7 @@ class Margins(NamedTuple):
             a user's system, how steeply the foot comes down.
         pace: Least rate of the stance leg in mid-stride over its first; negative where it turns
             back for a while.
-        time: Duration of the longest stride.
+        time: Duration of the longest stride; of legs that differ, of two.
     """
 
     knee: NDArray[np.float64]
@@ -475,20 +477,60 @@ def margins(curve: Curve, points: list[Point]) -> Margins:
                 landing = np.fmin(landing, stride_map.steepness(here, slopes))
             here, time = passage.ends, np.maximum(time, passage.durations)
         return Margins(knee, landing, pace, time)
+    if len(stride_map.ground) > 1:
+        return Margins(*np.array([_on_footholds(curve, point) for point in points]).T)
     roughly = stride_map.with_tolerance(_ROUGHLY)
     for _ in range(curve.period):
         passage = stride_map.apply(here, slopes)
-        duration = passage.durations
-        verge = (duration * (1.0 - RATE_BEFORE))[:, None]
-        rates = stride_map.sample(here, slopes, verge).states[:, 0, 3:5]
-        landing = np.minimum(landing, -rates.sum(axis=1) / np.abs(rates).max(axis=1))
-        knee = np.fmin(knee, 1.0 - passage.knee_times / duration)  # without knees it stays infinite
-        times = duration[:, None] * np.linspace(0.0, 1.0 - RATE_BEFORE, _LOOKS)
-        stance_rates = roughly.sample(here, slopes, times).states[:, :, 3]
-        pace = np.minimum(pace, np.min(stance_rates / here[:, 1:2], axis=1))
-        time = np.maximum(time, duration)
-        here = passage.ends
+        found = _of_stride(
+            passage.durations, passage.knee_times, here[:, 1],
+            partial(stride_map.sample, here, slopes), partial(roughly.sample, here, slopes),
+        )  # fmt: skip
+        knee, landing, pace = map(np.fmin, (knee, landing, pace), found)
+        here, time = passage.ends, np.maximum(time, passage.durations)
     return Margins(knee, landing, pace, time)
+
+
+def _of_stride(
+    durations: NDArray,
+    knee_times: NDArray,
+    first: NDArray,
+    sample: Callable[[NDArray], Samples],
+    roughly: Callable[[NDArray], Samples],
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Return the knee, landing and pace of n strides, without knees NaN for the knee.
+
+    Args:
+        durations: Durations, (n,).
+        knee_times: Times of the kneestrikes, (n,); NaN without knees.
+        first: First rates of the stance legs, (n,).
+        sample: Function that samples the strides at times (n, k).
+        roughly: The same, of a coarse tolerance.
+    """
+    rates = sample((durations * (1.0 - RATE_BEFORE))[:, None]).states[:, 0, 3:5]
+    landing = -rates.sum(axis=1) / np.abs(rates).max(axis=1)
+    times = durations[:, None] * np.linspace(0.0, 1.0 - RATE_BEFORE, _LOOKS)
+    pace = np.min(roughly(times).states[:, :, 3] / first[:, None], axis=1)
+    return 1.0 - knee_times / durations, landing, pace
+
+
+def _on_footholds(curve: Curve, point: Point) -> list[float]:
+    """Return the margins of a gait on several footholds."""
+    own, slope = curve.axis.setting(curve.stride_map, curve.value_at(point))
+    state, least, longest = own.searched(point.y[None, :-1]).states[0], [math.inf] * 3, 0.0
+    now, rough = own, own.with_tolerance(_ROUGHLY)
+    for place, walked in enumerate(own.walk(state, slope, curve.period)):
+        tilt, rise, turn = own.ground[place % len(own.ground)]
+        start = own.dimensionless(state)
+        times = np.array([[walked.duration], [walked.kneestrike_time]]) / own.units.time
+        looks = (
+            partial(each.look, start, slope + tilt, rises=rise, turns=turn, ahead=own.ahead(place))
+            for each in (now, rough)
+        )
+        least = [*map(np.fmin, least, _of_stride(*times, start[:, 3], *looks))]
+        state, longest = walked.state, max(longest, times[0, 0])
+        now, rough = now.swapped, rough.swapped
+    return [*(float(np.max(each)) for each in least), longest]
 
 
 def reason_of(curve: Curve, last: list[Point]) -> End:

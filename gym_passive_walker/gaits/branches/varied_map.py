@@ -86,6 +86,16 @@ class VariedMap(StrideMap):
         return {self.parameter: self.bounds[0]}
 
     @property
+    def passive(self) -> bool:
+        """Whether no actuator drives any of the walkers."""
+        return all(each.passive for each in self.maps)
+
+    @property
+    def controlled(self) -> bool:  # type: ignore[override]
+        """Whether a controller observes the walkers, as in the first map."""
+        return self.maps[0].controlled
+
+    @property
     def hold(self) -> float:
         """Time for which torques are held, as in the first map."""
         return self.maps[0].hold
@@ -95,9 +105,12 @@ class VariedMap(StrideMap):
         """Each walker's units, arrays (n,)."""
         return Units(*map(np.array, zip(*(each.units for each in self.maps), strict=True)))  # type: ignore[arg-type]
 
-    def state(self, points: NDArray, place: int = 0) -> NDArray:
+    def state(
+        self, points: NDArray, place: int = 0, lanes: NDArray | None = None
+    ) -> NDArray[np.float64]:
         """Return dimensionless states (n, 6) at points (n, m), on foothold `place`."""
-        each = zip(self.maps, points, strict=True)
+        maps = self.maps if lanes is None else [self.maps[lane] for lane in lanes]
+        each = zip(maps, points, strict=True)
         return np.array([own.state(point, place) for own, point in each])
 
     def steepness(self, points: NDArray, slopes: NDArray) -> NDArray[np.float64]:

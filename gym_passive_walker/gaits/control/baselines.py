@@ -290,7 +290,7 @@ class Optimal(StrideFeedback):
         closed_loop: Derivative of the stride map under the feedback, dimensionless, (m, m).
 
     Raises:
-        ValueError: if no gaits of the scene are stored.
+        ValueError: if no gaits of the scene are stored, or actuators other than the hip's work.
     """
 
     def __init__(
@@ -301,6 +301,13 @@ class Optimal(StrideFeedback):
         torque_weight: float = 10.0,
     ) -> None:
         given, scene = scene, make_scene(scene)
+        check_supports(scene.walker, "actuation")
+        others = {} if gait is None else {name: x for name, x in gait.held.items() if np.any(x)}
+        if scene.actions != ("hip",) or others.keys() - {"hip"}:
+            raise ValueError(
+                'optimal gaits are played at the hip alone: choose a scene with actions=("hip",), '
+                "and a gait of it"
+            )
         if gait is None:
             known = optimal.load(given if isinstance(given, str) else optimal.stored_name(scene))
             gait = max(

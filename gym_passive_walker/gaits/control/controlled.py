@@ -41,7 +41,8 @@ from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.gaits.stride import Stride, account, reported_as
 from gym_passive_walker.gaits.stride_map import Samples, Seeds, StrideMap
 from gym_passive_walker.models.equations.hybrid import Outcome, State
-from gym_passive_walker.models.units import observed_numbers
+from gym_passive_walker.models.units import proportions
+from gym_passive_walker.models.walkers.walker import varied
 
 _STATE = len(State._fields)
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
@@ -58,6 +59,7 @@ class _Asked(NamedTuple):
         slopes: Slope in rad, (n,).
         step: Number of control steps that the stride has had.
         seeds: Tangents of the stride's start; none without derivatives.
+        lanes: Indices of the walkers, where they differ in a parameter, (n,).
         ahead: Changes to the footholds ahead; smooth when None.
     """
 
@@ -65,6 +67,7 @@ class _Asked(NamedTuple):
     slopes: NDArray
     step: int
     seeds: Seeds
+    lanes: NDArray
     ahead: NDArray | None = None
 
 
@@ -105,7 +108,7 @@ class _Observing:
 
     def choose(self, strides: ControlledMap, asked: _Asked, memory: Any) -> tuple[Choice, Any]:
         """Return actions and the controller's memory."""
-        seen, seeds = strides.observed(asked.records, asked.slopes, asked.ahead), asked.seeds
+        seen, seeds = strides.observed(asked), asked.seeds
         if self.linearize is None:
             if self.single:
                 seen = seen.astype(np.float32)  # as the environment gives it
@@ -135,12 +138,14 @@ class ControlledMap(StrideMap):
             with each stride.
         scene: Scene that gives the actuators, their limits and the control step.
         spread: Distance of differences, over the usual one.
+        turned: Whether legs that differ are exchanged, as in every second stride.
     """
 
     agent: Any
     scene: Scene
     tolerance: float = 1e-12
     spread: float = 1.0
+    turned: bool = False
 
     controlled = True
 
@@ -169,6 +174,20 @@ class ControlledMap(StrideMap):
         """Whether derivatives are exact: the controller has a derivative."""
         return self._acts.exact
 
+    @cached_property
+    def swapped(self) -> Self:
+        """This map of walkers with the legs exchanged; itself if they are alike."""
+        return self if self.walker.legs_alike else replace(super().swapped, turned=not self.turned)
+
+    @cached_property
+    def _seen_body(self) -> list[Any]:
+        """What the controller observes of the walkers' parameters, a number or (n,) each."""
+        first = self.swapped if self.turned else self
+        if "units" in self.walker.supports:
+            return proportions(varied(first.walker, first.varied), self.scene.observe_body)
+        numbers = first.walker.parameters | first.varied
+        return [numbers[name] for name in self.scene.observe_body]
+
     def coarser(self) -> Self:
         """Return this map with differences over twice the distance, to estimate their error."""
         return replace(self, spread=2.0 * self.spread)
@@ -180,9 +199,8 @@ class ControlledMap(StrideMap):
             return False
         slopes = np.array([self.chosen(None)])
         records = self._begun(self.state(self.beginning(slopes)), slopes)
-        return (
-            self._choice(_Asked(records, slopes, 0, self.seeds(1, (), None)), None)[1] is not None
-        )
+        asked = _Asked(records, slopes, 0, self.seeds(1, (), None), np.zeros(1, np.intp))
+        return self._choice(asked, None)[1] is not None
 
     @property
     def closes(self) -> float:
@@ -303,12 +321,13 @@ class ControlledMap(StrideMap):
         Where the imbalance goes is the push-off.
         """
         (n, m, width), moving = seeds.points.shape, seeds.moving
-        if width and not self.exact:
+        sees_change = self.scene.observe_body and moving.keys() - {"slope"}
+        if width and (sees_change or not self.exact):
             return self._differences(points, slopes, lanes, seeds, place)
         tilt, height_change, slope_change = self.ground[place]
         slopes, sound = slopes + tilt, self.chart.walking(points)
-        states = self.state(np.where(np.isfinite(points), points, 0.5), place)
-        change = self.state_by(points, seeds, place)
+        states = self.state(np.where(np.isfinite(points), points, 0.5), place, lanes)
+        change = self.state_by(points, seeds, place, lanes)
         steps = self._steps(
             states, slopes, lanes, np.flatnonzero(sound), seeds, change, rises=height_change,
             turns=slope_change, ahead=self.ahead(place),
@@ -378,7 +397,7 @@ class ControlledMap(StrideMap):
         for shifts in (steps, -steps):
             starts = points[:, None] + (change * shifts[:, None]).swapaxes(1, 2)
             grounds = np.repeat(slopes[:, None], count, axis=1)
-            every, varied = np.repeat(lanes, count), {}
+            every, changed = np.repeat(lanes, count), {}
             for name, tangent in seeds.moving.items():
                 if name == "slope":
                     grounds[:, tangent] += shifts[:, tangent]
@@ -386,11 +405,11 @@ class ControlledMap(StrideMap):
                     own = self.varied[name][lanes] if name in self.varied else self.parameters[name]
                     values = np.repeat(np.broadcast_to(own, n)[:, None], count, axis=1)
                     values[:, tangent] += shifts[:, tangent]
-                    varied[name] = values.ravel()
+                    changed[name] = values.ravel()
             batch = self
-            if varied:
+            if changed:
                 others = {name: values[every] for name, values in self.varied.items()}
-                batch, every = replace(self, varied=others | varied), np.arange(n * count)
+                batch, every = replace(self, varied=others | changed), np.arange(n * count)
             taken, _ = batch._stride(starts.reshape(-1, m), grounds.ravel(), every, still, place)
             results.append(taken[:, :, 0].reshape(n, count, m + 7).swapaxes(1, 2))
         by = (results[0] - results[1]) / (2.0 * steps[:, None])
@@ -433,7 +452,7 @@ class ControlledMap(StrideMap):
             seen = ahead[chosen] if np.ndim(ahead) == 2 else ahead  # type: ignore[index]
             own = Seeds(seeds.points[chosen], seeds.moving)
             choice, memory = self._choice(
-                _Asked(records, slopes[chosen], number, own, seen), memory
+                _Asked(records, slopes[chosen], number, own, lanes[chosen], seen), memory
             )
             return choice._make(x if x is None else x[on] for x in choice) if recalls else choice
 
@@ -469,11 +488,10 @@ class ControlledMap(StrideMap):
         by_state, along = (x if x is None else free * x for x in (by_state, along))
         return Choice(held, by_state, along), memory
 
-    def observed(
-        self, records: NDArray, slopes: NDArray, ahead: NDArray | None
-    ) -> NDArray[np.float64]:
+    def observed(self, asked: _Asked) -> NDArray[np.float64]:
         """Return the controller's observations, as in the environment, (n, size)."""
-        scene, body = self.scene, observed_numbers(self.walker, self.scene.observe_body)
+        scene, records, ahead = self.scene, asked.records, asked.ahead
+        body = [x[asked.lanes] if np.ndim(x) else x for x in self._seen_body]
         links = np.array([phase.links for phase in self.walkers.system().phases])
         locked = links[records["phase"][:, 0]] == 2
         # Without terrain the ground ahead is smooth.
@@ -481,7 +499,7 @@ class ControlledMap(StrideMap):
         changes = rows.reshape(len(rows), scene.terrain_lookahead, 2).transpose(1, 2, 0)
         command = None if scene.command is None else np.mean(scene.command)
         seen = rules.observed(
-            scene, self.states_of(records).T, locked, slopes, command, changes, body
+            scene, self.states_of(records).T, locked, asked.slopes, command, changes, body
         )  # fmt: skip
         return np.stack(np.broadcast_arrays(*seen), axis=1, dtype=float)
 

@@ -66,7 +66,8 @@ def stride_map(
             command.
         scene: Which motors a controller has, how strong they are and how long its actions are
             held, in a form that `make_scene` takes; the policy's own or "level" when None. Its
-            disturbances are left out.
+            disturbances are left out. For passive walkers, and under an `Actuation`, its walker
+            and its slope alone count.
         terrain: How footholds lie, in a form that `terrain_from` takes; smooth when None, as the
             scene's own is left out. One that repeats, such as `stairs` and `waves`: random ground
             is for `simulate` and `robustness`.
@@ -218,7 +219,8 @@ def calm(scene: Scene, slope: float | None = None) -> Scene:
     slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
     command = None if scene.command is None else float(np.mean(scene.command))
     undisturbed(scene, "controllers of stride maps go", {"observation": None})
-    alike = {"energy": "absolute", "reset_noise_scale": 0.0, "domain_randomization": {}}
+    alike: dict[str, Any] = {"energy": "absolute", "reset_noise_scale": 0.0}
+    alike |= {"domain_randomization": {}, "randomization_pool": None}
     alike |= UNDISTURBED | {"slope": slope, "command": command}
     if scene.terrain_lookahead:
         alike |= {"terrain": Terrain(), "terrain_lookahead": scene.terrain_lookahead}

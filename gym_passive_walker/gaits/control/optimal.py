@@ -491,7 +491,9 @@ def least_cost(
     """
     if isinstance(gaits, Scene):
         with suppress(ValueError):
-            return least_cost(stored_name(gaits), speed)
+            name = stored_name(gaits)
+            if gaits.end_on_toe_stub == make_scene(name).end_on_toe_stub:
+                return least_cost(name, speed)
         return _searched_cost(gaits, speed, time_limit)
     speed = round(number(speed, "speed"), 9)
     if isinstance(gaits, str):
@@ -551,7 +553,7 @@ def most_reward(scene: Scene, *, time_limit: float = math.inf) -> float:
         raise TimeoutError("with time_limit=0 no optimum of its reward is searched for")
     digest = StrideReward(scene, scene.reward or own_reward).digest
     return _kept(
-        _cache_name(scene, digest),
+        _cache_name(scene, [digest, scene.command]),
         lambda: -_cost(optimal_gait(scene, reward=scene.reward, time_limit=time_limit)),
     )
 
@@ -576,14 +578,14 @@ def _kept(name: str, search: Callable[[], float]) -> float:
     return known
 
 
-def _cache_name(scene: Scene, wanted: float | str) -> str:
-    """Return the name of the cache file of an optimum at a speed, or of a reward of some digest.
+def _cache_name(scene: Scene, wanted: float | list) -> str:
+    """Return the name of the cache file of an optimum at a speed, or of a reward and a command.
 
     The name is a hash of all on which the optimum depends.
     """
     walker: Any = scene.walker
     stated = [
-        "" if isinstance(walker, Walker) else walker.hybrid.name, dict(walker.parameters),
+        repr(walker) if isinstance(walker, Walker) else walker.hybrid.name, dict(walker.parameters),
         scene.slope, scene.control, scene.tick, scene.energy, scene.end_on_toe_stub,
         {name: scene.largest(name) for name in scene.actions}, wanted, scipy.__version__,
     ]  # fmt: skip

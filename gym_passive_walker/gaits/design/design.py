@@ -23,7 +23,12 @@ from gym_passive_walker.gaits.design.design_nlp import (
     Judged,
     slsqp,
 )
-from gym_passive_walker.gaits.design.objectives import QUANTITIES, SPECTRAL_RADIUS, spectral_radius
+from gym_passive_walker.gaits.design.objectives import (
+    OF_ONE_STRIDE,
+    QUANTITIES,
+    SPECTRAL_RADIUS,
+    spectral_radius,
+)
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, gait_at
@@ -133,6 +138,11 @@ def optimize_walker(
         raise ValueError("knee_margin is of walkers with knees, and this one has none")
     if "clearance" in names:
         check_supports(walker, "reality check")
+    if (count := len(stride_map.ground)) > 1 and (ill := sorted(names & {*OF_ONE_STRIDE})):
+        raise ValueError(
+            f"{ill[0]} is of gaits that repeat after one stride, and here they do after {count}: "
+            "choose another quantity"
+        )
     if SPECTRAL_RADIUS in names and stride_map.dimension > 4:
         raise ValueError(
             f"spectral_radius is of walkers with up to three multipliers that are not zero, and "

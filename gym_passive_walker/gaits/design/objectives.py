@@ -41,9 +41,11 @@ def _in_units(gait: Sensitivity, quantity: Graded, *, length: int = 0, time: int
 
 
 def _of_stride(gait: Sensitivity, names: str) -> Graded:
-    """Return the sum of some of the stride's measures, dimensionless."""
+    """Return the sum of some measures of a stride, the mean of all strides, dimensionless."""
     each = [(getattr(gait.passage, x)[0], getattr(gait.change, x)[0]) for x in names.split()]
-    return float(sum(value for value, _ in each)), np.sum([by for _, by in each], axis=0)
+    value, by = float(sum(value for value, _ in each)), np.sum([by for _, by in each], axis=0)
+    strides = len(gait.place.section.ground)
+    return value / strides, by / strides
 
 
 def _quotient(gait: Sensitivity, above: str, below: str) -> Graded:
@@ -104,6 +106,9 @@ def _clearance(gait: Sensitivity) -> Graded:
     height = lowest.value / units.length, change_along(gait, sizes, look)
     return _in_units(gait, height, length=1)
 
+
+OF_ONE_STRIDE = ("clearance", "knee_margin")
+"""Quantities of gaits that repeat after one stride."""
 
 QUANTITIES: dict[str, Callable[[Sensitivity], Graded]] = {
     "slope": lambda gait: (

@@ -90,7 +90,7 @@ def stride_jacobian(
     points, driving = stride_map.points_at(states), actuation_units(units)._asdict()
     moved = set(names)
     # A parameter also changes the units, hence the dimensionless state and torques.
-    driven = [name for name in Actuation._fields if getattr(motors, name)]
+    driven = [name for name in Actuation._fields if getattr(stride_map.actuation, name)]
     scaled = "units" in walker.supports
     if scaled and moved & set(PARAMETERS):
         moved |= {"state", *driven}

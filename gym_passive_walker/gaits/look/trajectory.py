@@ -221,7 +221,8 @@ def simulate(
             own = walker.in_stride(k)
             walks.append(stride(own, *here, tolerance=tolerance, **foothold, **held._asdict()))
         else:
-            walks.append(strides_of.stride(*here[::-1], **foothold, ahead=ahead[k]))
+            now = strides_of.swapped if k % 2 else strides_of
+            walks.append(now.stride(*here[::-1], **foothold, ahead=ahead[k]))
         if walks[-1].outcome != Outcome.HEELSTRIKE:
             break
         starts.append(walks[-1].state)
