@@ -179,6 +179,14 @@ def test_each_field_survives_its_file_and_is_a_difference_by_its_name(name, tmp_
     assert usual.differences(other, ignore=(name,)) == []
 
 
+def test_a_normalizer_differs_from_none_in_one_line():
+    usual = configure("ppo", "level")
+    plain = dataclasses.replace(usual, normalize=None)
+    (line,) = usual.differences(plain)
+    assert line == f"normalize: {usual.normalize!r} here, None asked for"
+    assert plain.differences(usual) == [f"normalize: None here, {usual.normalize!r} asked for"]
+
+
 @pytest.mark.parametrize("name", OTHER)
 def test_a_file_that_lacks_a_field_or_has_another_is_refused_by_its_name(name, tmp_path):
     path = tmp_path / "config.yml"

@@ -474,6 +474,14 @@ def test_what_is_refused_is_named(message):
         REFUSED[message]()
 
 
+def test_actuators_too_weak_to_walk_are_named_with_what_was_tried():
+    weak = make_scene("push-off", slope=-0.2, max_push_off=1e-4, actions=("push_off",))
+    with pytest.raises(
+        gpw.GaitNotFound, match=r"none with a constant push_off of 0\.1 to 1 of the largest"
+    ):
+        gpw.optimal_gait(weak, 0.1)
+
+
 def test_a_scene_without_disturbances_keeps_all_else():
     scene = make_scene(
         "level", slope=(0.01, 0.03), reset_noise_scale=0.1, energy="net", command=(0.1, 0.2),
