@@ -198,16 +198,13 @@ def stride(
         walker, slope, state, hip_torque, ankle_torque, push_off
     )
     tolerance, ground = check_tolerance(tolerance), check_foothold(height_change, slope_change)
-    if controlled is not None:
-        if max_stride_time != LONGEST_STRIDE or end_on_toe_stub or backend is not advance:
-            raise ValueError(
-                "a stride map with a controller or a terrain has its own rules: "
-                "leave max_stride_time, end_on_toe_stub and backend out"
-            )
-        return controlled.with_tolerance(tolerance).stride(
-            check_state(state, of=walker), slope,
-            height_change=height_change, slope_change=slope_change,
-        )  # fmt: skip
+    if controlled is not None and (
+        max_stride_time != LONGEST_STRIDE or end_on_toe_stub or backend is not advance
+    ):
+        raise ValueError(
+            "a stride map with a controller or a terrain has its own rules: "
+            "leave max_stride_time, end_on_toe_stub and backend out"
+        )
     size = walker.size
     states, slopes = check_state(state, of=walker), check_slope(slope)  # type: ignore[arg-type]
     actuation = check_actuation(walker, actuation)
@@ -225,9 +222,14 @@ def stride(
         raise ValueError(
             f"slope {slopes.shape}, hip_torque {np.shape(actuation.hip_torque)}, ankle_torque "
             f"{np.shape(actuation.ankle_torque)}, push_off {np.shape(actuation.push_off)}, "
-            f"height_change {np.shape(height_change)}, slope_change {np.shape(slope_change)} and "
+            f"height_change, slope_change {[part.shape for part in ground or ()]} and "
             f"states {states.shape[:-1]} do not fit together: give one of each, or the same number"
         ) from None
+    if controlled is not None:
+        return controlled.with_tolerance(tolerance).stride(
+            np.broadcast_to(states, (*shape, size)), np.broadcast_to(slopes, shape),
+            height_change=height_change, slope_change=slope_change,
+        )  # fmt: skip
     units, count = walker.units, math.prod(shape)
     flat = np.empty((*shape, size))
     flat[:] = units.to_dimensionless(states)

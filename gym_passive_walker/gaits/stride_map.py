@@ -38,6 +38,7 @@ from gym_passive_walker.gaits.section import Points, Section
 from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.models.equations.hybrid import Ground, Outcome, System
+from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 from gym_passive_walker.models.units import unit_of
 from gym_passive_walker.models.walkers import PARAMETERS, Walker, WalkerLike, as_walker
 
@@ -397,8 +398,8 @@ class StrideMap(Section):
         actuations, ground, first = self._actuations(lanes[walking]), self.ground, {}
         if self.terrain is not None:
             first = {"rises": ground[0, 1], "turns": ground[0, 2]}
+        seeds = self.seeds(len(walking), by, None if along is None else along[walking])
         if by and (along is not None or self.terrain is not None):
-            seeds = self.seeds(len(walking), by, None if along is None else along[walking])
             along = self.state_by(points[walking], seeds, 0, lanes[walking])
         slopes, begun = slopes[walking], self.state(points[walking], lanes=lanes[walking])
         with np.errstate(all="ignore"), progress("strides", strides) as taken:
@@ -415,7 +416,7 @@ class StrideMap(Section):
                     slopes = slopes[on]
                     uneven = self.terrain is not None
                     walked = walked.next_stride(on, (slopes + tilt, *foothold) if uneven else None)
-                self._add(totals, walked, stride % len(ground))
+                self._add(totals, walked, lanes[walking], seeds.moving, stride % len(ground))
                 if (stride + 1) % len(ground) == 0:
                     taken()
                 # A stride that only ran out of time counts as STALLED.
@@ -437,7 +438,22 @@ class StrideMap(Section):
         results[:, :, walking] = rows
         return results, outcomes
 
-    def _add(self, totals: NDArray, walked: Flow, place: int) -> None:
+    def weighted(self, work: NDArray, lanes: NDArray, moving: dict[str, int]) -> NDArray:
+        """Return gravity's work on walkers of weight 1 as that on these walkers, (n, 1 + k)."""
+        if "units" in self.walker.supports:
+            return work
+        own, weights = {name: x[lanes] for name, x in self.varied.items()}, np.zeros_like(work)
+        weights[:, 0] = self.walker.mass_with(**own)
+        for name in moving.keys() & self.walker.parameters.keys():
+            value = complex_step(own.get(name, self.walker.parameters[name]))
+            weights[:, 1 + moving[name]] = step_derivative(
+                self.walker.mass_with(**own | {name: value})
+            )
+        return product(weights, work)
+
+    def _add(
+        self, totals: NDArray, walked: Flow, lanes: NDArray, moving: dict[str, int], place: int
+    ) -> None:
         """Add the measures of one stride each to the totals of the strides before, in place."""
         durations, lengths, lost, supplied, braked, knee_times = totals
         records = walked.records
@@ -451,8 +467,9 @@ class StrideMap(Section):
             turned = sine * math.cos(slope_change) - cosine * math.sin(slope_change)
             cosine = cosine * math.cos(slope_change) + sine * math.sin(slope_change)
             sine = turned
-            supplied -= product(cosine, self._heights(walked.bodies, records.shape, place))
-        supplied += product(sine, length)
+            heights = self._heights(walked.bodies, records.shape, place)
+            supplied -= self.weighted(product(cosine, heights), lanes, moving)
+        supplied += self.weighted(product(sine, length), lanes, moving)
         supplied += records["push_work"]
         knee_times[:] = records["knee_time"]
         works = np.array(walked.system.works)  # no work of the hip on feet without mass

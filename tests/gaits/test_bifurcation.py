@@ -198,11 +198,11 @@ def test_the_cascade_of_the_tuned_kneed_walker_is_universal_too():
 @pytest.mark.parametrize("period", [1, 2, 3, 7])
 def test_a_sequence_s_period_is_its_smallest(period):
     values = np.tile(np.arange(1.0, period + 1.0), 24)[:24]
-    assert period_of(values, 10) == period
-    assert period_of(values + np.linspace(0.0, 1e-3, 24), 10) == 0
+    assert period_of(values[:, None], 10) == period
+    assert period_of((values + np.linspace(0.0, 1e-3, 24))[:, None], 10) == 0
     for longest in (0, 24):
         with pytest.raises(ValueError, match=f"a period from 1 to below 24, not {longest}"):
-            period_of(values, longest)
+            period_of(values[:, None], longest)
 
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
@@ -211,7 +211,7 @@ def test_a_period_does_not_depend_on_the_size_of_numbers(size):
     for off, period in ((0.9, 2), (1.1, 0)):
         values = np.tile([1.0, 0.5], 12)
         values[-1] += off * 1e-4
-        assert period_of(size * values, 10, 1e-4) == period
+        assert period_of(size * values[:, None], 10, 1e-4) == period
 
 
 def test_what_makes_no_sense_is_refused():

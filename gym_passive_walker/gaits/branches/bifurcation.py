@@ -43,7 +43,9 @@ from gym_passive_walker.gaits.branches.family import (
 from gym_passive_walker.gaits.branches.varied_map import MapOfValue
 from gym_passive_walker.gaits.gait import GaitKind
 from gym_passive_walker.gaits.measures import InUnits
+from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
+from gym_passive_walker.models.units import Units
 from gym_passive_walker.models.walkers import Walker, name_of
 
 _FINEST = 1e-15  # accuracy of a crisis
@@ -73,6 +75,12 @@ class BifurcationDiagram(InUnits, Table):
     stance_angle: NDArray[np.float64]
     period: NDArray[np.int64]
     state: NDArray[np.float64]
+    _units: Units
+
+    @property
+    def units(self) -> Units:
+        """Dimensionless units of each walk's walker, in its own, (n,) each."""
+        return self._units
 
     @property
     def walks(self) -> NDArray[np.bool_]:
@@ -107,24 +115,32 @@ class BifurcationDiagram(InUnits, Table):
         }
 
 
-def period_of(values: ArrayLike, longest: int, tolerance: float = 1e-6) -> NDArray[np.int64]:
-    """Return the smallest period with which sequences repeat; 0 where none does.
+def period_of(points: NDArray, longest: int, tolerance: float = 1e-6) -> NDArray[np.int64]:
+    """Return the smallest period with which sequences of points repeat; 0 where none does.
 
     Args:
-        values: Sequences, shape (..., count), longer than `longest`.
+        points: Sequences, shape (..., count, m), longer than `longest`.
         longest: Longest period looked for.
         tolerance: Largest difference of repeated values, relative to their size.
     """
-    values = np.asarray(values, dtype=float)
-    if not 1 <= longest < values.shape[-1]:
-        raise ValueError(f"a period from 1 to below {values.shape[-1]}, not {longest}")
+    count = points.shape[-2]
+    if not 1 <= longest < count:
+        raise ValueError(f"a period from 1 to below {count}, not {longest}")
     with np.errstate(invalid="ignore"):
-        size = tolerance * np.abs(values).max(axis=-1)
-        period = np.zeros(values.shape[:-1], dtype=np.int64)
+        size = tolerance * np.abs(points).max(axis=(-2, -1))
+        period = np.zeros(points.shape[:-2], dtype=np.int64)
         for p in range(longest, 0, -1):
-            gap = np.abs(values[..., p:] - values[..., :-p]).max(axis=-1)
+            gap = np.abs(points[..., p:, :] - points[..., :-p, :]).max(axis=(-2, -1))
             period[gap <= size] = p
     return period
+
+
+def telling(section: Section) -> slice:
+    """Return the coordinates that tell whether a walk repeats: the stance angle alone of legs.
+
+    A user's system may strike at an angle that never changes.
+    """
+    return slice(None) if section.chart.balance is None else slice(1)
 
 
 def nearest_on(family: GaitFamily, values: NDArray) -> NDArray[np.float64]:
@@ -173,7 +189,8 @@ class _Walks(NamedTuple):
             if slope is not None:
                 raise ValueError("slope is that of walks over another parameter: omit it")
             own = map_of(walker, tolerance=tolerance)
-            values = several_slopes(values, "values", downhill=own.passive)
+            downhill = own.passive and own.terrain is None
+            values = several_slopes(values, "values", downhill=downhill)
         else:
             allowed = f"values of {shown(parameter)}, a list of finite numbers"
             values = np.atleast_1d(real_array(values, "values", allowed))
@@ -234,18 +251,17 @@ class _Walks(NamedTuple):
 
 def _settle(
     stride_map: StrideMap, points: NDArray, slopes: NDArray, n_transient: int, n_recorded: int
-) -> tuple[NDArray, NDArray]:
-    """Return the stance angles of the recorded strides, (n, n_recorded), and the last points."""
+) -> NDArray[np.float64]:
+    """Return the points of the recorded strides, (n, n_recorded, m)."""
     if n_transient:
         points = stride_map.apply(points, slopes, strides=n_transient).ends
-    angles = np.empty((len(slopes), n_recorded))
+    walked = np.empty((len(slopes), n_recorded, points.shape[1]))
     with progress("strides kept", n_recorded) as taken:
         for i in range(n_recorded):
-            points = stride_map.apply(points, slopes).ends
-            angles[:, i] = points[:, 0]
+            walked[:, i] = points = stride_map.apply(points, slopes).ends
             taken()
-    angles[np.isnan(angles[:, -1])] = np.nan
-    return angles, points
+    walked[np.isnan(walked[:, -1, 0])] = np.nan
+    return walked
 
 
 def bifurcation_diagram(
@@ -306,15 +322,17 @@ def bifurcation_diagram(
         )
     points, n = walks.beginnings(kind, start), len(walks.values)
     together = 1 if sweep else n
-    angles, states = np.empty((n, n_recorded)), np.empty((n, walks.own.size))
-    slopes = np.empty(n)
+    walked, states = np.empty((n, n_recorded, points.shape[1])), np.empty((n, walks.own.size))
+    slopes, units = np.empty(n), np.empty((len(Units._fields), n))
     with progress("slopes" if parameter == "slope" else "values", n) as done:
         for i in range(0, n, together):
             if i > 0 and np.all(np.isfinite(points[i - 1])):
                 points[i] = points[i - 1]
             at = slice(i, i + together)
             there, slopes[at] = walks.at(at)
-            angles[at], points[at] = _settle(there, points[at], slopes[at], n_transient, n_recorded)
+            walked[at] = _settle(there, points[at], slopes[at], n_transient, n_recorded)
+            own = np.broadcast_arrays(*there.units)
+            points[at], units[:, at] = walked[at, -1], np.reshape(own, (len(units), -1))
             states[at] = there.states_at(points[at])
             done(together)
     return BifurcationDiagram(
@@ -322,9 +340,10 @@ def bifurcation_diagram(
         parameter=parameter,
         value=walks.values,
         slope=slopes,
-        stance_angle=angles,
-        period=period_of(angles, longest_period),
+        stance_angle=np.ascontiguousarray(walked[:, :, 0]),
+        period=period_of(walked[:, :, telling(walks.own)], longest_period),
         state=states,
+        _units=Units(*units),  # type: ignore[arg-type]
     )
 
 
@@ -374,18 +393,19 @@ def crisis(
         if parameter == "slope"
         else (number(low, "low"), number(high, "high"))
     )
-    passive = not callable(walker) and map_of(walker, tolerance=tolerance).passive
+    own = None if callable(walker) else map_of(walker, tolerance=tolerance)
+    downhill = own is not None and own.passive and own.terrain is None
     steep = parameter == "slope"
-    if low == high or (steep and (not low < high or (passive and low <= 0.0))):
+    if low == high or (steep and (not low < high or (downhill and low <= 0.0))):
         allowed = (
-            ("0 < low < high" if passive else "low < high") if steep else "low and another high"
+            ("0 < low < high" if downhill else "low < high") if steep else "low and another high"
         )
         raise ValueError(f"{'slopes' if steep else 'values'} must be {allowed}, not {low}, {high}")
-    own = _Walks.of(walker, parameter, [low], slope, tolerance)
+    walks = _Walks.of(walker, parameter, [low], slope, tolerance)
     strides, walkers = whole(strides, "strides"), whole(walkers, "walkers", 1, KEPT)
     accuracy = number(accuracy, "accuracy", least=_FINEST, most=1.0 if steep else abs(high - low))
-    points = own.beginnings(kind, start)
-    there, at = own.axis.setting(own.own, low)
+    points = walks.beginnings(kind, start)
+    there, at = walks.axis.setting(walks.own, low)
     points = there.apply(points, at, strides=strides).ends
     said = "at " + parameter + " {}"
     if not np.all(np.isfinite(points)):
@@ -395,7 +415,7 @@ def crisis(
         batch[i] = there.apply(batch[i - 1 : i], at).ends[0]
 
     def all_walk(points: NDArray, value: float) -> NDArray | None:
-        there, at = own.axis.setting(own.own, value)
+        there, at = walks.axis.setting(walks.own, value)
         for done in range(0, strides, 50):
             points = there.apply(points, at, strides=min(50, strides - done)).ends
             if not np.all(np.isfinite(points)):

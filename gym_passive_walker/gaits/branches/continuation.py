@@ -30,6 +30,7 @@ from gym_passive_walker.gaits.branches.varied_map import MapOfValue, VariedMap, 
 from gym_passive_walker.gaits.find.newton import newton, solved
 from gym_passive_walker.gaits.flow import RATE_BEFORE
 from gym_passive_walker.gaits.gait import gait_equations
+from gym_passive_walker.gaits.section import Points
 from gym_passive_walker.gaits.stride_map import Samples, StrideMap
 
 KNEE_MEETS_HEEL = "kneestrike and heelstrike coincide"
@@ -174,6 +175,11 @@ class Curve:
         ys = np.array([point.y for point in points])
         stride_map, slopes, values = self._setting(ys)
         return stride_map, stride_map.searched(ys[:, :-1]).values, slopes, values
+
+    def one(self, point: Point) -> tuple[StrideMap, float, Points]:
+        """Return the stride map of a gait's own walker, its slope in rad, and its point."""
+        own, slope = self.axis.setting(self.stride_map, self.value_at(point))
+        return own, slope, own.searched(point.y[None, :-1])
 
     def _setting(self, ys: NDArray) -> tuple[StrideMap, NDArray, NDArray]:
         """Return stride map, slopes and varied quantity at coordinates (n, m + 1)."""
@@ -346,6 +352,11 @@ def points_along(
             here, step = there, min(1.5 * step, longest)
 
 
+def vanishes(curve: Curve, point: Point) -> bool:
+    """Return whether legs rock rather than step; a user's system has coordinates of its own."""
+    return curve.stride_map.chart.balance is not None and abs(point.y[1]) > _VANISHING
+
+
 class Branch(NamedTuple):
     """One direction of a curve: its points and what was located between them."""
 
@@ -381,7 +392,7 @@ def follow_branch(curve: Curve, start: Point, resolution: float) -> Branch:
         for there in steps:
             followed()
             here, p = points[-1], there.y[-1]
-            if abs(there.y[1]) > _VANISHING:
+            if vanishes(curve, there):
                 end = End(curve.value_at(here), VANISHED)
                 break
             if not low <= p <= high:
@@ -456,29 +467,34 @@ class Margins(NamedTuple):
             a user's system, how steeply the foot comes down.
         pace: Least rate of the stance leg in mid-stride over its first; negative where it turns
             back for a while.
-        time: Duration of the longest stride; of legs that differ, of two.
+        time: Duration of the longest stride; of a user's system, the mean over its footholds.
+        size: Stance angle; infinite for a user's system.
     """
 
     knee: NDArray[np.float64]
     landing: NDArray[np.float64]
     pace: NDArray[np.float64]
     time: NDArray[np.float64]
+    size: NDArray[np.float64]
 
 
 def margins(curve: Curve, points: list[Point]) -> Margins:
     """Return the distances of gaits from the failure of their strides."""
     stride_map, here, slopes, _ = curve.gaits_at(points)
-    knee, landing, pace = (np.full(len(points), np.inf) for _ in range(3))
+    knee, landing, pace, size = (np.full(len(points), np.inf) for _ in range(4))
     time = np.zeros(len(points))
     if "contact margins" not in stride_map.walker.supports:
         for _ in range(curve.period):
-            passage = stride_map.apply(here, slopes)
             if not stride_map.controlled:
                 landing = np.fmin(landing, stride_map.steepness(here, slopes))
-            here, time = passage.ends, np.maximum(time, passage.durations)
-        return Margins(knee, landing, pace, time)
+            passage = stride_map.apply(here, slopes)
+            here = passage.ends
+            time = np.maximum(time, passage.durations / len(stride_map.ground))
+        return Margins(knee, landing, pace, time, size)
+    size = here[:, 0]
     if len(stride_map.ground) > 1:
-        return Margins(*np.array([_on_footholds(curve, point) for point in points]).T)
+        found = np.array([_on_footholds(curve, point) for point in points])
+        return Margins._make([*found.T, size])
     roughly = stride_map.with_tolerance(_ROUGHLY)
     for _ in range(curve.period):
         passage = stride_map.apply(here, slopes)
@@ -488,7 +504,7 @@ def margins(curve: Curve, points: list[Point]) -> Margins:
         )  # fmt: skip
         knee, landing, pace = map(np.fmin, (knee, landing, pace), found)
         here, time = passage.ends, np.maximum(time, passage.durations)
-    return Margins(knee, landing, pace, time)
+    return Margins(knee, landing, pace, time, size)
 
 
 def _of_stride(
@@ -516,18 +532,19 @@ def _of_stride(
 
 def _on_footholds(curve: Curve, point: Point) -> list[float]:
     """Return the margins of a gait on several footholds."""
-    own, slope = curve.axis.setting(curve.stride_map, curve.value_at(point))
-    state, least, longest = own.searched(point.y[None, :-1]).states[0], [math.inf] * 3, 0.0
+    own, slope, begun = curve.one(point)
+    state, least, longest = begun.states[0], [math.inf] * 3, 0.0
     now, rough = own, own.with_tolerance(_ROUGHLY)
     for place, walked in enumerate(own.walk(state, slope, curve.period)):
         tilt, rise, turn = own.ground[place % len(own.ground)]
         start = own.dimensionless(state)
         times = np.array([[walked.duration], [walked.kneestrike_time]]) / own.units.time
-        looks = (
-            partial(each.look, start, slope + tilt, rises=rise, turns=turn, ahead=own.ahead(place))
-            for each in (now, rough)
+        given = {"rises": rise, "turns": turn, "ahead": own.ahead(place)}
+        sample, roughly = (
+            partial(each.look, start, slope + tilt, **given) for each in (now, rough)
         )
-        least = [*map(np.fmin, least, _of_stride(*times, start[:, 3], *looks))]
+        found = _of_stride(times[0], times[1], start[:, 3], sample, roughly)
+        least = [*map(np.fmin, least, found)]
         state, longest = walked.state, max(longest, times[0, 0])
         now, rough = now.swapped, rough.swapped
     return [*(float(np.max(each)) for each in least), longest]
@@ -535,11 +552,13 @@ def _on_footholds(curve: Curve, point: Point) -> list[float]:
 
 def reason_of(curve: Curve, last: list[Point]) -> End:
     """Return the end of a curve and its reason, from its last gaits, the last one last."""
-    stride_map, points, slopes, values = curve.gaits_at(last)
-    if math.isfinite(stride_map.hold):
+    *_, values = curve.gaits_at(last)
+    if math.isfinite(curve.stride_map.hold):
         # There a controller observes the walker before the strike or after it.
-        passage = stride_map.apply(points[-1:], slopes[-1:], strides=1)
-        steps = np.array([passage.knee_times[0], passage.durations[0]]) / stride_map.hold
+        own, slope, begun = curve.one(last[-1])
+        strides = own.walk(begun.states[0], slope, curve.period)
+        strikes = np.array([(each.kneestrike_time, each.duration) for each in strides])
+        steps = strikes / (own.units.time * own.hold)
         if np.nanmin(np.abs(steps - np.round(steps))) < _AT_ONCE:
             return End(float(values[-1]), STEP_ENDS)
     left = margins(curve, last)
@@ -548,7 +567,7 @@ def reason_of(curve: Curve, last: list[Point]) -> End:
         for reason, margin, least in (
             (KNEE_MEETS_HEEL, left.knee, _NEAR),
             (TANGENTIAL, left.landing, _NEAR),
-            (VANISHED, points[:, 0], _TINY),
+            (VANISHED, left.size, _TINY),
         )
         if margin[-1] <= least
     }

@@ -23,7 +23,7 @@ from gym_passive_walker.gaits.branches.continuation import (
     locate,
     points_along,
 )
-from gym_passive_walker.gaits.branches.family import parameter_family
+from gym_passive_walker.gaits.branches.family import parameter_family, states_between
 from gym_passive_walker.gaits.branches.varied_map import MapOfValue
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, gait_at
 from gym_passive_walker.gaits.stride_map import MapLike
@@ -135,10 +135,12 @@ def doubling_cascade(
             f"from {low} to {high}" + (" rad" if steep else f" of {parameter}")
         )
     value = family.period_doublings[0]
-    nearest = int(np.argmin(np.abs(family.value - value)))
+    # Beyond a fold the family passes the value again, by gaits that do not double there.
+    passed, states = states_between(family, value)
+    nearest = np.argmin(np.abs(family.multipliers[passed] + 1.0).min(axis=1))
     own, axis = family.stride_map.with_tolerance(_TOLERANCE), family.axis
     curve = Curve(own, axis)
-    u = axis.setting(own, value)[0].points(family.state[nearest][None]).search[0]
+    u = axis.setting(own, value)[0].points(states[nearest][None]).search[0]
     here = curve.correct(np.append(u, axis.coordinate(value)))
     gaits: list[Gait] = []
     values: list[float] = []

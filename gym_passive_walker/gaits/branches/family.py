@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 from typing import Any, overload
 
@@ -42,6 +43,7 @@ from gym_passive_walker.gaits.gait import (
 )
 from gym_passive_walker.gaits.measures import InUnits, StrideQuantities
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
+from gym_passive_walker.models.units import Units
 from gym_passive_walker.models.walkers import Walker, describe, name_of
 
 TOLERANCE = 1e-12
@@ -120,18 +122,23 @@ class GaitFamily(InUnits, Table):
     @property
     def units(self) -> Any:
         """Dimensionless units of each gait's walker, in the walker's own."""
+        if self.axis.make is not None:
+            return Units(*np.array([each.units for each in self._walkers]).T)  # type: ignore[arg-type]
         varied = self.parameter in self.walker.parameters
         return self.walker.units_with(**{self.parameter: self.value} if varied else {})
+
+    @cached_property
+    def _walkers(self) -> list[Any]:
+        """The walker of each gait."""
+        setting, own = self.axis.setting, self.stride_map
+        return [setting(own, value)[0].walker for value in self.value.tolist()]
 
     @property
     def kind(self) -> NDArray[Any]:
         """Kind of each gait, "long" or "short", as that of a `Gait`, (n,)."""
-        times = np.broadcast_to(self.units.time, len(self))
-        periods, kinds = self.step_period / times, []
-        for value, multipliers, period in zip(self.value, self.multipliers, periods, strict=True):
-            there, _ = self.axis.setting(self.stride_map, float(value))
-            kinds.append(step_kind(there.walker, multipliers, period))
-        return np.array(kinds)
+        periods = self.step_period / np.broadcast_to(self.units.time, len(self))
+        each = zip(self._walkers, self.multipliers, periods, strict=True)
+        return np.array([step_kind(*gait) for gait in each])
 
     @property
     def stable(self) -> NDArray[np.bool_]:
@@ -284,6 +291,8 @@ def _family(
     along = down.points[:0:-1] + up.points
     there, points, slopes, values = curve.gaits_at(along)
     passage, units = there.apply(points, slopes, strides=period), there.units
+    walkers = [axis.setting(curve.stride_map, value)[0].walker for value in values.tolist()]
+    weights = np.array([walker.weight / walker.units.force for walker in walkers])
     strides = period * len(stride_map.ground)
     # The losses keep their digits at small slopes.
     spent = passage.lost if there.passive else passage.supplied + passage.braked
@@ -297,7 +306,7 @@ def _family(
         stance_angle=points[:, 0],
         step_period=passage.durations / strides * units.time,
         step_length=passage.lengths / strides * units.length,
-        cost_of_transport=spent / passage.lengths,
+        cost_of_transport=spent / (weights * passage.lengths),
         multipliers=np.array([multipliers_of(point.map) for point in along]),
         folds=tuple(sorted(down.folds + up.folds)),
         period_doublings=tuple(sorted(down.doublings + up.doublings)),
@@ -512,7 +521,9 @@ def axis_of(
     for value in (low, high):
         try:
             if own:
-                stride_map.walker.with_parameters(**{parameter: value})
+                there = stride_map.walker.with_parameters(**{parameter: value})
+                if isinstance(stride_map.controller, Actuation):
+                    one_actuation(there, stride_map.controller)
             else:
                 held = stride_map.controller or Actuation()
                 one_actuation(stride_map.walker, held._replace(**{parameter: value}))

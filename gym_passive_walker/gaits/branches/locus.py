@@ -35,6 +35,7 @@ from gym_passive_walker.gaits.branches.continuation import (
     locate,
     points_along,
     reason_of,
+    vanishes,
 )
 from gym_passive_walker.gaits.branches.family import (
     FINEST,
@@ -50,6 +51,7 @@ from gym_passive_walker.gaits.gait import (
     multipliers_of,
     state_columns,
 )
+from gym_passive_walker.gaits.section import Points
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.walkers import Walker, name_of
 
@@ -60,7 +62,7 @@ PAIR_MEETS = "the complex pair of multipliers becomes real"
 
 _ROUGH = 1e-6  # violation of points until all are known
 _SHIFT = 1e-4  # of logarithmic coordinates, for differences of derivatives
-_FIRST_STEP, _VANISHING, _CUSP, _SAME = 0.02, 10.0, 1e-5, 1e-9
+_FIRST_STEP, _CUSP, _SAME = 0.02, 1e-5, 1e-9
 
 
 class SpecialPoint(NamedTuple):
@@ -241,6 +243,14 @@ class _LocusCurve(Curve):
         stride_map, slopes, values = self._setting(ys)
         return stride_map, stride_map.searched(ys[:, :-2]).values, slopes, values
 
+    def one(self, point: Point) -> tuple[StrideMap, float, Points]:
+        """Return the stride map of a gait's own walker, its slope in rad, and its point."""
+        first, second = self.values_at(point)
+        own, slope = self.axis.setting(self.stride_map, first)
+        own, other = self.second.setting(own, second)
+        slope = other if self.second.parameter == "slope" else slope
+        return own, slope, own.searched(point.y[None, :-2])
+
     def _setting(self, ys: NDArray) -> tuple[StrideMap, NDArray, NDArray]:
         """Return stride map, slopes and first parameter at coordinates (n, m + 2)."""
         first, second = self.axis.value(ys[:, -2]), self.second.value(ys[:, -1])
@@ -382,7 +392,7 @@ def _follow(curve: _LocusCurve, start: Point, resolution: float) -> _Part:
         for there in steps:
             followed()
             here = points[-1]
-            if abs(there.y[1]) > _VANISHING:
+            if vanishes(curve, there):
                 return _Part(points, special, LocusEnd(curve.values_at(here), VANISHED))
             for i, (low, high) in zip((-2, -1), bounds, strict=True):
                 p = there.y[i]

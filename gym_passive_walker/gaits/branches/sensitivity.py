@@ -93,7 +93,7 @@ def size_of(name: str, walker: Walker, slope: float) -> float:
     """Return what counts as a large change of a parameter or of the slope, in their own units."""
     if "units" not in walker.supports:
         return abs(walker.parameters.get(name, slope)) or 1.0
-    return abs(slope) if name == SLOPE else unit_of(walker, name)
+    return (abs(slope) or 1.0) if name == SLOPE else unit_of(walker, name)
 
 
 Look = Callable[[StrideMap, NDArray, NDArray], NDArray]

@@ -78,6 +78,11 @@ class VariedMap(StrideMap):
                 f"maps of one section are needed: at {self.parameter} = {value:.6g} points have "
                 f"{shown(found.dimension)} coordinates, not {self.dimension}"
             )
+        if len(found.ground) != len(self.ground):
+            raise ValueError(
+                f"maps that repeat after as many strides are needed: at {self.parameter} = "
+                f"{value:.6g} it is {len(found.ground)}, elsewhere {len(self.ground)}"
+            )
         return found
 
     @property

@@ -185,7 +185,7 @@ class ControlledMap(StrideMap):
         first = self.swapped if self.turned else self
         if "units" in self.walker.supports:
             return proportions(varied(first.walker, first.varied), self.scene.observe_body)
-        numbers = first.walker.parameters | first.varied
+        numbers = {**first.walker.parameters, **first.varied}
         return [numbers[name] for name in self.scene.observe_body]
 
     def coarser(self) -> Self:
@@ -362,13 +362,15 @@ class ControlledMap(StrideMap):
             ground[:, 1 + moving["slope"]] = ground_changes(ground[:, 0], np.ones(1))[:, 0]
         sine, cosine = np.moveaxis(ground, 2, 0)
         fallen = product(sine[there], ended[:, at["step_length"]])
+        fallen = self.weighted(fallen, lanes[there], moving)
         supplied[there] += fallen + ended[:, at["push_work"]]
         if self.terrain is not None:
             heights = np.zeros((len(there), 1 + width))
             columns = [0, *(1 + tangent for tangent in moving.values())]
             bodies = self.walkers.bodies(tuple(moving), lanes[there])
             heights[:, columns] = self._heights(bodies, (len(there), len(columns)), place)
-            supplied[there] -= product(cosine[there], heights)
+            raised = product(cosine[there], heights)
+            supplied[there] -= self.weighted(raised, lanes[there], moving)
         results[outcomes != _STRUCK] = np.nan
         if not self.walker.knees:
             results[:, m + 5] = np.nan

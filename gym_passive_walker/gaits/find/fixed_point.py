@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 from numpy.typing import ArrayLike
 
 from gym_passive_walker._tools.arguments import gait_kind, whole
@@ -88,7 +90,8 @@ def find_gait(
     if "step kinds" not in stride_map.walker.supports:
         advice = "give a guess near the gait, a state just after heelstrike"
         if not (stride_map.walker.legs_alike or stride_map.controlled or stride_map.terrain):
-            advice += _elsewhere(at_nearest_slope(stride_map.walker, slope, kind))
+            with suppress(ValueError):  # without a start of its own it is searched for nowhere
+                advice += _elsewhere(at_nearest_slope(stride_map.walker, slope, kind))
     elif not stride_map.passive:
         advice = "give a guess near the gait, or follow it from where there is one by gait_family"
     elif guess is not None:

@@ -111,9 +111,10 @@ def _of_nearest_walker(walker: Walker, slope: float, kind: GaitKind) -> Gait | N
     """Follow gaits of presets towards this walker, and return the gait of the nearest walker."""
     best = None
     for preset in WALKERS.values():
-        if preset.knees != walker.knees or preset.massless_legs != walker.massless_legs:
+        alike = bool(preset.knees) == bool(walker.knees)
+        if not alike or preset.massless_legs != walker.massless_legs:
             continue
-        scaled = _in_size(preset, walker)
+        scaled = replace(_in_size(preset, walker), knees=walker.knees)
         gait = seek(scaled, slope, kind, quick=True).gait
         if gait is None:
             continue

@@ -108,7 +108,7 @@ def _starts(stride_map: StrideMap, slope: float) -> NDArray:
     # about two stance angles long, so these are about two and one for each unit of length.
     works = stride_map.system.works
     given = 2.0 * works.hip * held.hip_torque + works.ankle * held.ankle_torque
-    supply = math.sin(slope) + given + pushed
+    supply = np.sin(slope + stride_map.ground[:, 0]).mean() + given + pushed
     if stride_map.terrain is not None:
         rise = float(stride_map.ground[:, 1].mean())
         angles = power_of_e(u[0, :, 0])

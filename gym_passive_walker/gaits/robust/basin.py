@@ -29,7 +29,7 @@ from gym_passive_walker._tools.arguments import (
 )
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker._tools.shown import Table
-from gym_passive_walker.gaits.branches.bifurcation import period_of
+from gym_passive_walker.gaits.branches.bifurcation import period_of, telling
 from gym_passive_walker.gaits.find.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.find.search import at_heelstrike, seek
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
@@ -48,6 +48,7 @@ _FINEST_PUSH = 1e-15  # relative to the gait's stance angular velocity
 _FINEST = 10_000  # angles, and angular velocities
 _ROUGHLY = 1e-8  # tolerance of a first survey
 _LONGEST_PERIOD = 12
+_SAME = 1e-6  # distance below which two gaits are one
 _SETTLING = 500  # transient strides before the period is measured
 _WALKED = 1e-9  # tolerance of such walks
 _SPAN = 2.2  # upper end of a default slice over the gait's angle and angular velocity
@@ -209,11 +210,11 @@ def other_attractors(
     roughly = stride_map.with_tolerance(_WALKED)
     points = roughly.apply(points[settled == UNSETTLED], slope, strides=_SETTLING).ends
     points = points[np.isfinite(points[:, 0])]
-    angles, here = [], points
+    walked, here = [], points
     for _ in range(2 * _LONGEST_PERIOD):
         here = roughly.apply(here, slope).ends
-        angles.append(here[:, 0])
-    periods = period_of(np.array(angles).T, _LONGEST_PERIOD, 1e-4)
+        walked.append(here[:, telling(stride_map)])
+    periods = period_of(np.stack(walked, axis=1), _LONGEST_PERIOD, 1e-4)
     found: list[Gait] = []
     for period in sorted(set(periods[periods > 0].tolist())):
         left = points[periods == period]
@@ -222,7 +223,9 @@ def other_attractors(
             gaits = find_gaits(stride_map, slope, period=period, guess=guess)[:1]
             if not gaits:
                 break
-            found += [gait for gait in gaits if gait.stable]
+            there = Attractors(stride_map, known + found, _SAME)
+            new = (x for x in gaits if x.stable and there.of(x.point.values)[0] == UNSETTLED)
+            found += new
             left = left[Attractors(stride_map, gaits, 1e-2).of(left) == UNSETTLED]
     return found
 
@@ -236,6 +239,9 @@ def _slice(
         swing = [rates * ratio for ratio in ratios[: stride_map.dimension - 2]]
         return np.column_stack([angles, rates, *swing])
     assert gait is not None
+    own = gait.point.values[0]
+    if stride_map.terrain is not None and "ratios" in stride_map.walker.supports:
+        return np.column_stack([angles, rates, rates[:, None] / own[1] * own[2:]])
     # Legs that differ begin on the section after a stride on the other leg.
     last = 0 if stride_map.walker.legs_alike else -1
     began = gait.state if last == 0 else gait.cycle.state[-2]
@@ -255,7 +261,8 @@ def _slice(
         speeds = system.swapped.struck(np.hstack([old, np.tile(before[m:], (len(old), 1))]))[:, m:]
         return np.hstack([near, speeds * (rates / speeds[:, 0])[:, None]])
     stance, swing = (np.full(len(angles), rate) for rate in before[3:5])
-    points, *_ = at_heelstrike(stride_map, angles, stance, swing)
+    push_off = stride_map.actuation.push_off
+    points, *_ = at_heelstrike(stride_map, angles, stance, swing, push_off)
     # The impact is linear in the angular velocities, so the result is scaled to each stance value.
     swing = points[:, 2:] * (rates / points[:, 1])[:, None]
     return np.column_stack([angles, rates, swing])
@@ -286,7 +293,8 @@ def basin_of_attraction(
             long gait's to near 0 if None.
         resolution: Number of angles and of angular velocities that are not given.
         ratios: Thigh and shank angular velocity over the stance angular velocity. If None, they
-            follow from a heelstrike with the long gait's ratio of angular velocities.
+            follow from a heelstrike with the long gait's ratio of angular velocities; on a terrain
+            they are those of that gait.
         strides: Strides after which a walk counts as unsettled.
         atol: Distance from a gait, in the section's logarithmic coordinates, at which a walk has
             converged.
@@ -429,14 +437,15 @@ def largest_push(
     atol = 1e-5 if stride_map.exact else 1e-3
     attractors = Attractors(stride_map, [gait] if gait.stable else [], atol)
     start = stride_map.points_at(gait.state)
-    size = abs(float(start[0, 1]))
+    rate = stride_map.chart.coordinates.index(stride_map.size // 2)  # the stance leg's
+    size = abs(float(start[0, rate]))
 
     share = np.arange(1, _PUSHES + 1) / _PUSHES
 
     def limit(direction: float) -> float:
         def survived(changes: NDArray) -> NDArray[np.bool_]:
             points = np.repeat(start, changes.size, axis=0)
-            points[:, 1] += direction * changes[0]
+            points[:, rate] += direction * changes[0]
             settled = walk_until_settled(stride_map, points, slope, attractors, strides)[0]
             return (settled != FELL)[None]
 
