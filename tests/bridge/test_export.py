@@ -112,17 +112,42 @@ def test_contacts_are_as_stiff_as_the_timestep_allows(tmp_path):
     assert [foot.get("solref") for foot in feet] == ["0.0002 1.0"] * 2
 
 
-def test_a_system_that_is_no_tree_of_hinges_has_no_file(tmp_path):
-    def stretched(body, state):
-        *legs, torso = TORSO.links(body, state)
-        return [*legs, torso._replace(y=torso.y + 0.1 * state.torso**2)]
+def _stretched(body, state):
+    *legs, torso = TORSO.links(body, state)
+    return [*legs, torso._replace(y=torso.y + 0.1 * state.torso**2)]
 
-    bent = gpw.System(**{
+
+def _turning(angle):
+    """The links of the walker with a torso, with another angle of the torso."""
+
+    def links(body, state):
+        *legs, torso = TORSO.links(body, state)
+        return [*legs, torso._replace(angle=angle(state))]
+
+    return links
+
+
+@pytest.mark.parametrize(
+    ("links", "said"),
+    [
+        (_stretched, "'changed' are no tree of bodies with hinges"),
+        (_turning(lambda state: state.swing), "link 3 of `links` turns otherwise than torso"),
+        (_turning(lambda state: 2.0 * state.torso), "link 3 of `links` turns otherwise than torso"),
+        (_turning(lambda state: 0.1 - state.torso), None),
+    ],
+)
+def test_a_system_that_is_no_tree_of_hinges_has_no_file(links, said, tmp_path):
+    changed = gpw.System(**{
         name: getattr(TORSO, name)
         for name in ("body", "State", "landing", "relabel", "falls", "counts", "start")
-    }, name="stretched", links=stretched)  # fmt: skip
-    with pytest.raises(ValueError, match="'stretched' are no tree of bodies with hinges"):
-        gpw.export(bent, tmp_path / "walker.xml", unit_length=1.0, unit_mass=1.0)
+    }, name="changed", links=links)  # fmt: skip
+    if said is None:  # an angle may count in either sense, and from anywhere
+        assert (
+            Linkage(changed).tree(LENGTH, MASS).bodies == Linkage(TORSO).tree(LENGTH, MASS).bodies
+        )
+        return
+    with pytest.raises(ValueError, match=said):
+        gpw.export(changed, tmp_path / "walker.xml", unit_length=1.0, unit_mass=1.0)
 
 
 @pytest.mark.parametrize(
