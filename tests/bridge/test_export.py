@@ -118,36 +118,45 @@ def _stretched(body, state):
 
 
 def _turning(angle):
-    """The links of the walker with a torso, with another angle of the torso."""
+    """The links of the walker with a torso, which has a moment of inertia about this angle."""
 
     def links(body, state):
         *legs, torso = TORSO.links(body, state)
-        return [*legs, torso._replace(angle=angle(state))]
+        return [*legs, torso._replace(inertia=0.1, angle=angle(state))]
 
     return links
+
+
+def _with(links):
+    """The walker with a torso, with other links."""
+    names = "body", "State", "landing", "relabel", "falls", "counts", "start"
+    same = {name: getattr(TORSO, name) for name in names}
+    return gpw.System(**same, name="changed", links=links)
 
 
 @pytest.mark.parametrize(
     ("links", "said"),
     [
         (_stretched, "'changed' are no tree of bodies with hinges"),
-        (_turning(lambda state: state.swing), "link 3 of `links` turns otherwise than torso"),
+        (
+            _turning(lambda state: state.stance + state.swing),
+            "link 3 of `links` turns otherwise than torso",
+        ),
         (_turning(lambda state: 2.0 * state.torso), "link 3 of `links` turns otherwise than torso"),
-        (_turning(lambda state: 0.1 - state.torso), None),
     ],
+    ids=["stretched", "the legs' angle", "twice its angle"],
 )
 def test_a_system_that_is_no_tree_of_hinges_has_no_file(links, said, tmp_path):
-    changed = gpw.System(**{
-        name: getattr(TORSO, name)
-        for name in ("body", "State", "landing", "relabel", "falls", "counts", "start")
-    }, name="changed", links=links)  # fmt: skip
-    if said is None:  # an angle may count in either sense, and from anywhere
-        assert (
-            Linkage(changed).tree(LENGTH, MASS).bodies == Linkage(TORSO).tree(LENGTH, MASS).bodies
-        )
-        return
     with pytest.raises(ValueError, match=said):
-        gpw.export(changed, tmp_path / "walker.xml", unit_length=1.0, unit_mass=1.0)
+        gpw.export(_with(links), tmp_path / "walker.xml", unit_length=1.0, unit_mass=1.0)
+
+
+def test_the_angle_of_a_link_counts_in_either_sense_and_from_anywhere():
+    usual, other = (
+        Linkage(_with(_turning(angle))).tree(LENGTH, MASS)
+        for angle in (lambda state: state.torso, lambda state: 0.1 - state.torso)
+    )
+    assert usual == other and usual.bodies[-1].inertia > 0.0
 
 
 @pytest.mark.parametrize(
