@@ -3,7 +3,7 @@
 import os
 import subprocess
 import sys
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -164,6 +164,36 @@ def test_a_failure_leaves_the_old_file_and_no_other(tmp_path):
     assert list(tmp_path.iterdir()) == [target]
 
 
+def aside_of(stem, process, folder):
+    """A temporary path of a process."""
+    return folder / f".{stem}.{process}-{'0' * 16}.zip"
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_writers_of_one_file_in_one_process_do_not_disturb_each_other(first, tmp_path):
+    """The file is that of the writer that ends last."""
+    target, stacks = tmp_path / "model.zip", [ExitStack(), ExitStack()]
+    written = [stack.enter_context(replacing(target)) for stack in stacks]
+    for i, aside in enumerate(written):
+        aside.write_text(str(i))
+    for i in (first, 1 - first):
+        stacks[i].close()
+        assert target.read_text() == str(i)
+    assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.mark.parametrize(
+    ("named", "as_target"),
+    [("missing.json", False), (None, True), ("aside", True), ("inside", True), ("folder", True)],
+)
+def test_errors_of_other_files_keep_their_names(named, as_target, tmp_path):
+    target = tmp_path / "walk.mp4"
+    with pytest.raises(FileNotFoundError) as reported, replacing(target) as aside:
+        names = {"aside": str(aside), "inside": str(aside / "a"), "folder": str(tmp_path)}
+        raise FileNotFoundError(2, "No such file", names.get(named, named))
+    assert reported.value.filename == (str(target) if as_target else named)
+
+
 KILLED = """
 import os, signal, sys
 from pathlib import Path
@@ -179,9 +209,9 @@ def test_what_killed_writers_left_goes_when_the_file_is_written_again(tmp_path):
     target = tmp_path / "model.zip"
     subprocess.run([sys.executable, "-c", KILLED, str(target)], check=False)
     (left,) = tmp_path.iterdir()
-    mine = tmp_path / f".model.{os.getpid()}.zip"  # of an earlier process of the same number
+    mine = aside_of("model", os.getpid(), tmp_path)  # of an earlier process of the same number
     mine.mkdir()
-    others = [tmp_path / name for name in (f".model.{os.getppid()}.zip", ".model.old.zip")]
+    others = [aside_of("model", os.getppid(), tmp_path), tmp_path / f".model.{os.getpid()}.zip"]
     for path in others:
         path.touch()
     with replacing(target) as aside:
@@ -229,22 +259,30 @@ def test_where_a_file_can_go_is_prepared_and_elsewhere_refused_by_its_name(tmp_p
 
 
 @pytest.mark.parametrize("there", [True, False])
-def test_a_file_may_be_prepared_if_it_or_else_its_folder_can_be_written(
-    there, tmp_path, monkeypatch
-):
-    place, asked = tmp_path / "w.csv", []
+def test_a_file_may_be_prepared_if_its_folder_can_be_written(there, tmp_path, monkeypatch):
+    """Writers replace a file, so its folder counts: of a link, the folder of its target."""
+    (tmp_path / "below").mkdir()
+    place, target, asked = tmp_path / "w.csv", tmp_path / "below" / "there.csv", []
+    place.symlink_to(target)
     if there:
-        place.touch()
+        target.touch()
     monkeypatch.setattr(os, "access", lambda path, mode: asked.append((path, mode)))
     with pytest.raises(PermissionError) as refused:
         prepare(place)
-    assert asked == [(place if there else tmp_path, os.W_OK)]
+    assert asked == [(target.parent, os.W_OK)]
     assert refused.value.filename == str(place)
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="there is no device")
+def test_a_device_may_be_prepared_if_it_can_be_written(monkeypatch):
+    asked = []
+    monkeypatch.setattr(os, "access", lambda path, mode: not asked.append(path))
+    assert prepare(FULL) == FULL and asked == [FULL]
 
 
 @pytest.mark.parametrize("name", ["model[1].zip", "*.zip", "no ending", ".hidden"])
 def test_signs_of_patterns_are_signs_of_names(name, tmp_path):
-    other = tmp_path / f".model1.{os.getpid()}.zip"
+    other = aside_of("model1", os.getpid(), tmp_path)
     other.touch()
     with replacing(tmp_path / name) as aside:
         assert aside.name.endswith((tmp_path / name).suffix) and aside.parent == tmp_path
@@ -258,7 +296,7 @@ def test_signs_of_patterns_are_signs_of_names(name, tmp_path):
 def test_what_killed_writers_of_odd_names_left_goes_too(name, tmp_path):
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()
-    left = tmp_path / f".{name}.{ended.pid}.zip"
+    left = aside_of(name, ended.pid, tmp_path)
     left.touch()
     with replacing(tmp_path / f"{name}.zip") as aside:
         aside.touch()
@@ -280,7 +318,7 @@ def test_a_writer_that_cannot_be_asked_keeps_its_file(error, tmp_path, monkeypat
     def asked(*_):
         raise error
 
-    left = tmp_path / ".model.12345.zip"
+    left = aside_of("model", 12345, tmp_path)
     left.touch()
     monkeypatch.setattr(os, "kill", asked)
     with replacing(tmp_path / "model.zip") as aside:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
 
-from gym_passive_walker._tools.loading import SUFFIXES, is_file, read_content
+from gym_passive_walker._tools.loading import SUFFIXES, found_at, is_file, read_content
 
 CONTENT = {
     ".json": '{"name": "Läufer", "mass": 1.5, "parts": [1, 2], "on": true}',
@@ -108,3 +109,17 @@ def test_a_mapping_of_yaml_that_is_merged_into_another_gives_what_that_one_leave
     path = tmp_path / "a.yaml"
     path.write_text("base: &base {mass: 1, length: 2}\nown: {<<: *base, mass: 3}\n")
     assert read_content(path)["own"] == {"mass": 3, "length": 2}
+
+
+@pytest.mark.parametrize(
+    "line", ["append('/extra')", "insert(0, os.getcwd())", "remove(os.getcwd())"]
+)
+def test_a_module_may_change_where_modules_are_found(line, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    usual = [*sys.path]
+    monkeypatch.setattr(sys, "path", [*usual])
+    name = f"changes_{line[:3]}"
+    (tmp_path / f"{name}.py").write_text(f"import os, sys\nsys.path.{line}\nvalue = 1\n")
+    found_at(f"{name}:value", "value")
+    added = {"append": ["/extra"], "insert": [str(tmp_path)], "remove": []}[line.partition("(")[0]]
+    assert sorted(sys.path) == sorted([*usual, *added])

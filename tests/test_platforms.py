@@ -80,12 +80,31 @@ def test_code_that_another_process_holds_open_is_kept(monkeypatch, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["held"]
 
 
+@pytest.mark.filterwarnings("error")
+def test_two_threads_keep_code_of_one_name(monkeypatch, tmp_path):
+    """The second one keeps its code while the first one is about to rename its file."""
+
+    def replace(*paths):
+        monkeypatch.setattr(cache, "os", os)
+        cache.keep("code", b"second")
+        assert cache.found("code") == b"second"
+        os.replace(*paths)
+
+    cache._warn.cache_clear()
+    monkeypatch.setattr(cache, "cache_directory", lambda: tmp_path)
+    monkeypatch.setattr(cache, "os", System(replace=replace))
+    cache.keep("code", b"first")
+    assert cache.found("code") == b"first"
+    assert [path.name for path in tmp_path.iterdir()] == ["code"]
+
+
 def test_windows_asks_no_process_whether_it_lives(monkeypatch):
     def kill(*_):
         pytest.fail("on Windows this ends the process")
 
     monkeypatch.setattr(files, "os", System(name="nt", kill=kill))
-    assert not files._abandoned("1") and files._abandoned(str(os.getpid()))
+    made = "-" + "0" * 16
+    assert not files._abandoned(f"1{made}") and files._abandoned(f"{os.getpid()}{made}")
 
 
 @pytest.mark.parametrize(("system", "most"), [("nt", 61), ("posix", 100)])

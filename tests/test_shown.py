@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import sys
 
 import numpy as np
@@ -99,6 +100,15 @@ def test_a_missing_library_is_named_with_its_extra(hidden, monkeypatch):
     assert lacking.value.name == name
     with pytest.raises(ImportError, match=rf"this needs {name}.*\[y\]"), extra("y"):
         __import__(name)
+
+
+def test_a_library_that_is_there_and_fails_is_reported_with_its_own_words():
+    said = (
+        "this needs json, which cannot be imported (cannot import name 'no_such_name' from 'json'"
+    )
+    with pytest.raises(ImportError, match=re.escape(said)) as lacking, extra("x"):
+        from json import no_such_name  # noqa: F401
+    assert str(lacking.value).endswith('too old: pip install --upgrade "gym-passive-walker[x]"')
 
 
 def test_what_is_installed_or_fails_otherwise_is_left_alone():

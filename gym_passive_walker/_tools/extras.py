@@ -12,18 +12,23 @@ from importlib.util import find_spec
 def extra(name: str) -> Iterator[None]:
     """Name the extra to install if an enclosed import fails.
 
+    A library that is installed and fails is reported with its own words.
+
     Args:
         name: The extra that installs the module.
 
     Raises:
-        ImportError: if the module is not installed.
+        ImportError: if the module is not installed, or cannot be imported.
     """
     try:
         yield
     except ImportError as error:
+        said, upgrade = "is not installed", ""
+        if not isinstance(error, ModuleNotFoundError):
+            said, upgrade = f"cannot be imported ({error}), and may be too old", "--upgrade "
         raise ImportError(
-            f"this needs {error.name or 'a module'}, which is not installed: "
-            f'pip install "gym-passive-walker[{name}]"',
+            f"this needs {error.name or 'a module'}, which {said}: "
+            f'pip install {upgrade}"gym-passive-walker[{name}]"',
             name=error.name,
         ) from error
 

@@ -75,13 +75,15 @@ def found_at(address: str, what: str) -> Any:
         ValueError: if there is nothing; the message begins with `what`.
     """
     module, _, name = address.partition(":")
-    sys.path.append(os.getcwd())
+    folder = os.getcwd()
+    sys.path.append(folder)
     try:
         return getattr(import_module(module), name)
     except Exception as error:  # the module's own code runs, and may raise anything
         raise ValueError(f"{what} {address!r} cannot be found: {reason(error)}") from None
     finally:
-        sys.path.pop()
+        # The module may have changed the list, and may have added an equal entry.
+        sys.path[:] = [each for each in sys.path if each is not folder]
 
 
 def function_at(address: str, what: str) -> Callable[..., Any]:
@@ -195,7 +197,7 @@ def _checked(content: Any) -> Any:
 def _yaml(name: str, content: str) -> Any:
     try:
         import yaml
-    except ImportError:
+    except ModuleNotFoundError:
         raise ImportError(
             f"{name} needs pyyaml, which is not installed: pip install pyyaml, or write it as JSON"
         ) from None

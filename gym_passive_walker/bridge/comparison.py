@@ -210,9 +210,8 @@ def _several(given: Any, name: str) -> list[Any]:
     Raises:
         ValueError: if it is none, or empty.
     """
-    found = (
-        [*given] if isinstance(given, Sequence | np.ndarray) and not isinstance(given, str) else []
-    )
+    many = isinstance(given, Sequence) or (isinstance(given, np.ndarray) and given.ndim > 0)
+    found = [*given] if many and not isinstance(given, str) else []
     if not found:
         raise ValueError(f"{name} must be a list of numbers, as [0.002, 0.001], not {shown(given)}")
     return found

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.bridge.rigid import Body, Foot, Motor, Tree, TreePose
-from gym_passive_walker.engine.own.mechanics import Link
+from gym_passive_walker.engine.own.mechanics import Derived, Link, rates_by
 
 _GRID = 4  # values of each coordinate; turns by more than one coordinate's angle are refused
 _SMALL = 1e-10  # of a vector, in units of the system
@@ -55,9 +55,14 @@ class Linkage:
         self._order = self._sorted([*points, foot])
         self.bodies: dict[Turn, list[tuple[Link, complex]]] = {turn: [] for turn in self._order}
         self.joints: dict[Turn, Arm] = {}
-        for link, point in zip(links, points, strict=True):
+        for i, (link, point) in enumerate(zip(links, points, strict=True)):
             turn = self._own_turn(point)
             self._attach(turn, point)
+            if link.inertia and not self._turns(i, turn):
+                raise self._refuse(
+                    f"the moment of inertia of link {i} of `links` turns otherwise than "
+                    f"{self.name(turn)}, on which its mass lies"
+                )
             self.bodies[turn].append((link, point[turn]))
         self.landing = self._own_turn(foot), foot
         self._attach(*self.landing)
@@ -121,6 +126,16 @@ class Linkage:
         if not point:
             raise self._refuse("a mass does not move")
         return max(point, key=self._order.index)
+
+    def _turns(self, i: int, turn: Turn) -> bool:
+        """Whether the angle of a link changes with the coordinates as a body turns."""
+
+        def rates(body: Any, state: Any) -> tuple:
+            angle = Link(*self.system.links(body, state)[i]).angle
+            return tuple(rates_by(angle, state[: self.size]))
+
+        found = [Derived(rates)(self.system.body, self._state(q)) for q in self._sample]
+        return any(np.allclose(found, way * np.array(turn), atol=_SMALL) for way in (1.0, -1.0))
 
     def _attach(self, turn: Turn, point: Arm) -> None:
         """Note the joint at which a body hangs, from a point on it."""

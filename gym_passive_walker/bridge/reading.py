@@ -38,6 +38,7 @@ class Joint(NamedTuple):
         limits: Smallest and largest angle in rad; None without limits.
         stiffness: Of its spring.
         damping: Viscous friction.
+        more: Names of other properties that it has, and no joint of a `Walker` has.
     """
 
     name: str
@@ -47,13 +48,21 @@ class Joint(NamedTuple):
     limits: tuple[float, float] | None = None
     stiffness: float = 0.0
     damping: float = 0.0
+    more: tuple[str, ...] = ()
 
 
 class Round(NamedTuple):
-    """A round shape that touches the ground: its centre (3,) and its radius."""
+    """A round shape that touches the ground.
+
+    Attributes:
+        centre: Its centre, (3,).
+        radius: Its radius.
+        axis: Axis of a cylinder, (3,), across which it is round; None of a sphere.
+    """
 
     centre: Vector
     radius: float
+    axis: Vector | None = None
 
 
 @dataclass
@@ -106,6 +115,8 @@ def read_mjcf(path: str | PathLike[str]) -> Walker:
     except ValueError as error:
         raise WalkerError(f"{name} is no model: {' '.join(str(error).split())}") from None
     data = mujoco.MjData(model)
+    # A joint's angle in the file's own pose is `ref`; stops and springs count from 0.
+    data.qpos[model.jnt_qposadr[model.jnt_type >= _SLIDE]] = 0.0
     mujoco.mj_kinematics(model, data)
     gravity = float(np.linalg.norm(model.opt.gravity))
     return _Reader(name, _parts_of_model(model, data), gravity).walker()
@@ -143,7 +154,7 @@ def _root_of(path: str | PathLike[str], name: str, tag: str) -> Any:
 
 def _parts_of_model(model: Any, data: Any) -> list[Element]:
     """Return the bodies of MuJoCo's model."""
-    kinds = {0: "free", 1: "free", 2: "slide", 3: "hinge"}
+    kinds = {0: "free", 1: "free", _SLIDE: "slide", 3: "hinge"}
     parts = []
     for i in range(1, model.nbody):
         first = model.body_jntadr[i]
@@ -154,8 +165,9 @@ def _parts_of_model(model: Any, data: Any) -> list[Element]:
                 data.xaxis[j].copy(),
                 data.xanchor[j].copy(),
                 tuple(model.jnt_range[j].tolist()) if model.jnt_limited[j] else None,
-                float(np.ravel(model.jnt_stiffness[j])[0]),
-                float(np.ravel(model.dof_damping[model.jnt_dofadr[j]])[0]),
+                float(model.jnt_stiffness[j]),
+                float(model.dof_damping[model.jnt_dofadr[j]]),
+                _more_of(model, j),
             )
             for j in range(first, first + model.body_jntnum[i])
         ]
@@ -179,13 +191,28 @@ def _parts_of_model(model: Any, data: Any) -> list[Element]:
     return parts
 
 
+def _more_of(model: Any, j: int) -> tuple[str, ...]:
+    """Return the names of properties of a joint that no joint of a `Walker` has."""
+    spring, freedom = model.qpos_spring[model.jnt_qposadr[j]], model.jnt_dofadr[j]
+    found = {
+        "armature": model.dof_armature[freedom],
+        "frictionloss": model.dof_frictionloss[freedom],
+        "springref": spring * (model.jnt_stiffness[j] > 0.0),
+        # The coefficients of a spring or damper that is not linear, from MuJoCo 4 on.
+        "stiffness of several numbers": getattr(model, "jnt_stiffnesspoly", {j: 0.0})[j],
+        "damping of several numbers": getattr(model, "dof_dampingpoly", {freedom: 0.0})[freedom],
+    }
+    return tuple(name for name, value in found.items() if np.any(value))
+
+
+_SLIDE = 2  # of mujoco.mjtJoint; angles and lengths from it on
 _SHAPES = {2: "sphere", 3: "capsule", 5: "cylinder"}  # of mujoco.mjtGeom
 
 
 def _round(shape: str, centre: Vector, axis: Vector, size: Any) -> list[Round]:
     """Return the round shapes of a geometry: the ends of a capsule, as the plane is not known."""
     if shape in ("sphere", "cylinder"):
-        return [Round(centre, float(size[0]))]
+        return [Round(centre, float(size[0]), axis if shape == "cylinder" else None)]
     if shape == "capsule":
         ends = (centre + sign * float(size[1]) * axis for sign in (-1.0, 1.0))
         return [Round(end, float(size[0])) for end in ends]
@@ -269,10 +296,11 @@ def _joints_of(joint: Any, turn: Vector, place: Vector) -> list[Joint]:
     limits = None
     if kind == "revolute" and limit is not None and limit.get("lower") and limit.get("upper"):
         limits = float(limit.get("lower")), float(limit.get("upper"))
-    damping = 0.0 if dynamics is None else float(dynamics.get("damping", 0.0))
+    given = {} if dynamics is None else dynamics.attrib
+    damping, rubbing = (float(given.get(each, 0.0)) for each in ("damping", "friction"))
     made = Joint(
         joint.attrib["name"], kinds.get(kind, "free"), turn @ along / np.linalg.norm(along), place,
-        limits, 0.0, damping,
+        limits, 0.0, damping, ("friction",) * (rubbing != 0.0),
     )  # fmt: skip
     return [made]
 
@@ -285,14 +313,16 @@ class _Leg(NamedTuple):
         knee: Place (x, z) of the knee from the hip; None without a knee.
         leg: Distance from the hip to the foot's centre.
         radius: Radius of the foot.
-        springs: Stiffness and damping of the knee.
+        up: Direction of z in the world.
+        stiffness: Of the knee's spring.
     """
 
     masses: list[tuple[float, Vector, float]]
     knee: Vector | None
     leg: float
     radius: float
-    springs: tuple[float, float]
+    up: Vector
+    stiffness: float
 
 
 class _Reader:
@@ -329,10 +359,14 @@ class _Reader:
         kept: dict[str, Element] = {}
 
         def carrier(name: str) -> Element:
+            passed: dict[str, None] = {}
             part = known[name]
-            if part.joints or part.parent is None:
-                return kept.setdefault(name, part)
-            return carrier(part.parent)
+            while not part.joints and part.parent is not None:
+                if part.name in passed:
+                    self.refuse(f"{', '.join(passed)} are welded in a circle")
+                passed[part.name] = None
+                part = known[part.parent]
+            return kept.setdefault(part.name, part)
 
         for part in parts:
             if carrier(part.name) is not part:
@@ -349,25 +383,41 @@ class _Reader:
         if len(bases) != 1:
             self.refuse(f"it has {len(bases)} bodies with mass that hang on nothing")
         base = bases[0]
-        tops = self.below.get(base.name, [])
-        if len(tops) > 2 - (bool(base.feet) and len(self.parts) == 3):
-            self.refuse(f"{tops[-1].name} would be a third leg")
+        tree = [base]
+        for part in tree:
+            tree += self.below.get(part.name, [])
+        if circle := {part.name for part in self.parts} - {part.name for part in tree}:
+            self.refuse(f"{min(circle)} hangs on itself, in a circle of joints")
+        for joint in base.joints:
+            if joint.stiffness or joint.damping or joint.more:
+                self.refuse(
+                    f"{joint.name} has a spring, friction or armature, where a Walker moves freely"
+                )
         for part in self.parts:
             if part is base:
                 continue
             if [joint.kind for joint in part.joints] != ["hinge"]:
                 kinds = [joint.name for joint in part.joints]
                 self.refuse(f"{part.name} needs one hinge, and has {', '.join(kinds)}")
+            if more := part.joints[0].more:
+                self.refuse(
+                    f"{part.joints[0].name} has {more[0]}, which a Walker's joints have not"
+                )
         self.axis = self._axis()
+        for part in self.parts:
+            part.feet = [foot for foot in part.feet if self._is_across(foot.axis)]
+        tops = self.below.get(base.name, [])
+        if len(tops) > 2 - (bool(base.feet) and len(self.parts) == 3):
+            self.refuse(f"{tops[-1].name} would be a third leg")
         shapes = sorted(len(self.below.get(top.name, [])) for top in tops)
         if shapes in ([1, 1], [0, 0]):
             legs: list[tuple[Element, ...]] = [(top, *self.below.get(top.name, [])) for top in tops]
-            hip, rest = self._hip(tops), base
+            hips, rest = [top.joints[0] for top in tops], base
         elif shapes in ([0], [0, 1]):
             swing = max(tops, key=lambda top: (len(self.below.get(top.name, [])), top is tops[-1]))
             others = [top for top in tops if top is not swing]
             legs = [(base, *others), (swing, *self.below.get(swing.name, []))]
-            hip, rest = swing.joints[0].anchor, None
+            hips, rest = [swing.joints[0]], None
         else:
             last = max(self.parts, key=self._depth)
             self.refuse(f"{last.name} is one link too many, or one of its legs has too few")
@@ -375,8 +425,9 @@ class _Reader:
             for part in leg:
                 if part.name in self.below and part is leg[-1] and part is not base:
                     self.refuse(f"{self.below[part.name][0].name} hangs on a foot")
-        found = [self._leg(leg, hip) for leg in legs]
-        return self._of_legs(found, legs, rest, hip)
+        hip, sense = self._hip(hips), self._sense(legs)
+        found = [self._leg(leg, hip, sense) for leg in legs]
+        return self._of_legs(found, legs, rest, hips)
 
     def _depth(self, part: Element) -> int:
         known = {each.name: each for each in self.parts}
@@ -395,18 +446,40 @@ class _Reader:
                 self.refuse(f"the hinge {other.name} is not parallel to {first.name}")
         return first.axis
 
+    def _is_across(self, axis: Vector | None) -> bool:
+        """Whether a round shape is round in the plane."""
+        return axis is None or bool(np.linalg.norm(np.cross(self.axis, axis)) <= _CLOSE)
+
     def _flat(self, vector: Vector) -> Vector:
         """A vector without its part along the hinges."""
         return vector - self.axis * (self.axis @ vector)
 
-    def _hip(self, tops: list[Element]) -> Vector:
-        """The place of both hips."""
-        one, other = (top.joints[0].anchor for top in tops)
-        if np.linalg.norm(self._flat(one - other)) > _CLOSE:
-            self.refuse(f"{tops[1].joints[0].name} is not on the axis of {tops[0].joints[0].name}")
-        return one
+    def _hip(self, hips: list[Joint]) -> Vector:
+        """The place of all hinges of the hip."""
+        one, other = hips[0], hips[-1]
+        if np.linalg.norm(self._flat(one.anchor - other.anchor)) > _CLOSE:
+            self.refuse(f"{other.name} is not on the axis of {one.name}")
+        return one.anchor
 
-    def _leg(self, leg: tuple[Element, ...], hip: Vector) -> _Leg:
+    def _sense(self, legs: list[tuple[Element, ...]]) -> float:
+        """The sense of turns about the axis in which knees bend; 0 if no stop shows it."""
+        found: dict[float, str] = {}
+        for joint in (part.joints[0] for leg in legs for part in leg[1:]):
+            if joint.limits is None:
+                continue
+            low, high = joint.limits
+            if min(abs(low), abs(high)) > _CLOSE:
+                self.refuse(
+                    f"the stop of {joint.name} is not at 0, where the leg has to be straight, but "
+                    f"at {low:g} and {high:g} rad"
+                )
+            way = 1.0 if abs(high) > abs(low) else -1.0
+            found[math.copysign(1.0, float(self.axis @ joint.axis) * way)] = joint.name
+        if len(found) == 2:
+            self.refuse(f"{' and '.join(found.values())} bend opposite ways")
+        return next(iter(found), 0.0)
+
+    def _leg(self, leg: tuple[Element, ...], hip: Vector, sense: float) -> _Leg:
         """Return a leg of parts."""
         last = leg[-1]
         if not last.feet:
@@ -421,7 +494,10 @@ class _Reader:
         if length == 0.0:
             self.refuse(f"the foot of {last.name} is at its hip")
         up = line / length
-        forward = self._forward(leg, up)
+        # A turn about the axis moves the foot against the cross product of axis and up, and a knee
+        # bends backwards. Without a stop of a knee, legs walk in the direction of x.
+        ahead = np.cross(self.axis, up)
+        forward = math.copysign(1.0, sense or ahead[0]) * ahead
 
         def seen(place: Vector) -> Vector:
             flat = self._flat(place - hip)
@@ -432,36 +508,34 @@ class _Reader:
             spin = float(self.axis @ part.inertia @ self.axis)
             masses.append((part.mass, seen(part.com), spin))
         knee = seen(leg[1].joints[0].anchor) if len(leg) == 2 else None
-        springs = (
-            (leg[1].joints[0].stiffness, leg[1].joints[0].damping) if len(leg) == 2 else (0.0, 0.0)
-        )
+        stiffness = leg[1].joints[0].stiffness if len(leg) == 2 else 0.0
         radius = foot.radius if foot.radius > POINT else 0.0
-        return _Leg(masses, knee, length, radius, springs)
+        return _Leg(masses, knee, length, radius, up, stiffness)
 
-    def _forward(self, leg: tuple[Element, ...], up: Vector) -> Vector:
-        """The direction in which it walks: that against which its knee bends, or that of x."""
-        ahead = np.cross(self.axis, up)
-        if len(leg) == 2 and (limits := leg[1].joints[0].limits) is not None:
-            joint, (low, high) = leg[1].joints[0], limits
-            if min(abs(low), abs(high)) > _CLOSE:
+    def _spring(self, hips: list[Joint], legs: list[_Leg]) -> tuple[float, float]:
+        """Stiffness and damping between the legs, of one hinge, or of two in series."""
+        (k, c), *others = [(joint.stiffness, joint.damping) for joint in hips]
+        for stiffness, damping in others:  # the point mass between them takes no moment
+            if not math.isclose(k * damping, stiffness * c, rel_tol=_CLOSE):
                 self.refuse(
-                    f"the stop of {joint.name} is not at 0, where the leg has to be straight, but "
-                    f"at {low:g} and {high:g} rad"
+                    f"{hips[0].name} and {hips[1].name} have springs and friction in different "
+                    "proportions, which act as no spring and friction between the legs do"
                 )
-            # A turn about the axis moves the foot against the cross product of axis and up.
-            turned = float(self.axis @ joint.axis) * (1.0 if abs(high) > abs(low) else -1.0)
-            return ahead if turned > 0.0 else -ahead
-        return ahead if ahead[0] >= 0.0 else -ahead
+            k = k * stiffness / (k + stiffness) if k else 0.0
+            c = c * damping / (c + damping) if c else 0.0
+        if k and np.linalg.norm(legs[0].up - legs[1].up) > _CLOSE:
+            self.refuse(f"the spring of {hips[0].name} is not at rest where the legs are parallel")
+        return k, c
 
     def _of_legs(
         self,
         legs: list[_Leg],
         parts: list[tuple[Element, ...]],
         base: Element | None,
-        hip: Vector,
+        hips: list[Joint],
     ) -> Walker:
         """Return the walker of two legs, and of a base at the hip."""
-        extra_mass = 0.0
+        hip, extra_mass = hips[0].anchor, 0.0
         if base is not None:
             arm = np.linalg.norm(self._flat(base.com - hip))
             spin = float(self.axis @ base.inertia @ self.axis) + base.mass * arm**2
@@ -478,17 +552,15 @@ class _Reader:
         self._check_equal(legs, parts, 0.0 if base is not None else extra_mass)
         leg, swing = legs[1], parts[1]
         for (mass, _, spin), part in zip(leg.masses, swing, strict=True):
-            about = part.joints[0].anchor if part.joints else hip
+            about = hip if part is swing[0] else part.joints[0].anchor
             arm = float(np.linalg.norm(self._flat(part.com - about)))
             if mass <= 0.0 or spin + mass * arm**2 <= 0.0:
                 self.refuse(f"{part.name} has a mass without inertia about its hinge")
-        hinge = swing[0].joints[0]
-        if leg.springs[1]:
-            self.refuse(f"{swing[1].joints[0].name} has damping, which a Walker's knee has not")
+        stiffness, damping = self._spring(hips, legs)
         common: dict[str, Any] = {
             "hip_mass": extra_mass if extra_mass > _CLOSE * leg.masses[0][0] else 0.0,
-            "hip_stiffness": hinge.stiffness,
-            "hip_friction": hinge.damping,
+            "hip_stiffness": stiffness,
+            "hip_friction": damping,
             "gravity": self.gravity,
             "foot_radius": leg.radius,
         }
@@ -520,6 +592,12 @@ class _Reader:
         ]
         if not np.allclose(*places, rtol=0.0, atol=_CLOSE * length):
             self.refuse(f"{parts[0][-1].name} and {parts[1][-1].name} have different lengths")
+        knees = [part.joints[0] for leg in parts for part in leg[1:]]
+        for knee in knees:
+            if knee.damping:
+                self.refuse(f"{knee.name} has damping, which a Walker's knee has not")
+        if not math.isclose(one.stiffness, other.stiffness, rel_tol=_CLOSE):
+            self.refuse(f"{knees[0].name} and {knees[1].name} have different springs")
 
 
 def _links_of(leg: _Leg) -> dict[str, Any]:
@@ -550,5 +628,5 @@ def _links_of(leg: _Leg) -> dict[str, Any]:
         "shank_com": float((shank - leg.knee) @ below),
         "shank_offset": float(-(shank - leg.knee) @ shin),
         "shank_gyration": math.sqrt(shank_spin / shank_mass),
-        "knee_stiffness": leg.springs[0],
+        "knee_stiffness": leg.stiffness,
     }

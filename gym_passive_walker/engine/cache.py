@@ -147,24 +147,23 @@ def keep(name: str, data: bytes) -> None:
     directory = cache_directory()
     if directory is None:
         return
-    aside = directory / f"{name}.{os.getpid()}"
+    aside = None
     try:
-        with open(aside, "wb", opener=_open_private) as file:
+        # Only this user may read it, and no other thread or process has its name.
+        descriptor, aside = tempfile.mkstemp(prefix=f"{name}.", dir=directory)
+        with open(descriptor, "wb") as file:
             file.write(hashlib.sha256(data).digest() + data)
         os.replace(aside, directory / name)
     except OSError as error:
-        with suppress(OSError):
-            aside.unlink()
+        if aside is not None:
+            with suppress(OSError):
+                os.unlink(aside)
         if os.name == "nt" and (directory / name).exists():
             return  # another process kept the same code, and Windows replaces no open file
         _warn(
             f"compiled code cannot be kept in {directory} ({error.strerror}), so that every "
             "process compiles it again: free some space, or set NUMBA_CACHE_DIR to another folder"
         )
-
-
-def _open_private(path: str, flags: int) -> int:
-    return os.open(path, flags, 0o600)
 
 
 @cache

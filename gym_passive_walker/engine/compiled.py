@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache, partial
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -212,6 +213,44 @@ def written(
             once(f"reset{i}_{outcome.name}", code, record, body, active=_RECORDS)
     once("begin", partial(_begin, system), record, body, active=_RECORDS)
     once("place", partial(_place, system), record, body)
+    return module
+
+
+def written_readings(system: System) -> Module:
+    """Generate a function with the values of what only pushes and checks call of a system.
+
+    Its text names a user's system together with that of `written`, since all code of a system is
+    kept under its name.
+    """
+    kinds: list[Any] = [system.Body, system.State, Ground]
+    sizes = [len(kind._fields) for kind in kinds]
+    layouts = [
+        np.dtype([("numbers", "f8", (count,))])
+        for count in (sum(sizes) + 2 + system.coordinates, 6 + sum(p.links for p in system.phases))
+    ]
+
+    def write(given: Memory, found: Memory) -> None:
+        numbers = iter(given.entries("numbers"))
+        body, state, ground = (
+            without_absent(system, kind(*islice(numbers, size)))
+            for kind, size in zip(kinds, sizes, strict=True)
+        )
+        impulse, accelerations = (next(numbers), next(numbers)), tuple(numbers)
+        results = [system.foot_clearance(body, state), system.kinetic_energy(body, state)]
+        for phase in system.phases:
+            if phase.push is not None:
+                results += phase.push(body, state, *impulse)[: phase.links]
+        if system.momentum is not None:
+            results += system.momentum(body, state)
+        if system.ground_force is not None:
+            results += system.ground_force(body, state, accelerations, ground)
+        for place, result in enumerate(results):
+            found["numbers", place] = result
+
+    module = Module()
+    function = module.function("readings", (layouts[0], layouts[1]))
+    function.once(write)
+    function.end()
     return module
 
 

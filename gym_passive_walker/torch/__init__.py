@@ -8,7 +8,7 @@ their accuracy, and how they behave at impacts, at grazing and at falls.
 
 try:
     import torch  # noqa: F401 - the real one: it is only asked for
-except ImportError as error:
+except ModuleNotFoundError as error:
     raise ImportError(
         'gradients for torch need torch, which is not installed: pip install "gym-passive-walker'
         '[train]"; gaits.flow has the same derivatives for NumPy',

@@ -112,17 +112,51 @@ def test_contacts_are_as_stiff_as_the_timestep_allows(tmp_path):
     assert [foot.get("solref") for foot in feet] == ["0.0002 1.0"] * 2
 
 
-def test_a_system_that_is_no_tree_of_hinges_has_no_file(tmp_path):
-    def stretched(body, state):
-        *legs, torso = TORSO.links(body, state)
-        return [*legs, torso._replace(y=torso.y + 0.1 * state.torso**2)]
+def _stretched(body, state):
+    *legs, torso = TORSO.links(body, state)
+    return [*legs, torso._replace(y=torso.y + 0.1 * state.torso**2)]
 
-    bent = gpw.System(**{
-        name: getattr(TORSO, name)
-        for name in ("body", "State", "landing", "relabel", "falls", "counts", "start")
-    }, name="stretched", links=stretched)  # fmt: skip
-    with pytest.raises(ValueError, match="'stretched' are no tree of bodies with hinges"):
-        gpw.export(bent, tmp_path / "walker.xml", unit_length=1.0, unit_mass=1.0)
+
+def _turning(angle):
+    """The links of the walker with a torso, which has a moment of inertia about this angle."""
+
+    def links(body, state):
+        *legs, torso = TORSO.links(body, state)
+        return [*legs, torso._replace(inertia=0.1, angle=angle(state))]
+
+    return links
+
+
+def _with(links):
+    """The walker with a torso, with other links."""
+    names = "body", "State", "landing", "relabel", "falls", "counts", "start"
+    same = {name: getattr(TORSO, name) for name in names}
+    return gpw.System(**same, name="changed", links=links)
+
+
+@pytest.mark.parametrize(
+    ("links", "said"),
+    [
+        (_stretched, "'changed' are no tree of bodies with hinges"),
+        (
+            _turning(lambda state: state.stance + state.swing),
+            "link 3 of `links` turns otherwise than torso",
+        ),
+        (_turning(lambda state: 2.0 * state.torso), "link 3 of `links` turns otherwise than torso"),
+    ],
+    ids=["stretched", "the legs' angle", "twice its angle"],
+)
+def test_a_system_that_is_no_tree_of_hinges_has_no_file(links, said, tmp_path):
+    with pytest.raises(ValueError, match=said):
+        gpw.export(_with(links), tmp_path / "walker.xml", unit_length=1.0, unit_mass=1.0)
+
+
+def test_the_angle_of_a_link_counts_in_either_sense_and_from_anywhere():
+    usual, other = (
+        Linkage(_with(_turning(angle))).tree(LENGTH, MASS)
+        for angle in (lambda state: state.torso, lambda state: 0.1 - state.torso)
+    )
+    assert usual == other and usual.bodies[-1].inertia > 0.0
 
 
 @pytest.mark.parametrize(

@@ -200,6 +200,8 @@ def test_arguments_out_of_range_are_refused(arguments, error, said):
         ({"simulator": "gazebo"}, "simulator must be 'mujoco', not 'gazebo'"),
         ({"timesteps": []}, "timesteps must be a list of numbers"),
         ({"timesteps": 1e-3}, "timesteps must be a list of numbers"),
+        ({"timesteps": np.array(1e-3)}, "timesteps must be a list of numbers"),
+        ({"softness": np.array(2.0)}, "softness must be a list of numbers"),
         ({"timesteps": [-1.0]}, "timestep must be a number above 0"),
         ({"strides": 1}, "strides must be"),
         ({"scene": "lab"}, "leave out scene"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from xml.etree import ElementTree as ET
+
 import pytest
 
 import gym_passive_walker as gpw
@@ -23,6 +25,14 @@ JOINTS = """
 <joint name="pin" type="continuous"><parent link="hip"/><child link="right_leg"/>
 <axis xyz="{}"/></joint>
 """
+
+
+LIMIT = '<limit lower="-3.141592653589793" upper="0.0"'
+BENT = '<limit lower="0.0" upper="3.141592653589793"'
+KNEE = """ effort="1000000.0" velocity="1000000.0" />
+    <dynamics damping="{1}" />
+    <parent link="{0}_thigh" />
+    <child link="{0}_shank" />"""
 
 
 def compass(second=5.0, inertia="", axis="0 1 0", more=""):
@@ -50,6 +60,32 @@ def of_capsules():
     """The same with feet that are the lower ends of capsules."""
     feet = '<origin xyz="0 0 -0.9"/><geometry><capsule radius="0" length="0.2"/>'
     return compass().replace('<origin xyz="0 0 -1"/><geometry><sphere radius="0"/>', feet)
+
+
+def with_shins():
+    """The same with a cylinder along each leg that collides."""
+    shin = '<collision><geometry><cylinder radius="2" length="1"/></geometry></collision></link>'
+    return compass().replace("</collision></link>", f"</collision>{shin}")
+
+
+def damped(one, other):
+    """The same below a hip that floats, with these coefficients of friction at its hinges."""
+    text = hanging()
+    for leg, value in (("left", one), ("right", other)):
+        child = f'<parent link="hip"/><child link="{leg}_leg"/>'
+        text = text.replace(child, f'{child}<dynamics damping="{value}"/>')
+    return text
+
+
+def with_circle(kind):
+    """The same beside three bodies that hang on each other."""
+    links = "".join(
+        f"""<link name="{a}"><inertial><mass value="1"/></inertial></link>
+        <joint name="{a}{b}" type="{kind}"><parent link="{a}"/><child link="{b}"/>
+        <axis xyz="0 1 0"/></joint>"""
+        for a, b in ("ab", "bc", "ca")
+    )
+    return compass(more=links)
 
 
 def toe(parent, axis):
@@ -112,9 +148,26 @@ def test_it_does_not_matter_how_the_file_s_legs_stand(turned, read):
     assert leaning.body == pytest.approx(upright.body, abs=1e-12)
 
 
-@pytest.mark.parametrize("text", [hanging(), hanging("0 0.1 0"), turned_round(), of_capsules()])
+@pytest.mark.parametrize(
+    "text",
+    [hanging(), hanging("0 0.1 0"), turned_round(), of_capsules(), with_shins()],
+)
 def test_one_walker_has_many_files(text, read):
     assert read(text).body == pytest.approx(read(compass()).body, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "both"), [(0.3, 0.6, 0.2), (0.3, 0.0, 0.0), (0.0, 0.3, 0.0)]
+)
+def test_two_hinges_of_a_hip_without_inertia_act_in_series(one, other, both, read):
+    """1 / both = 1 / one + 1 / other: the moment of the hinges is the same."""
+    assert read(damped(one, other)).hip_friction == pytest.approx(both, abs=1e-15)
+
+
+def test_friction_of_the_hip_is_read_whichever_leg_is_heavier(read):
+    hinge = '<child link="right_leg"/>'
+    text = turned_round().replace(hinge, f'{hinge}<dynamics damping="0.3"/>')
+    assert read(text).hip_friction == 0.3
 
 
 @pytest.mark.parametrize(
@@ -122,9 +175,14 @@ def test_one_walker_has_many_files(text, read):
     [
         ("</robot>", toe("right_shank", "0 0 1"), "toe hangs on a foot"),
         ("</robot>", toe("left_shank", "0 0 1"), "right_hip is not on the axis of"),
-        ('<dynamics damping="0.0" />\n    <parent link="right_thigh" />',
-         '<dynamics damping="0.1" />\n    <parent link="right_thigh" />',
+        (KNEE.format("right", "0.0"), KNEE.format("right", "0.1"),
          "right_knee has damping, which a Walker's knee has not"),
+        (KNEE.format("left", "0.0"), KNEE.format("left", "0.1"),
+         "left_knee has damping, which a Walker's knee has not"),
+        (KNEE.format("left", "0.0"), KNEE.format("left", '0.0" friction="0.1'),
+         "left_knee has friction, which a Walker's joints have not"),
+        (LIMIT + KNEE.format("left", "0.0"), BENT + KNEE.format("left", "0.0"),
+         "left_knee and right_knee bend opposite ways"),
     ],
 )  # fmt: skip
 def test_kneed_legs_have_two_links_and_knees_without_friction(old, new, said, read, tmp_path):
@@ -161,6 +219,12 @@ def test_kneed_legs_have_two_links_and_knees_without_friction(old, new, said, re
         (compass().replace('<sphere radius="0"/>', '<mesh filename="foot.stl"/>'), "has no foot"),
         (compass().replace('type="continuous"', 'type="prismatic"'),
          "right_leg needs one hinge, and has pin"),
+        (compass().replace('<sphere radius="0"/>', '<cylinder radius="0.1" length="0.5"/>'),
+         "has no foot: a sphere, or a cylinder across the plane"),
+        (with_circle("fixed"), "a, c, b are welded in a circle"),
+        (with_circle("continuous"), "a hangs on itself, in a circle of joints"),
+        (compass().replace('type="planar">', 'type="planar"><dynamics damping="1"/>'),
+         "base has a spring, friction or armature, where a Walker moves freely"),
         (compass().replace('xyz="0 0 -0.5"', 'xyz="0 0 0"'),
          "mass without inertia about its hinge"),
     ],
@@ -186,3 +250,73 @@ def test_mujoco_s_own_complaint_about_a_file_is_passed_on(tmp_path):
     path.write_text("<mujoco><worldbody><body><joint/></body></worldbody></mujoco>", "utf-8")
     with pytest.raises(gpw.WalkerError, match=r"walker\.xml is no model: .*mass and inertia"):
         gpw.Walker.from_mjcf(path)
+
+
+@pytest.fixture
+def changed(tmp_path):
+    """A function that changes a joint in a file of MuJoCo, and reads its walker."""
+    pytest.importorskip("mujoco")
+    walker = gpw.WALKERS["lab"].with_parameters(hip_stiffness=0.5, knee_stiffness=0.3)
+    path = tmp_path / "lab.xml"
+    gpw.export(walker, path)
+
+    def reading(name, **attributes):
+        tree = ET.parse(path)
+        (joint,) = (each for each in tree.iter("joint") if each.get("name") == name)
+        joint.attrib.update(attributes)
+        changed = tmp_path / "changed.xml"
+        tree.write(changed)
+        return gpw.Walker.from_mjcf(changed)
+
+    return reading
+
+
+@pytest.mark.parametrize(
+    ("joint", "attributes", "said"),
+    [
+        ("left_knee", {"stiffness": "0.4"}, "left_knee and right_knee have different springs"),
+        ("left_knee", {"damping": "0.1"}, "left_knee has damping"),
+        ("left_knee", {"ref": "-0.3"}, "left_thigh and right_thigh have different"),
+        ("right_hip", {"ref": "0.3"}, "the spring of right_hip is not at rest where the legs"),
+        ("right_hip", {"springref": "0.3"}, "right_hip has springref, which a Walker's joints"),
+        ("right_hip", {"armature": "0.1"}, "right_hip has armature, which a Walker's joints"),
+        ("right_knee", {"frictionloss": "0.1"}, "right_knee has frictionloss, which a Walker's"),
+        ("pitch", {"stiffness": "0.1"}, "pitch has a spring, friction"),
+    ],
+)
+def test_properties_of_all_joints_in_a_file_of_mujoco_count(joint, attributes, said, changed):
+    with pytest.raises(gpw.WalkerError, match=said):
+        changed(joint, **attributes)
+
+
+def test_the_angle_of_a_hinge_in_the_file_does_not_change_the_walker(changed):
+    """`ref` is the angle between the legs in the file; a spring would have to be at rest at 0."""
+    usual, apart = (changed("right_hip", stiffness="0", ref=ref) for ref in ("0", "0.3"))
+    assert apart.body == pytest.approx(usual.body, abs=1e-12)
+
+
+FLOATING = """<mujoco><worldbody><body><freejoint/>
+<inertial mass="10" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/>
+<body><joint name="left" axis="0 1 0" {}/><geom size="0.1" pos="0 0 -1" mass="1"/></body>
+<body><joint name="right" axis="0 1 0" {}/><geom size="0.1" pos="0 0 -1" mass="1"/></body>
+</body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "both"),
+    [
+        ('stiffness="3" damping="0.3"', 'stiffness="6" damping="0.6"', (2.0, 0.2)),
+        ('stiffness="3"', "", (0.0, 0.0)),
+        ('stiffness="3"', 'damping="0.3"', None),
+    ],
+)
+def test_a_spring_in_series_with_a_damper_is_no_hip_of_a_walker(one, other, both, tmp_path):
+    pytest.importorskip("mujoco")
+    path = tmp_path / "floating.xml"
+    path.write_text(FLOATING.format(one, other), "utf-8")
+    if both is None:
+        with pytest.raises(gpw.WalkerError, match="left and right have springs and friction in"):
+            gpw.Walker.from_mjcf(path)
+    else:
+        found = gpw.Walker.from_mjcf(path)
+        assert (found.hip_stiffness, found.hip_friction) == pytest.approx(both, abs=1e-15)

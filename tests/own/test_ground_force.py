@@ -9,9 +9,10 @@ from examples.driven_torso import DRIVEN_TORSO
 from examples.five_links import FIVE_LINKS
 from examples.rimless_wheel import RIMLESS_WHEEL
 from examples.torso import TORSO
+from gym_passive_walker.engine.own.system import _registered
 from gym_passive_walker.gaits.look.dense_stride import dense_phases
 from gym_passive_walker.gaits.look.forces import forces
-from gym_passive_walker.models.equations.hybrid import Stage
+from gym_passive_walker.models.equations.hybrid import Outcome, Stage, Watch
 from tests.own.oracle import Independent
 from tests.own.statements import COMPASS, DRIVEN, STRAIGHT
 
@@ -89,14 +90,57 @@ def test_controls_press_on_the_ground():
     assert driven.normal - rest.normal == pytest.approx(up, rel=1e-9)
 
 
+def of(**changes):
+    """The compass as a system with given equations, and changes of them."""
+    return gpw.System.of(
+        COMPASS.hybrid._replace(**changes), COMPASS.body, name="given", start=COMPASS.start,
+        centre=lambda body, state: COMPASS._centre(body, state)[1:],
+    )  # fmt: skip
+
+
+def test_a_check_reads_the_height_of_the_foot_that_its_system_has():
+    """Two systems may have one motion, and different functions of it."""
+    usual, found = COMPASS.hybrid.foot_clearance, []
+    for height in (0.0, 10.0):
+        system = of(foot_clearance=lambda body, state, h=height: usual(body, state) + h)
+        env = gym.make("PassiveWalker-v0", system=system, constraints={"scuffing": "report"})
+        env.reset(seed=0)
+        found.append(env.step(np.zeros(0, np.float32))[4]["clearance"] - height)
+    assert found[0] == pytest.approx(found[1], abs=1e-12)
+
+
+def twice(function):
+    """A function with twice the values."""
+    return lambda *given: tuple(2.0 * each for each in function(*given))
+
+
+def scuffing(outcome):
+    """The phase of the compass with a guard that ends it only with `end_on_toe_stub`."""
+    strike, fall, *others = PHASE.guards
+    return PHASE._replace(
+        guards=(strike, fall._replace(watch=Watch.SCUFF, outcome=outcome), *others)
+    )
+
+
+PHASE = COMPASS.hybrid.phases[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "one", "other"),
+    [
+        *((name, getattr(COMPASS.hybrid, name), twice(getattr(COMPASS.hybrid, name)))
+          for name in ("ground_force", "momentum")),
+        ("phases", (PHASE,), (PHASE._replace(push=twice(PHASE.push)),)),
+        ("phases", *((scuffing(each),) for each in (Outcome.STUBBED_TOE, Outcome.STALLED))),
+    ],
+)  # fmt: skip
+def test_code_of_a_system_is_kept_under_the_text_of_all_its_functions(name, one, other):
+    """Other code with one name would be taken from the cache, in later processes too."""
+    names = {_registered(COMPASS.hybrid._replace(**{name: each})).name for each in (one, other)}
+    assert len(names) == 2
+
+
 def test_given_equations_need_the_force_and_the_momentum():
-
-    def of(**changes):
-        return gpw.System.of(
-            COMPASS.hybrid._replace(**changes), COMPASS.body, name="given", start=COMPASS.start,
-            centre=lambda body, state: COMPASS._centre(body, state)[1:],
-        )  # fmt: skip
-
     without = of(ground_force=None, momentum=None)
     with pytest.raises(ValueError, match="must have `ground_force` and `momentum`"):
         gpw.reality_check(without, 0.05, COMPASS.start)

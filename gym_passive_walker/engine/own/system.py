@@ -654,9 +654,11 @@ def _pushed(equations: hybrid.System) -> hybrid.System:
 
 
 def _registered(stated: hybrid.System) -> hybrid.System:
-    """Name a system by its compiled text, and make it known by this name."""
+    """Name a system by the text of its functions, and make it known by this name."""
     module = compiled.written(stated)
-    name = f"own-{hashlib.sha256(str(module).encode()).hexdigest()[:16]}"
+    outcomes = [[guard.outcome.name for guard in phase.guards] for phase in stated.phases]
+    text = f"{module}{compiled.written_readings(stated)}{outcomes}"
+    name = f"own-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
     if module.group == group():  # else it is written again for this CPU
         compiled.WRITTEN[name] = module
     return register_system(stated._replace(name=name))
