@@ -331,7 +331,7 @@ class Batch:
         self._write_observations(observations, where)
 
     def go_on(self, lanes: NDArray[np.int64], observations: NDArray[np.float32]) -> None:
-        """Begin the next episodes of walkers whose last ones the last step has ended; see `start`.
+        """Begin the next episodes of walkers after the step that ended their last; see `start`.
 
         The terms of their last rewards are still those of that step, unless the scene is new.
         """
@@ -500,10 +500,10 @@ class Batch:
         """Accounts of the last step: the ledger, and the transitions of the user's functions."""
         return (self.ledger, self.custom.notes) if self.custom else (self.ledger,)
 
-    def _terms(self, ledger: NDArray, notes: NDArray | None = None) -> dict[str, NDArray]:
-        """Return the terms of the rewards in rows of the ledger, or of the transitions."""
+    def _terms(self, ledger: NDArray, *notes: NDArray) -> dict[str, NDArray]:
+        """Return the terms of the rewards in rows of `_accounts`."""
         if self.custom and "reward" in self.custom.rules:
-            return self.custom.terms(notes)
+            return self.custom.terms(*notes)
         terms = {
             "distance": ledger["distance"], "energy": -self.scene.energy_weight * ledger["energy"]
         }  # fmt: skip

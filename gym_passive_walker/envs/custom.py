@@ -175,7 +175,7 @@ class Custom:
                 assert known is not None
                 rows[lanes, place] = known[part][lanes]
 
-    def terms(self, notes: NDArray | None) -> dict[str, NDArray[np.float64]]:
+    def terms(self, notes: NDArray) -> dict[str, NDArray[np.float64]]:
         """Return terms (n,) of the rewards in transitions (n,); a function has one, "function"."""
         function = self.rules["reward"].function
         if not isinstance(function, Weighted):

@@ -532,7 +532,7 @@ def test_a_reward_is_the_sum_of_its_terms_also_where_episodes_end_and_begin(rewa
             env.set_scene(slope=0.01)
         rewards = env.step(np.full((3, 1), 0.2))[1]
         paid += np.count_nonzero(rewards)
-        if (mode, k) != ("SameStep", 10):  # whose rewards are of the scene before
+        if (mode, k) != ("SameStep", 10):  # its rewards are of the scene before
             np.testing.assert_allclose(sum(env.reward_terms.values()), rewards, rtol=1e-12)
     env.reset(options={"reset_mask": np.array([True, False, False])})
     terms = sum(env.reward_terms.values())
