@@ -163,6 +163,28 @@ def asked_for(args: argparse.Namespace, kept: Config | None = None) -> Config:
     )
 
 
+def check_together(args: argparse.Namespace) -> None:
+    """Raise an error for arguments of which one would have no effect beside another.
+
+    Raises:
+        ConfigError: if there are such arguments.
+    """
+    resumed = args.resume is not None
+    if resumed and (args.search is not None or args.ray is not None):
+        raise ConfigError(
+            "--resume continues a training: leave out --search and --ray; a search continues by "
+            "itself with its --out"
+        )
+    if resumed and args.resume is not True and args.out not in (None, Path(args.resume)):
+        raise ConfigError(
+            f"--resume continues {args.resume} in its own folder: leave out --out {args.out}"
+        )
+    if args.search is None and args.ray is not None:
+        raise ConfigError("--ray goes with --search: a training is done by this process")
+    if args.search is not None and args.tensorboard:
+        raise ConfigError("a search writes no logs of tensorboard: leave out --tensorboard")
+
+
 def run_to_resume(args: argparse.Namespace) -> tuple[Path, Config]:
     """The folder of the run to resume, and its configuration with the new number of steps."""
     folder = args.out if args.resume is True else Path(args.resume)
@@ -179,6 +201,7 @@ def run_to_resume(args: argparse.Namespace) -> tuple[Path, Config]:
 
 def train(args: argparse.Namespace) -> int:
     """Train and evaluate a policy, and write all files into the run's folder."""
+    check_together(args)
     if args.resume is not None:
         folder, config = run_to_resume(args)
     else:
@@ -188,8 +211,6 @@ def train(args: argparse.Namespace) -> int:
         if args.tensorboard:
             need("tensorboard", "train")
         envs.check(config)  # raises an error for invalid input before a folder is made
-        if args.search is None and args.ray is not None:
-            raise ConfigError("--ray goes with --search: a training is done by this process")
         if config.start is not None:
             untrained = build(config, envs.training_envs(config))
             begin_with(untrained, config.start, trust=args.trust)

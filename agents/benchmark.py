@@ -19,8 +19,8 @@ import numpy as np
 from tqdm import tqdm
 
 from agents import envs
-from agents.config import ALGORITHMS, ConfigError, configure, presets
-from agents.files import read_json
+from agents.config import ALGORITHMS, Config, ConfigError, configure, presets
+from agents.files import CONFIG, read_json
 from agents.learner import load_policy
 from agents.training import Run
 from gym_passive_walker import GaitNotFound
@@ -124,7 +124,17 @@ def run(folder: Path, todo: Sequence[Unit], *, budget: float = 1.0, progress: bo
         todo: The units.
         budget: Steps of each training, as a share of its preset's steps.
         progress: Whether to show a progress bar.
+
+    Raises:
+        ConfigError: if the folder has scores or a training of another budget.
     """
+    others = {s.get("budget") for s in load_scores(folder) if s["agent"] in ALGORITHMS} - {budget}
+    if others:
+        trained = ", ".join("one not known" if share is None else f"{share:g}" for share in others)
+        raise ConfigError(
+            f"the scores in {folder} are of another --budget ({trained}) than {budget:g}: give "
+            "that one, or another --out"
+        )
     left = [unit for unit in todo if not score_path(folder, unit).is_file()]
     bar = tqdm(left, disable=not progress, unit="agent", dynamic_ncols=True)
     for unit in bar:
@@ -159,11 +169,17 @@ def _learn(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
     """Train, or resume an interrupted training; returns how many steps and seconds it took."""
     preset = configure(unit.agent, unit.scene, seed=unit.seed)
     steps = max(1, round(preset.steps * budget))
-    training = Run(replace(preset, steps=steps, every=max(1, steps // EVALUATIONS)), folder)
+    config = replace(preset, steps=steps, every=max(1, steps // EVALUATIONS))
+    if (folder / CONFIG).is_file():
+        differences = Config.load(folder / CONFIG).differences(config)
+        if differences:
+            raise ConfigError(f"{folder} is another training:\n  " + "\n  ".join(differences))
+    training = Run(config, folder)
     if not training.train(progress=False):
         raise KeyboardInterrupt  # an unfinished training has no scores; it is resumed later
     walked = training.first_to_walk or {"steps": math.nan, "seconds": math.nan}
     return {
+        "budget": budget,
         "learning_steps": training.steps,
         "learning_seconds": training.notes["seconds"],
         "steps_to_hundred": walked["steps"],

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
 from agents.config import Config, ConfigError
 from gym_passive_walker.apps.build import compile_for
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
-from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.gaits.scenes.named import check_source
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene, seen_by_policy
 from gym_passive_walker.models.walkers import name_of
+
+if TYPE_CHECKING:
+    from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 
 ID = "PassiveWalker-v0"
 
@@ -36,6 +38,9 @@ def training_envs(config: Config, count: int | None = None) -> PassiveWalkerVecE
 
     There are `count` environments, or `config.n_envs` if `count` is None.
     """
+    # Imported here: RLlib's trainings have no stable-baselines3, and only read scenes above.
+    from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+
     return PassiveWalkerVecEnv(
         config.n_envs if count is None else count,
         scene_of(config, **config.training),

@@ -88,17 +88,18 @@ def gait(path: Path, policy: Policy, world: gymnasium.Env, *, seed: int, title: 
         first, stride, over = np.zeros(1, bool), info["strides"], terminated or truncated
     begun = strides.index(max(0, strides[-1] + 1 - _SHOWN))
     shown = slice(begun, None)
-    if walker.scene.control == "stride" and "actuation" not in walker.walker.supports:
-        strides_of = stride_map(None, walker.slope, controller=policy, scene=walker.scene)
-        ax = strobe(strides_of, state=states[begun], strides=len(states[shown]), ax=OWN)
-    elif walker.scene.control == "stride":
-        scale = walker.walker.units.torque * walker.scene.max_hip_torque
+    scene, held = walker.scene, walker.scene.control == "stride"
+    if held and scene.actions == ("hip",) and "actuation" in walker.walker.supports:
+        scale = walker.walker.units.torque * scene.max_hip_torque
         torque = scale * np.array(torques[shown])
         ax = strobe(
             walker.walker, walker.slope, states[begun], strides=len(torque), hip_torque=torque,
             ax=OWN,
         )  # fmt: skip
-    else:
+    elif held and scene.observation is None:
+        strides_of = stride_map(None, walker.slope, controller=policy, scene=scene)
+        ax = strobe(strides_of, state=states[begun], strides=len(states[shown]), ax=OWN)
+    else:  # no stride map is of an observation of the user's own
         pace = max(1, round(strides.count(strides[begun]) / _FLASHES))
         shown = slice(begun, None, pace)
         ax = strobe_of(

@@ -265,13 +265,15 @@ class FastPPO(BaseAlgorithm):
             total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar
         )
         callback.on_training_start(locals(), globals())
+        iteration = 0
         while self.num_timesteps < total:
             rollout = self.walk(callback)
             if rollout is None:
                 break
+            iteration += 1
             self._update_current_progress_remaining(self.num_timesteps, total)
             self.update(rollout)
-            if log_interval is not None:
+            if log_interval is not None and iteration % log_interval == 0:
                 self.logger.dump(self.num_timesteps)
         callback.on_training_end()
         return self

@@ -41,6 +41,7 @@ def train(
 
     Raises:
         ConfigError: if a name or a number is out of range.
+        KeyboardInterrupt: if the training was interrupted.
     """
     config = configure(algo, scene, env=env, steps=steps, n_envs=n_envs, seed=seed)
     with ExitStack() as stack:
@@ -51,7 +52,8 @@ def train(
             digest = hashlib.sha256(rest.encode()).hexdigest()[:8]
             kept = Path(folder) / f"{algo}-{scene}-{seed}-{digest}"
         run = Run(config, kept)
-        run.train(progress=False)
+        if not run.train(progress=False):
+            raise KeyboardInterrupt  # an unfinished training has no results; it is resumed later
     last = {name: value for name, value in run.notes["curve"][-1].items() if name != "seconds"}
     first = run.first_to_walk
     return {**last, "walks_after": float("nan") if first is None else float(first["steps"])}

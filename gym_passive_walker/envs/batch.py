@@ -176,6 +176,7 @@ class Batch:
         self.randoms: list[np.random.Generator] = []
         self.unfinished = True
         self._report: tuple[NDArray, NDArray] | None = None  # of the last step, if it is written
+        self._last: tuple[NDArray, ...] | None = None  # walkers, ledgers and notes; see `go_on`
         self.arrays: dict[str, NDArray] = {}
         self._connect()
         self.records, self.ledger = self.arrays["records"], self.arrays["ledger"]
@@ -184,16 +185,27 @@ class Batch:
         """Return a batch of equal size in another scene, before its episodes; see `become`.
 
         Raises:
-            SceneError: if the size of its observation or its actions differ.
+            SceneError: if its observation space or its actions differ, or it changes what each
+                walker has of its own.
         """
+        for name, of_all in (("walkers", "walker"), ("slopes", "slope")):
+            own = self._given[name] is not None
+            if own and getattr(scene, of_all) != getattr(self.scene, of_all):
+                raise SceneError(
+                    f"{of_all} of the scene has no effect, since the environments have {name} of "
+                    f"their own: leave it as it is, or make other environments"
+                )
         fresh = Batch(scene, self.count, threads=self.threads, **self._given)
-        groups = [each.custom and each.custom.groups for each in (fresh, self)]
-        now = self.observation_size, self.scene.actions, groups[1]
-        if (fresh.observation_size, scene.actions, groups[0]) != now:
+        now, later = (
+            (each.observation_size, each.scene.actions, observation_space(each.scene, each.custom))
+            for each in (self, fresh)
+        )
+        if now != later:
+            others = " within other bounds" * (now[:2] == later[:2])
             raise SceneError(
-                f"an environment keeps its {self.observation_size} numbers of observation and its "
-                f"actions {self.scene.actions}, and the new scene has {fresh.observation_size} and "
-                f"{scene.actions}: they cannot change; make another environment"
+                f"an environment keeps its {now[0]} numbers of observation and its actions "
+                f"{now[1]}, and the new scene has {later[0]}{others} and {later[1]}: they cannot "
+                "change; make another environment"
             )
         fresh.ledger["truncated"] = 1
         return fresh
@@ -267,6 +279,9 @@ class Batch:
         where = np.array(lanes, np.int64)
         if not len(where):
             return
+        if self._last is not None:
+            others = ~np.isin(self._last[0], where)
+            self._last = tuple(rows[others] for rows in self._last)
         if self.custom and len(where) == self.count:
             self.custom.look_again()
         plain = observations if self._plain is None else self._plain
@@ -314,6 +329,16 @@ class Batch:
             self.disturbances.settle(where, drawn)
         self._write_proportions(plain)
         self._write_observations(observations, where)
+
+    def go_on(self, lanes: NDArray[np.int64], observations: NDArray[np.float32]) -> None:
+        """Begin the next episodes of walkers after the step that ended their last; see `start`.
+
+        The terms of their last rewards are still those of that step, unless the scene is new.
+        """
+        walked = lanes[self._stepped[lanes]]
+        last = walked, *(rows[walked] for rows in self._accounts)
+        self.start(lanes, observations)
+        self._last = last
 
     def _embody(self, lanes: NDArray[np.int64], walkers: Sequence[Walker]) -> None:
         """Replace some of the walkers."""
@@ -452,14 +477,39 @@ class Batch:
         here.states["due"] = np.where(here.states["known"] != 0.0, times, here.states["due"])
 
     def reward_terms(self) -> dict[str, NDArray[np.float64]]:
-        """Return the terms of the last rewards by name, each (count,); a reward is their sum."""
+        """Return the terms of the last rewards by name, each (count,); a reward is their sum.
+
+        They are zero for a walker that has begun an episode, or rested, in place of a step.
+        """
+        terms, stepped = self._terms(*self._accounts), self._stepped
+        terms = {name: np.where(stepped, term, 0.0) for name, term in terms.items()}
+        if self._last is not None:
+            lanes, *rows = self._last
+            for name, term in self._terms(*rows).items():
+                terms[name][lanes] = term
+        return terms
+
+    @property
+    def _stepped(self) -> NDArray[np.bool_]:
+        """Whether each walker has made the last step, (count,): time of its episode has passed."""
+        now = self.records[:, 0]
+        return (self.ledger["clock"] + now["time"] != 0.0) & (now["outcome"] != RESTING)
+
+    @property
+    def _accounts(self) -> tuple[NDArray, ...]:
+        """Accounts of the last step: the ledger, and the transitions of the user's functions."""
+        return (self.ledger, self.custom.notes) if self.custom else (self.ledger,)
+
+    def _terms(self, ledger: NDArray, *notes: NDArray) -> dict[str, NDArray]:
+        """Return the terms of the rewards in rows of `_accounts`."""
         if self.custom and "reward" in self.custom.rules:
-            return self.custom.terms()
-        ledger, scene = self.ledger, self.scene
-        terms = {"distance": ledger["distance"], "energy": -scene.energy_weight * ledger["energy"]}
-        if scene.command is not None:
+            return self.custom.terms(*notes)
+        terms = {
+            "distance": ledger["distance"], "energy": -self.scene.energy_weight * ledger["energy"]
+        }  # fmt: skip
+        if self.scene.command is not None:
             terms["command"] = ledger["reward"] - (terms["distance"] + terms["energy"])
-        return {name: np.array(term) for name, term in terms.items()}
+        return terms
 
     def observe(self, observations: NDArray[np.float32]) -> None:
         """Write the observations of all walkers, flat: (count * observation_size,)."""
@@ -551,7 +601,7 @@ class Batch:
         entry_point, at_once = self.entry_point, again and self.starts_alike
         seen = observations if self._plain is None else self._plain
         entry_point.actions[...] = actions
-        self._report = None
+        self._report = self._last = None
         if at_once:
             self._prepare()
         self.unfinished, report = True, self._new_report()
@@ -637,6 +687,7 @@ class Batch:
         """Return a copy of everything that determines later steps."""
         return {
             "scene": self._described,
+            "energy_cost": ENERGIES[int(self.rules["charged"][0])],
             "walkers": [saved.kept(walker) for walker in self.walkers],
             "random": [deepcopy(r.bit_generator.state) for r in self.randoms],
             **{name: array.copy() for name, array in self.saved_arrays.items()},
@@ -664,7 +715,8 @@ class Batch:
         if isinstance(state, Mapping) and "scene" in state:  # the most informative error
             saved.check_scene(state["scene"], self._described)
         arrays = self.saved_arrays
-        given = saved.entries(state, ["scene", "walkers", "random", *arrays, *flags])
+        own = "scene", "energy_cost", "walkers", "random"
+        given = saved.entries(state, [*own, *arrays, *flags])
         found: dict[str, Any] = {
             name: saved.like(given[name], name, own) for name, own in arrays.items()
         }
@@ -673,6 +725,7 @@ class Batch:
         saved.check_arrays(found, self._limits, begun=begun)
         if self.randomized:
             self.randomized.check(found, begun=begun)
+        found["energy_cost"] = saved.check_energy(given["energy_cost"])
         found["walkers"] = saved.check_walkers(given["walkers"], self.walkers, self._starts)
         kind = type(self.randoms[0].bit_generator) if self.randoms else np.random.PCG64
         found["random"] = saved.check_randoms(given["random"], self.count, kind)
@@ -681,6 +734,7 @@ class Batch:
     def put_back(self, found: Mapping[str, Any]) -> None:
         """Restore a state from `checked`."""
         self.unfinished = True
+        self.rules["charged"], self._last = ENERGIES.index(found["energy_cost"]), None
         for name, array in self.saved_arrays.items():
             array[:] = found[name]
         if not self._alike:

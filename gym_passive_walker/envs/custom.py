@@ -175,10 +175,10 @@ class Custom:
                 assert known is not None
                 rows[lanes, place] = known[part][lanes]
 
-    def terms(self) -> dict[str, NDArray[np.float64]]:
-        """Return terms (count,) of the last rewards by name; a function has one, "function"."""
+    def terms(self, notes: NDArray) -> dict[str, NDArray[np.float64]]:
+        """Return terms (n,) of the rewards in transitions (n,); a function has one, "function"."""
         function = self.rules["reward"].function
         if not isinstance(function, Weighted):
-            return {"function": self.notes["paid"].copy()}
-        terms = function.terms(of_notes(self.notes, self._shape))
-        return {name: np.array(np.broadcast_to(x, len(self.notes))) for name, x in terms.items()}
+            return {"function": notes["paid"]}
+        terms = function.terms(of_notes(notes, self._shape))
+        return {name: np.broadcast_to(x, len(notes)) for name, x in terms.items()}

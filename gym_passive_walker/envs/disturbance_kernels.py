@@ -204,12 +204,14 @@ def begin(here, i, key):
 @jitted
 def disturb_actions(here, first, last):
     """Apply delay and noise to actions; the results are in `acted`."""
-    count, noise = here.rules[0].actions, here.settings[0].action_noise
+    rules, count = here.rules[0], here.rules[0].actions
+    noise, torques = here.settings[0].action_noise, len(here.records[0, 0].control)
     for i in range(first, last):
         disturbance, step = here.disturbances[i], here.ledger[i].steps
         late = disturbance.delay
         for j in range(count):
-            share = clip(here.actions[i * count + j], -1.0, 1.0)
+            least = 0.0 if rules.channels[j] == torques else -1.0
+            share = clip(here.actions[i * count + j], least, 1.0)
             if late > 0:
                 sent, here.pending[i, step % late, j] = here.pending[i, step % late, j], share
                 share = sent

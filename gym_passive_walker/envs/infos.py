@@ -7,12 +7,11 @@ from functools import wraps
 from typing import Any
 
 
-def lane_values(values: Mapping[str, Any], lane: int) -> dict[str, Any]:
-    """Return the entries of one walker from arrays (count,), or dictionaries of them, by name."""
-    return {
-        name: lane_values(x, lane) if isinstance(x, Mapping) else x[lane]
-        for name, x in values.items()
-    }
+def lane_values(values: Any, lane: int) -> Any:
+    """Return the entry of one walker in an array (count, ...), or in dictionaries of arrays."""
+    if isinstance(values, Mapping):
+        return {name: lane_values(x, lane) for name, x in values.items()}
+    return values[lane]
 
 
 class Infos(dict[str, Any]):

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from gym_passive_walker._tools.arguments import shown, unknown, whole
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.custom import Custom
+from gym_passive_walker.envs.infos import lane_values
 from gym_passive_walker.envs.one_thread import Token, one_thread
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.checks import CHECKS
 from gym_passive_walker.gaits.scenes.rewards import DRAWN, OWN
-from gym_passive_walker.gaits.scenes.scene import FASTEST, Scene
+from gym_passive_walker.gaits.scenes.scene import FASTEST, Scene, make_scene
 from gym_passive_walker.models.equations.hybrid import Outcome
 
 REASONS = {
@@ -183,7 +184,7 @@ def refuse(action: Any, actions: Sequence[str], lane: int | None = None) -> NoRe
 
 
 class EnergyCost:
-    """Energy cost of environments with a `batch`."""
+    """Energy cost of environments with a `batch`, which a change of their scene keeps."""
 
     batch: Any
     token: Token
@@ -197,6 +198,9 @@ class EnergyCost:
     @one_thread
     def set_energy_cost(self, energy: str | None) -> None:
         """Set the work that the energy term counts, from the next step on.
+
+        It stays through resets and changes of other arguments of the scene: until the next call,
+        or until `set_scene` is given a scene or `energy`.
 
         Args:
             energy: "absolute", "positive" or "net"; None restores the scene's own.
@@ -213,10 +217,18 @@ class EnergyCost:
                 kind = batch.scene.energy if energy is None else energy
                 batch.rules["charged"] = rules.ENERGIES.index(kind)
 
+    def _changed(self, scene: Any, changes: Mapping[str, Any]) -> Any:
+        """Return the batch in the scene that `set_scene` is given, before its episodes."""
+        now = self.batch if self._next is None else self._next
+        fresh = now.changed(make_scene(now.scene if scene is None else scene, **changes))
+        if scene is None and "energy" not in changes:
+            fresh.rules["charged"] = now.rules["charged"]
+        return fresh
+
 
 OF_EACH = {
     "walker": "walkers", "slope": "slopes", "state": "states", "np_random": "np_random",
-    "set_slope": "set_slopes", "render": "render",
+    "np_random_seed": "np_random_seed", "set_slope": "set_slopes", "render": "render",
 }  # fmt: skip
 """Names of a single environment that differ in a batch, and the batch's names for all of them."""
 
@@ -239,9 +251,9 @@ class SingleNames:
         The results are those of Gymnasium's `SyncVectorEnv`. A method acts on all environments.
 
         Args:
-            name: An attribute ("walker", "slope", "state", "np_random", "scene", "energy_cost",
-                "render_mode", "observation_space", "action_space") or a method ("render",
-                "set_slope", "set_scene", "set_energy_cost") of `PassiveWalkerEnv`.
+            name: An attribute ("walker", "slope", "state", "np_random", "np_random_seed", "scene",
+                "energy_cost", "render_mode", "observation_space", "action_space") or a method
+                ("render", "set_slope", "set_scene", "set_energy_cost") of `PassiveWalkerEnv`.
             *args: Arguments of the method.
             **kwargs: Keyword arguments of the method.
 
@@ -264,7 +276,9 @@ class SingleNames:
             found = found(*args, **kwargs)
         elif args or kwargs:
             raise TypeError(f"{name} is an attribute, which takes no arguments")
-        return (found,) * self.num_envs if name in OF_ALL or found is None else tuple(found)
+        if name in OF_ALL or found is None:
+            return (found,) * self.num_envs
+        return tuple(lane_values(found, i) for i in range(self.num_envs))
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
         """Return an attribute of each environment; see `call`."""

@@ -19,6 +19,7 @@ from gym_passive_walker._tools.arguments import shown
 from gym_passive_walker._tools.loading import parse_json, reason
 from gym_passive_walker.envs.memory import ARRAYS, COUNTER, FINITE
 from gym_passive_walker.envs.transitions import STOPPED
+from gym_passive_walker.gaits.scenes.rules import ENERGIES
 from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.models.equations.hybrid import Outcome
@@ -143,6 +144,18 @@ def check_scene(given: Any, own: str) -> None:
             f"this state is of another scene (of another {', '.join(names)}): put it back into an "
             "environment of that scene"
         )
+
+
+def check_energy(given: Any) -> str:
+    """Return the kind of work that the energy term counts, after a check.
+
+    Raises:
+        StateError: if there is no such kind.
+    """
+    if str(given) not in ENERGIES:  # a file has text as an array
+        allowed = " or ".join(map(repr, ENERGIES))
+        raise StateError(f"the state's 'energy_cost' must be {allowed}, not {shown(given)}")
+    return str(given)
 
 
 def check_walkers(given: Any, own: Sequence[Walker], starts: Sequence[Starts]) -> list[Walker]:

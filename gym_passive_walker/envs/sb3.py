@@ -31,6 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker._tools.extras import extra
 from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.batch import UNFINISHED
+from gym_passive_walker.envs.infos import lane_values
 from gym_passive_walker.envs.one_thread import one_thread
 from gym_passive_walker.envs.registration import ID, MAX_EPISODE_STEPS
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
@@ -147,7 +148,7 @@ class Lane:
 
     @property
     def reward_terms(self) -> dict[str, float]:
-        """Terms of the last reward by name; the reward is their sum."""
+        """Terms of the last reward by name; the reward is their sum; zero after a reset."""
         terms = self._vec_env.envs.reward_terms
         return {name: float(term[self._index]) for name, term in terms.items()}
 
@@ -194,7 +195,7 @@ class Lane:
         """Set the slope of the stride that begins; see `PassiveWalkerEnv.set_slope`."""
         mask = np.zeros(self._vec_env.num_envs, bool)
         mask[self._index] = True
-        return self._vec_env.set_slopes(slope, mask)[self._index]
+        return lane_values(self._vec_env.set_slopes(slope, mask), self._index)
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the walker; None without a render mode."""
@@ -268,6 +269,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         common = {name: [options[name] for options in self._options] for name in names}
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
         observations, _ = self.envs.reset(seed=seeds, options=common)
+        self.metadata["render_fps"] = self.scene.frames_per_second  # it may be a new scene
         self.reset_infos = self._infos(np.zeros(self.num_envs, bool))
         self._reset_seeds()
         self._reset_options()
@@ -331,13 +333,14 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         if endings:
             terminated = dones
             dones = terminated | truncated
-            lanes = np.flatnonzero(dones).tolist()
-            for i in lanes:
+            lanes = np.flatnonzero(dones)
+            for i in lanes.tolist():
                 last = interface.in_groups(observations[i].copy(), self.batch.custom)
                 infos[i] |= self._last_info(i, last, bool(terminated[i]))
                 self._monitor(i)
             self.envs.renew()
-            self.batch.start(lanes, flat)
+            self.metadata["render_fps"] = self.scene.frames_per_second
+            self.batch.go_on(lanes, flat)
         self.batch.unfinished = False
         seen = interface.in_groups(observations, self.batch.custom)
         return seen, rewards.astype(np.float32), dones, infos

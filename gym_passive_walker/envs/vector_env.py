@@ -226,7 +226,7 @@ class PassiveWalkerVectorEnv(
         final = self._infos(ended, ended)
         if self._next is not None:
             self.renew()
-        self.batch.start(np.flatnonzero(ended), flat)
+        self.batch.go_on(np.flatnonzero(ended), flat)
         infos = {
             "final_obs": last,
             "_final_obs": ended,
@@ -252,8 +252,7 @@ class PassiveWalkerVectorEnv(
             SceneError: if the scene is unknown, or its observations or actions differ; nothing has
                 changed then.
         """
-        now = self.scene if self._next is None else self._next.scene
-        self._next = self.batch.changed(make_scene(now if scene is None else scene, **changes))
+        self._next = self._changed(scene, changes)
         self.batch.rules["step_limit"] = 0.0
 
     def renew(self) -> None:
@@ -261,6 +260,7 @@ class PassiveWalkerVectorEnv(
         if self._next is not None:
             self.batch.become(self._next)
             self.scene, self._next = self.batch.scene, None
+            self.metadata = {**self.metadata, "render_fps": self.scene.frames_per_second}
 
     @one_thread
     def set_slopes(
@@ -320,7 +320,10 @@ class PassiveWalkerVectorEnv(
 
     @property
     def reward_terms(self) -> dict[str, NDArray[np.float64]]:
-        """Terms (num_envs,) of the last rewards by name; a reward is their sum."""
+        """Terms (num_envs,) of the last rewards by name; a reward is their sum.
+
+        They are zero where the last step was a reset, after `reset`, and when a new scene begins.
+        """
         return self.batch.reward_terms()
 
     def _infos(
@@ -416,6 +419,11 @@ class PassiveWalkerVectorEnv(
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """The random generator of each environment."""
         return tuple(self.batch.randoms)
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
+        """The seed of each environment's random generator; drawn where none was given."""
+        return tuple(random.bit_generator.seed_seq.entropy for random in self.batch.randoms)  # type: ignore[attr-defined]
 
     @one_thread
     def get_state(self) -> dict[str, Any]:

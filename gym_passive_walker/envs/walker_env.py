@@ -399,8 +399,8 @@ class PassiveWalkerEnv(
             from gym_passive_walker.pictures.screen import Screen
 
             self.close()
-            fps = self.metadata["render_fps"]
-            self._screen = Screen(self.walker, self.render_mode, fps)
+            self._screen = Screen(self.walker, self.render_mode)
+        self._screen.fps = self.metadata["render_fps"]
         return frame(self.batch, 0, self._screen)
 
     def close(self) -> None:
@@ -467,13 +467,13 @@ class PassiveWalkerEnv(
             SceneError: if the scene is unknown, or its observations or actions differ; nothing has
                 changed then.
         """
-        scene = make_scene(self.scene if scene is None else scene, **changes)
-        self.batch.become(self.batch.changed(scene))
-        self.scene, self._ready = scene, False
+        self.batch.become(self._changed(scene, changes))
+        self.scene, self._ready = self.batch.scene, False
+        self.metadata = {**self.metadata, "render_fps": self.scene.frames_per_second}
 
     @property
     def reward_terms(self) -> dict[str, float]:
-        """Terms of the last reward by name; the reward is their sum."""
+        """Terms of the last reward by name; the reward is their sum; zero after a reset."""
         return {name: term.item() for name, term in self.batch.reward_terms().items()}
 
     @property

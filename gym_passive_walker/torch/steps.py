@@ -127,9 +127,10 @@ def take_step(
         penalty: Function of the commands' penalty.
     """
     going, channels, zeros = here.going, scene.channels, torch.zeros_like(here.times)
-    acted, pending = _disturbed(scene, here, rules.clip(actions, -1.0, 1.0))
     least = torch.tensor([scene.least(name) for name in scene.actions], dtype=torch.float64)
-    acted, shares = (rules.clip(given, least, 1.0) for given in (acted, actions))
+    shares = rules.clip(actions, least, 1.0)
+    acted, pending = _disturbed(scene, here, shares)
+    acted = rules.clip(acted, least, 1.0)
     held = dict.fromkeys(channels, zeros)
     for name, share in zip(scene.actions, acted.T, strict=True):
         held[name] = scene.largest(name) * share

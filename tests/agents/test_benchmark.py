@@ -2,6 +2,7 @@
 
 import json
 import math
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,7 +12,7 @@ import pytest
 import scipy.stats
 
 import train
-from agents import benchmark, evaluation, results
+from agents import benchmark, evaluation, files, results
 from agents.benchmark import Unit
 from agents.commands import run_benchmark
 from agents.config import ConfigError, configure
@@ -65,6 +66,30 @@ def test_what_is_done_is_not_done_again(tmp_path, monkeypatch):
     benchmark.run(tmp_path, todo, progress=False)
     assert measured == [todo[0], todo[1], todo[1], todo[2]]
     assert len(benchmark.load_scores(tmp_path)) == 3
+
+
+def test_scores_of_another_budget_are_not_mixed_with_these(tmp_path, monkeypatch):
+    """Nor is a training that was interrupted continued with it."""
+    monkeypatch.setattr(
+        benchmark, "measure", lambda folder, unit, budget: score("ppo") | {"budget": budget}
+    )
+    (ppo,) = benchmark.units(["lab"], ["ppo"], 1)
+    run = partial(benchmark.run, tmp_path, [ppo], progress=False)
+    run(budget=0.5)
+    run(budget=0.5)
+    with pytest.raises(ConfigError, match=r"another --budget \(0.5\) than 1: give that one"):
+        run()
+    monkeypatch.undo()
+    path = benchmark.score_path(tmp_path, ppo)
+    path.write_text(json.dumps(score("ppo")))
+    with pytest.raises(ConfigError, match="one not known"):
+        run(budget=0.5)
+    path.unlink()
+    half = configure("ppo", "lab", steps=configure("ppo", "lab").steps // 2)
+    (tmp_path / "runs" / str(ppo)).mkdir(parents=True)
+    half.save(tmp_path / "runs" / str(ppo) / files.CONFIG)
+    with pytest.raises(ConfigError, match="is another training:\n  steps"):
+        run()
 
 
 @pytest.mark.parametrize("progress", [True, False])

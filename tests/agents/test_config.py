@@ -2,11 +2,14 @@
 
 import copy
 import dataclasses
+import importlib
+import sys
 
 import numpy as np
 import pytest
 import yaml
 
+import agents
 from agents import envs
 from agents.config import ALGORITHMS, Config, ConfigError, configure, presets
 from agents.learner import _acting, build, moments, restore_moments
@@ -15,6 +18,18 @@ from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.gaits.scenes.scene import make_scene
 
 SCENES = ("level", "steep", "rolling", "lab")
+
+
+def test_a_scene_of_a_run_is_read_without_stable_baselines3(monkeypatch):
+    """RLlib's environment, which has another Gymnasium, does not have it."""
+    monkeypatch.setattr(agents, "envs", envs)  # restored afterwards
+    for name in ("agents.envs", "gym_passive_walker.envs.sb3"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    for name in [*sys.modules, "stable_baselines3"]:
+        if name.partition(".")[0] == "stable_baselines3":
+            monkeypatch.setitem(sys.modules, name, None)
+    read = importlib.import_module("agents.envs").scene_of(configure("ppo", "lab"))
+    assert read == make_scene("lab")
 
 
 @pytest.mark.parametrize("algo", ALGORITHMS)

@@ -3,7 +3,9 @@
 import gymnasium
 import numpy as np
 import pytest
+from matplotlib import figure as figures
 
+import gym_passive_walker as gpw
 from agents import envs, pictures
 from agents.config import configure
 from gym_passive_walker.gaits.control.baselines import LinearFeedback, Passive
@@ -127,6 +129,47 @@ def test_a_stride_s_torque_is_drawn_in_the_walker_s_own_units(drawn, monkeypatch
     np.testing.assert_allclose(options["hip_torque"], scale * np.array(actions), rtol=1e-6)
     units = scene.walker.units.to_dimensionless(state)
     np.testing.assert_allclose(units[[0, 3]], policy.seen[-3][0, [0, 3]], atol=1e-6)
+
+
+def angle_and_slope(step):
+    """An observation of the user's own."""
+    return step.state.stance, step.slope
+
+
+class Held:
+    """A policy that returns the same action at each stride."""
+
+    def __init__(self, *action):
+        self.action = np.array(action)
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        """The action for each walker."""
+        return np.tile(self.action, (len(observation), 1)), state
+
+
+@pytest.mark.parametrize("action", [{"push_off": 0.4}, {"hip": 0.02, "push_off": 0.4}], ids=repr)
+@pytest.mark.parametrize("seen", [None, angle_and_slope], ids=["default", "own"])
+def test_strides_of_other_actions_than_a_hip_torque_are_drawn_as_they_were_walked(
+    action, seen, drawn, monkeypatch, tmp_path
+):
+    given = []
+    for name in ("strobe", "strobe_of"):
+        monkeypatch.setattr(
+            pictures, name, lambda *walk, **how: given.append((walk, how)) or figures.Figure().gca()
+        )
+    scene = make_scene("push-off", actions=tuple(action), reset_noise_scale=0.0, observation=seen)
+    world = gymnasium.make(envs.ID, scene=scene)
+    pictures.gait(tmp_path / "gait.png", Held(*action.values()), world, seed=1, title="")
+    walked = [world.reset(seed=1) and world.unwrapped.state]
+    while len(walked) < 23:
+        world.step(np.array([*action.values()]))
+        walked.append(world.unwrapped.state)
+    ((walk, how),) = given
+    if seen is None:
+        states = gpw.simulate(walk[0], state=how["state"], strides=3, samples=2).states[::2]
+    else:
+        states = walk[1]
+    np.testing.assert_allclose(states, walked[20:], atol=1e-6)
 
 
 def test_a_run_is_drawn_with_the_passive_walker_of_its_final_evaluation(

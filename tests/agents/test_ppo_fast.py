@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from stable_baselines3.common.buffers import RolloutBuffer
+from stable_baselines3.common.logger import Logger
 
 from agents import envs
 from agents.config import configure
@@ -38,6 +39,17 @@ def drawn(steps=20, count=5):
 def test_small_updates_are_on_the_cpu_beside_a_gpu(monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
     assert made()[1].device.type == "cpu"
+
+
+@pytest.mark.parametrize(
+    ("interval", "at"), [(1, [400, 800, 1200, 1600, 2000]), (2, [800, 1600]), (None, [])]
+)
+def test_it_logs_at_every_so_many_updates_as_the_library_does(interval, at, monkeypatch):
+    *_, model, _ = made(n_steps=50)
+    written = []
+    monkeypatch.setattr(Logger, "dump", lambda _, step=0: written.append(step))
+    model.learn(2000, log_interval=interval)
+    assert written == at
 
 
 @pytest.mark.parametrize("gae_lambda", [0.0, 0.9, 1.0])

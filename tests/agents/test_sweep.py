@@ -30,7 +30,7 @@ def made(monkeypatch):
     class Made:
         """A training of two evaluations."""
 
-        first_to_walk = None
+        first_to_walk, finished = None, True
 
         def __init__(self, config, folder):
             found.append((config, folder))
@@ -40,6 +40,7 @@ def made(monkeypatch):
 
         def train(self, *, progress):
             assert progress is False
+            return self.finished
 
     monkeypatch.setattr(sweep, "Run", Made)
     return found, Made
@@ -54,6 +55,12 @@ def test_the_results_are_the_last_evaluation_and_when_it_first_walked(made):
     assert again["walks_after"] == 1.0 and type(again["walks_after"]) is float
     for config, folder in made[0]:
         assert config == configure("ppo", "lab", seed=2) and not folder.exists()
+
+
+def test_an_interrupted_training_has_no_results(made):
+    made[1].finished = False
+    with pytest.raises(KeyboardInterrupt):
+        train(scene="lab", seed=2)
 
 
 def test_a_folder_is_named_by_all_arguments_in_any_order(made, tmp_path):

@@ -191,6 +191,11 @@ def test_episodes_have_as_many_steps_as_their_limit(entry_point, limit):
         assert done.all() == (k + 1 == limit)
 
 
+def eight(step):
+    """As many numbers as the environment's own observation has, which none bounds."""
+    return [step.distance] * 8
+
+
 @pytest.mark.parametrize("entry_point", ["make", "make_vec"])
 def test_a_scene_changes_by_name_by_arguments_and_by_both(entry_point):
     env = ENTRY_POINTS[entry_point]().unwrapped
@@ -206,11 +211,13 @@ def test_a_scene_changes_by_name_by_arguments_and_by_both(entry_point):
             assert env.scene != expected  # until the next reset
         seen, _ = env.reset(seed=0)
         assert env.scene == expected == env.batch.scene
+        assert env.metadata["render_fps"] == expected.frames_per_second
         assert np.atleast_2d(seen)[0, 7] == np.float32(expected.slope)
     before = env.scene
     for changes, said in (
         ({"command": 0.1}, "keeps its 8 numbers of observation .* has 9 and"),
         ({"actions": ("hip", "push_off")}, r"its actions \('hip',\), and .*\('hip', 'push_off'\)"),
+        ({"observation": eight}, "8 numbers .* has 8 within other bounds"),
         ({"tick": -1.0}, "tick must be"),
     ):
         with pytest.raises(ValueError, match=said):

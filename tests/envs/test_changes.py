@@ -5,6 +5,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.gaits.scenes.checks import SceneError
 
 ZEROS = np.zeros((3, 1))
 BUMPY = np.array([0.02, 0.036, 0.05])
@@ -50,6 +51,24 @@ def test_an_observation_of_one_s_own_sees_the_slope_that_is_set():
     assert before[:, 0] == pytest.approx(0.036) and seen[:, 0] == pytest.approx(expected)
     assert seen[:, 1].tolist() == before[:, 1].tolist()
     assert envs.step(ZEROS)[0][:, 0] == pytest.approx(expected)
+
+
+def test_slopes_and_walkers_of_each_environment_are_not_those_of_a_scene():
+    """A change that would have no effect is refused."""
+    for own, changes in (
+        ({"slopes": BUMPY}, {"slope": 0.01}),
+        ({"slopes": BUMPY}, {"scene": "steep"}),
+        ({"walkers": ["C", "lab", "C"]}, {"walker": "lab"}),
+        ({"walkers": ["C", "lab", "C"]}, {"scene": "lab"}),
+    ):
+        envs = PassiveWalkerVectorEnv(3, "lab", **own)
+        with pytest.raises(SceneError, match="has no effect, since the environments have"):
+            envs.set_scene(**changes)
+        envs.set_scene(energy_weight=3.0)
+        envs.reset()
+        assert envs.scene.energy_weight == 3.0 and [*envs.slopes] == [
+            *own.get("slopes", [0.036] * 3)
+        ]
 
 
 def test_a_slope_stays_until_the_next_reset():
@@ -147,6 +166,29 @@ def test_none_is_the_price_of_the_scene(make):
             world.get_attr("energy_cost")[0] if hasattr(world, "get_attr") else world.energy_cost
         )
         assert charged == "net"
+
+
+def test_a_price_stays_until_the_scene_or_its_energy_is_given(make):
+    """As a schedule sets it, while a curriculum changes the scene."""
+    for world in (make(), PassiveWalkerVectorEnv(2), learners(2)):
+
+        def cost(world=world):
+            return (
+                world.get_attr("energy_cost")[0] if hasattr(world, "lanes") else world.energy_cost
+            )
+
+        for price, scene, changes, later in (
+            ("positive", None, {"slope": 0.01}, "positive"),
+            ("positive", None, {"energy": "absolute"}, "absolute"),
+            ("positive", None, {"energy": "net", "tick": 0.2}, "net"),
+            (None, None, {"tick": 0.1}, "net"),
+            ("positive", "lab", {}, "absolute"),
+        ):
+            world.set_energy_cost(price)
+            world.set_scene(scene, **changes)
+            world.set_scene(energy_weight=3.0)
+            world.reset()
+            assert cost() == later
 
 
 def test_an_unknown_price_is_refused(make):

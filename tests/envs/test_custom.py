@@ -516,6 +516,30 @@ def test_each_term_of_a_weighted_reward_is_what_the_infos_report(count):
     assert strikes >= count
 
 
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+@pytest.mark.parametrize("command", [None, 0.1])
+@pytest.mark.filterwarnings("ignore:reward cannot be compiled")
+@pytest.mark.parametrize("reward", [None, own, with_numpy, {"alive": 1.0, "energy": -2.0}])
+def test_a_reward_is_the_sum_of_its_terms_also_where_episodes_end_and_begin(reward, command, mode):
+    env = PassiveWalkerVectorEnv(
+        3, reward=reward, command=command, autoreset_mode=mode, max_episode_steps=7
+    )
+    env.reset(seed=0)
+    env.set_elapsed_steps([0, 2, 4])
+    paid = 0
+    for k in range(20):
+        if k == 10:
+            env.set_scene(slope=0.01)
+        rewards = env.step(np.full((3, 1), 0.2))[1]
+        paid += np.count_nonzero(rewards)
+        if (mode, k) != ("SameStep", 10):  # its rewards are of the scene before
+            np.testing.assert_allclose(sum(env.reward_terms.values()), rewards, rtol=1e-12)
+    env.reset(options={"reset_mask": np.array([True, False, False])})
+    terms = sum(env.reward_terms.values())
+    assert terms[0] == 0.0 and 40 < paid <= 60
+    np.testing.assert_allclose(terms[1:], rewards[1:], rtol=1e-12)
+
+
 @pytest.mark.parametrize("reward", [None, own, {"distance": 1.0, "energy": -2.0}])
 def test_terms_that_were_returned_are_the_callers_to_keep(reward):
     env = PassiveWalkerVectorEnv(3, reward=reward, command=0.1)

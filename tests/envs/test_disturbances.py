@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 
 import gymnasium as gym
@@ -219,6 +220,19 @@ def test_a_motor_errs_by_a_share_of_its_torque_and_never_exceeds_it():
         assert np.abs(shares).max() <= 1.0
         assert shares.mean() == pytest.approx(mean, abs=0.03)
         assert shares.std() == pytest.approx(spread, abs=0.02)
+
+
+def test_a_push_off_below_none_is_none_before_it_errs():
+    """An action is clipped to its bounds first, as one of a torque is."""
+    below, none = (PassiveWalkerVectorEnv(300, "push-off", action_noise=0.2) for _ in range(2))
+    for envs, action in ((below, -0.7), (none, 0.0)):
+        envs.reset(seed=0)
+        envs.step(np.full((300, 1), action))
+    shares, expected = (
+        e.batch.records["push_off"][:, 0] / e.scene.max_push_off for e in (below, none)
+    )
+    np.testing.assert_array_equal(shares, expected)
+    assert shares.mean() == pytest.approx(0.2 / math.sqrt(2.0 * math.pi), abs=0.02)
 
 
 # Commands

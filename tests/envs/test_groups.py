@@ -110,6 +110,14 @@ def test_other_ways_to_observe_have_the_groups():
     for each in (twin, copy.deepcopy(twin)):
         step = each.step(np.full(1, 0.3, np.float32))[0]
         assert {*step} == {"policy", "critic"}
+    many = PassiveWalkerVectorEnv(2, SCENE)
+    learners = PassiveWalkerVecEnv(2, SCENE)
+    for envs, call in ((many, many.call), (learners, learners.env_method)):
+        envs.reset()
+        rows = call("set_slope", 0.013)
+        assert [{*row} for row in rows] == [{"policy", "critic"}] * 2
+        assert [row["critic"].shape for row in rows] == [(11,)] * 2
+        assert {row["critic"][7] for row in rows} == {np.float32(0.013)}
     other = {"policy": hips, "critic": (*SCENE["observation"]["critic"], hips)}
     with pytest.raises(SceneError, match="they cannot change"):
         env.set_scene(observation=other)

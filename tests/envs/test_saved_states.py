@@ -114,6 +114,7 @@ TAMPERED = {
     "random numbers": (put("random", [{}] * 4), "environment 0 is no state of a PCG64"),
     "another generator": (of_another_generator, "environment 1 is no state of a PCG64"),
     "too few random numbers": (lambda state: state["random"].pop(), "must be 4 states"),
+    "an energy cost": (put("energy_cost", "money"), "'energy_cost' must be 'absolute' or"),
     "no random numbers": (put("random", 3), "must be 4 states of generators, not int"),
 }  # fmt: skip
 
@@ -247,9 +248,21 @@ def test_every_state_that_walkers_come_to_can_be_put_back(scene, mode, assert_sa
     if scene is RESTLESS:  # each entry has been another one
         assert changed >= first.keys() - {
             "scene",
+            "energy_cost",
             "draw_keys",
             *(["ended"] if mode == "SameStep" else []),
         }
+
+
+@pytest.mark.parametrize("make", [many, alone])
+def test_a_state_has_the_energy_cost_that_was_set(make, assert_same):
+    env, twin = make(), make()
+    env.set_energy_cost("net")
+    state = env.get_state()
+    twin.set_state({**state, "energy_cost": np.array(state["energy_cost"])})  # as files have it
+    assert twin.energy_cost == "net"
+    act = np.full(env.action_space.shape, -0.5)
+    assert_same(twin.step(act), env.step(act))
 
 
 def test_a_walker_that_diverged_can_be_put_back():

@@ -317,9 +317,13 @@ def test_what_acts_on_all_environments_is_refused_for_some_of_them(method, indic
 
 def test_a_batch_of_one_is_all_of_it():
     env = PassiveWalkerVecEnv(1)
-    env.env_method("set_scene", slope=0.02, indices=[0])
+    env.env_method("set_scene", slope=0.02, tick=0.5, indices=[0])
     env.get_attr("set_energy_cost")[0]("net")
     env.reset()
+    assert env.metadata["render_fps"] == env.scene.frames_per_second == 7
+    env.env_method("set_scene", tick=0.1)
+    env.step(np.zeros((1, 1)))
+    assert env.metadata["render_fps"] == env.scene.frames_per_second == 35
     assert env.get_attr("slope") == [0.02] and env.get_attr("energy_cost") == ["net"]
 
 

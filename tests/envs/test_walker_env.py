@@ -411,3 +411,13 @@ def test_frames_per_second_are_those_of_the_scene():
         for env in (PassiveWalkerEnv(**scene), PassiveWalkerVectorEnv(2, **scene)):
             assert env.metadata["render_fps"] == expected
     assert PassiveWalkerEnv.metadata["render_fps"] == 30  # of the class: unchanged
+
+
+def test_a_window_has_the_speed_of_the_scene_that_is_set(make):
+    pytest.importorskip("pygame")
+    env = make(render_mode="human")
+    for tick, speed in ((0.1, 35), (0.5, 7)):
+        env.set_scene(tick=tick)
+        env.reset(seed=0)
+        assert env._screen.fps == env.metadata["render_fps"] == speed
+    env.close()

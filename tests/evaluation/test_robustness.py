@@ -150,6 +150,27 @@ def test_a_controller_that_does_nothing_withstands_what_the_passive_walker_does(
     assert abs(one.mean - other.mean) < 4.0 * math.hypot(one.error, other.error)
 
 
+class FasterIfToldSo:
+    """A controller that heeds the commanded speed, the last number that it observes."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        """Torques (n, 1)."""
+        return observation[:, -1:] - 0.15 + 0.2 * observation[:, :1], state
+
+
+def test_walkers_are_tried_in_the_middle_of_what_a_scene_draws():
+    """One command, slope and body: else two walkers differ by more than their disturbances."""
+    middle = make_scene("lab", control="stride", command=0.15)
+    drawn = {"slope": (0.035, 0.037), "command": (0.1, 0.2), "randomization_pool": 3}
+    drawn["domain_randomization"] = {"foot_radius": 0.1}
+    one, other = (
+        robustness(FasterIfToldSo(), make_scene(middle, **each), walkers=2, strides=2, starts=2)
+        for each in ({}, drawn)
+    )
+    np.testing.assert_allclose(other.period_response, one.period_response, rtol=1e-6, atol=1e-6)
+    assert other.sensitivity == pytest.approx(one.sensitivity, rel=1e-9)
+
+
 def test_it_has_a_table_and_a_picture(lab, tmp_path):
     assert "gait sensitivity norm" in repr(lab)
     lab.to_csv(tmp_path / "pushes.csv")

@@ -58,7 +58,7 @@ _ANSWERS = 60  # strides that are evaluated after it
 _IDLE = {"pushes": {"rate": 0.0, "impulse": 0.0}, "terrain": Terrain()}
 _CALM = {
     "observation_noise": 0.0, "action_noise": 0.0, "reset_noise_scale": 0.0,
-    "domain_randomization": {}, "constraints": {},
+    "domain_randomization": {}, "randomization_pool": None, "constraints": {},
 }  # fmt: skip
 
 
@@ -292,8 +292,9 @@ def _scene_of(controller: WalkerLike, scene: Any, slope: float | None) -> Scene:
 
 
 def _alone(scene: Scene) -> dict[str, Any]:
-    """Arguments of a scene without disturbances but those that are tried."""
-    return {**_CALM, "slope": float(np.mean(scene.slope))}
+    """Arguments of a scene of one slope and command, without disturbances but those tried."""
+    command = None if scene.command is None else float(np.mean(scene.command))
+    return {**_CALM, "slope": float(np.mean(scene.slope)), "command": command}
 
 
 class _Tries:
