@@ -19,6 +19,9 @@ from gym_passive_walker.models.walkers import Walker, WalkerLike, as_walker, des
 FORMATS = {"mjcf": ".xml", "urdf": ".urdf", "sdf": ".sdf"}
 """Formats of files, and the usual ending of each."""
 
+TIMESTEP = 1e-3
+"""Timestep of MJCF in s."""
+
 _SWING = "Let the swing foot meet the ground only where it leads and comes down: {}legs scuff."
 _KNEES = (
     "Latch the swing knee from its stop on, to the end of the stride and through the next one, in "
@@ -41,7 +44,7 @@ def export(
     format: Literal["mjcf", "urdf", "sdf"] | None = None,
     *,
     slope: float | None = None,
-    timestep: float = 1e-3,
+    timestep: float | None = None,
     unit_length: float | None = None,
     unit_mass: float | None = None,
 ) -> None:
@@ -58,7 +61,8 @@ def export(
         format: "mjcf", "urdf" or "sdf"; None follows the ending .xml, .urdf or .sdf.
         slope: Slope of the ground in rad, positive downhill; the gait's, or 0, when None. URDF has
             no ground.
-        timestep: Timestep of MJCF in s. The time constant of contacts is twice as long.
+        timestep: Timestep of MJCF in s; 0.001 when None. The time constant of contacts is twice as
+            long. Other formats have none.
         unit_length: Unit of length of a `System`, in m.
         unit_mass: Unit of mass of a `System`, in kg.
 
@@ -84,7 +88,7 @@ def text_for(
     kind: str,
     *,
     slope: float | None = None,
-    timestep: float = 1e-3,
+    timestep: float | None = None,
     unit_length: float | None = None,
     unit_mass: float | None = None,
 ) -> str:
@@ -97,7 +101,9 @@ def text_for(
             f"the gait's slope is {gait.slope:g} rad, not {tilt:g}: leave out slope, or export a "
             "gait of that slope"
         )
-    step = number(timestep, "timestep", above=0.0, most=1.0)
+    if timestep is not None and kind != "mjcf":
+        raise ValueError(f"timestep is that of MJCF: a file of {kind.upper()} has none")
+    step = number(TIMESTEP if timestep is None else timestep, "timestep", above=0.0, most=1.0)
     tree, pose = _described(model, tilt, gait, unit_length, unit_mass)
     about = _comment(model, tree, tilt, pose, kind)
     if kind == "mjcf":

@@ -133,6 +133,8 @@ def test_a_system_that_is_no_tree_of_hinges_has_no_file(tmp_path):
         ("lab", {"path": "walker.txt"}, r"ends in \.xml, \.urdf, \.sdf, or has a format"),
         ("lab", {"timestep": 0.0}, "timestep must be a number above 0 up to 1, not 0.0"),
         ("lab", {"timestep": -1e-3}, "timestep must be a number above 0"),
+        ("lab", {"path": "walker.urdf", "timestep": 1e-3}, "timestep is that of MJCF: a file of URDF"),
+        ("lab", {"path": "walker.sdf", "timestep": 1e-3}, "timestep is that of MJCF: a file of SDF"),
         ("lab", {"unit_mass": 2.0}, "unit_mass is for a System"),
         (TORSO, {}, "'torso' has no units, and files are in m, kg and s: give unit_length"),
         (gpw.WALKERS["lab"].with_parameters(shank_gyration=0.0), {},
