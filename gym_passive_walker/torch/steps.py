@@ -87,7 +87,7 @@ class RolloutState(NamedTuple):
         return self.outcome == _RUNNING
 
     def detach(self) -> RolloutState:
-        """Return a copy whose motion is detached from the graph: gradients by earlier actions stop.
+        """Return a copy with its motion detached from the graph: gradients by earlier actions stop.
 
         `parameters` and `footholds` stay attached, and later walks have gradients by them. If they
         are computed from other tensors, PyTorch frees that graph in the first `backward`: give

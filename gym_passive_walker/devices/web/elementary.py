@@ -199,10 +199,7 @@ def _pair(exact: Fraction) -> tuple[float, float]:
     return high, float(exact - Fraction(high))
 
 
-_PI = Fraction(
-    "3.1415926535897932384626433832795028841971"
-    "69399375105820974944592307816406286209"
-)
+_PI = Fraction("3.141592653589793238462643383279502884197169399375105820974944592307816406286209")
 _HALF_PI = _pair(_PI / 2)
 _HALF_PI_REST = float(_PI / 2 - Fraction(_HALF_PI[0]) - Fraction(_HALF_PI[1]))
 _TO_QUADRANTS = float(2 / _PI)
