@@ -10,7 +10,7 @@ from typing import Any, Literal
 from gym_passive_walker._tools.arguments import near, number, one_slope, shown
 from gym_passive_walker._tools.files import prepare, replacing
 from gym_passive_walker.bridge.linkage import Linkage
-from gym_passive_walker.bridge.mjcf import mjcf, spelled
+from gym_passive_walker.bridge.mjcf import TIMESTEP, mjcf, spelled
 from gym_passive_walker.bridge.rigid import Tree, TreePose, coordinates, tree_of_walker
 from gym_passive_walker.bridge.urdf import sdf, urdf
 from gym_passive_walker.gaits.gait import Gait
@@ -18,9 +18,6 @@ from gym_passive_walker.models.walkers import Walker, WalkerLike, as_walker, des
 
 FORMATS = {"mjcf": ".xml", "urdf": ".urdf", "sdf": ".sdf"}
 """Formats of files, and the usual ending of each."""
-
-TIMESTEP = 1e-3
-"""Timestep of MJCF in s."""
 
 _SWING = "Let the swing foot meet the ground only where it leads and comes down: {}legs scuff."
 _KNEES = (

@@ -24,8 +24,8 @@ from gym_passive_walker.apps.cli.arguments import (
 from gym_passive_walker.apps.cli.report import SI, Report, listing, record, table
 from gym_passive_walker.bridge.comparison import TIMESTEPS
 from gym_passive_walker.bridge.comparison import compare as compared
-from gym_passive_walker.bridge.export import FORMATS, TIMESTEP, checked_format, text_for
-from gym_passive_walker.bridge.mjcf import SOFTNESS
+from gym_passive_walker.bridge.export import FORMATS, checked_format, text_for
+from gym_passive_walker.bridge.mjcf import SOFTNESS, TIMESTEP
 from gym_passive_walker.envs import explain
 from gym_passive_walker.envs.evaluation.comparison import evaluate as evaluated
 from gym_passive_walker.envs.policies import TrainedPolicy, load_policy, shipped_policies
