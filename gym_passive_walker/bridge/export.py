@@ -10,7 +10,7 @@ from typing import Any, Literal
 from gym_passive_walker._tools.arguments import near, number, one_slope, shown
 from gym_passive_walker._tools.files import prepare, replacing
 from gym_passive_walker.bridge.linkage import Linkage
-from gym_passive_walker.bridge.mjcf import mjcf, spelled
+from gym_passive_walker.bridge.mjcf import TIMESTEP, mjcf, spelled
 from gym_passive_walker.bridge.rigid import Tree, TreePose, coordinates, tree_of_walker
 from gym_passive_walker.bridge.urdf import sdf, urdf
 from gym_passive_walker.gaits.gait import Gait
@@ -41,7 +41,7 @@ def export(
     format: Literal["mjcf", "urdf", "sdf"] | None = None,
     *,
     slope: float | None = None,
-    timestep: float = 1e-3,
+    timestep: float | None = None,
     unit_length: float | None = None,
     unit_mass: float | None = None,
 ) -> None:
@@ -58,7 +58,8 @@ def export(
         format: "mjcf", "urdf" or "sdf"; None follows the ending .xml, .urdf or .sdf.
         slope: Slope of the ground in rad, positive downhill; the gait's, or 0, when None. URDF has
             no ground.
-        timestep: Timestep of MJCF in s. The time constant of contacts is twice as long.
+        timestep: Timestep of MJCF in s; 0.001 when None. The time constant of contacts is twice as
+            long. Other formats have none.
         unit_length: Unit of length of a `System`, in m.
         unit_mass: Unit of mass of a `System`, in kg.
 
@@ -84,7 +85,7 @@ def text_for(
     kind: str,
     *,
     slope: float | None = None,
-    timestep: float = 1e-3,
+    timestep: float | None = None,
     unit_length: float | None = None,
     unit_mass: float | None = None,
 ) -> str:
@@ -97,7 +98,9 @@ def text_for(
             f"the gait's slope is {gait.slope:g} rad, not {tilt:g}: leave out slope, or export a "
             "gait of that slope"
         )
-    step = number(timestep, "timestep", above=0.0, most=1.0)
+    if timestep is not None and kind != "mjcf":
+        raise ValueError(f"timestep is that of MJCF: a file of {kind.upper()} has none")
+    step = number(TIMESTEP if timestep is None else timestep, "timestep", above=0.0, most=1.0)
     tree, pose = _described(model, tilt, gait, unit_length, unit_mass)
     about = _comment(model, tree, tilt, pose, kind)
     if kind == "mjcf":

@@ -11,6 +11,9 @@ from gym_passive_walker.bridge.rigid import SIDES, Body, Tree, TreePose, foot_na
 POINT = 1e-6
 """Radius in m of the sphere that stands for a point foot."""
 
+TIMESTEP = 1e-3
+"""Default timestep in s; `docs/simulators.md` has the error of gaits by timestep."""
+
 SOFTNESS = 2.0
 """Time constant of contacts and latches in timesteps: the stiffest that MuJoCo allows."""
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker._tools.arguments import number
 from gym_passive_walker.bridge.loop import Loop, library
-from gym_passive_walker.bridge.mjcf import SOFTNESS
+from gym_passive_walker.bridge.mjcf import SOFTNESS, TIMESTEP
 from gym_passive_walker.envs import saved, task, transitions
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
@@ -20,9 +20,6 @@ from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, make_scene
 from gym_passive_walker.models.equations import legs
 from gym_passive_walker.models.equations.hybrid import Outcome, State
 from gym_passive_walker.models.walkers import Walker
-
-TIMESTEP = 1e-3
-"""Default timestep in s; `docs/simulators.md` has the error of gaits by timestep."""
 
 _WIDTH, _HEIGHT = 640, 480  # of pictures, in pixels
 _NO_SCREEN: list[str] = []  # why there is no renderer, once there was none

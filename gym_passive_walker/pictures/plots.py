@@ -92,12 +92,13 @@ def draw_family(
     Args:
         ax: Axes to draw on.
         family: The branch of gaits.
-        by: Quantity of the vertical axis, one of `MEASURES`.
+        by: Quantity of the vertical axis, one of `PLOTTED`: "stance_angle", "froude_speed" or
+            "largest_multiplier".
         label: Label in the legend.
         **style: Keywords of matplotlib's lines.
 
     Raises:
-        ValueError: if `by` is not one of `MEASURES`.
+        ValueError: if `by` is not one of `PLOTTED`.
     """
     if by not in PLOTTED:
         raise ValueError(f"a family is drawn by {', '.join(PLOTTED)}, not by {by!r}")
@@ -185,7 +186,7 @@ def family_key(ax: Axes, *families: GaitFamily) -> None:
 
 @picture.register(GaitFamily)
 def _family(family: GaitFamily, ax: Axes | None = None, by: str = "stance_angle", **style) -> Axes:
-    """Draw one of `MEASURES` over the branch's parameter, with options of matplotlib's lines."""
+    """Draw one of `PLOTTED` over the branch's parameter, with options of matplotlib's lines."""
     ax = axes_for(ax, (5.6, 4.6))
     draw_family(ax, family, by, **style)
     family_key(ax, family)

@@ -77,7 +77,8 @@ class Screen:
     `draw` receives their number. Pale ghosts show earlier postures. An arrow around the hip shows
     the hip torque, longer for a larger torque. The part of the swing foot below the ground, which
     the model permits, is drawn in the warning colour. A push is an arrow from the hip that fades
-    over some frames.
+    over some frames. A `System` has no ghosts, no arrow of a torque and no mark of scuffing, and a
+    push of it is an arrow from its centre of mass.
 
     With "rgb_array" no display is needed and no window opens. With "human" a window opens and shows
     `fps` frames per second; after the user has closed it, frames are no longer drawn.
@@ -118,6 +119,7 @@ class Screen:
         self._brush = Brush(pygame, self._canvas, scale, self.walker.leg_length)
         self._trail: deque[tuple[Pose, int]] = deque(maxlen=_GHOSTS)
         self._push, self._since = np.zeros(2), _FRAMES
+        self._last = 0.0, 0  # place and heelstrikes of the last frame
         self._window: Any = None
         self._clock: Any = None
         self._open = True
@@ -147,10 +149,10 @@ class Screen:
             strides: Number of heelstrikes so far; the legs change roles, not colours.
             contact_y: Height of the contact point over the slope, in the walker's units.
             tilt: Slope of the ground at the contact beyond the slope that is walked, in rad; angles
-                are measured from the normal of that ground.
-            torque: Hip torque as a share of the largest, from -1 to 1.
-            push: Impulse on the hip that has just acted along the ground, as a share of the
-                largest, from -1 to 1; positive downhill.
+                are measured from the normal of that ground. A `System` has none.
+            torque: Hip torque as a share of the largest, from -1 to 1; ignored for a `System`.
+            push: Impulse on the hip, of a `System` on its centre of mass, that has just acted along
+                the ground, as a share of the largest, from -1 to 1; positive downhill.
             notes: Lines of text for the upper left and the upper right corner.
             warning: A line in the warning colour below those on the left.
             profile: The ground as points (x, y) along and off the slope, shape (n, 2), with x
@@ -169,13 +171,17 @@ class Screen:
             raise ValueError(f"a frame shows one state of shape {size}, not {np.shape(state)}")
         ground = _LEVEL if profile is None else np.asarray(profile, dtype=float)
         if "legs" not in self.walker.supports:
-            given, walker = np.asarray(state).tolist(), self.walker.in_stride(strides)
-            self._look_below(contact_x + walker.centre_of_mass(given)[0], slope)
-            self._draw_lines(walker.drawn(given), contact_x)
+            foot, walker = np.array([contact_x, contact_y]), self.walker.in_stride(strides)
+            centre = foot + walker.centre_of_mass(np.asarray(state))
+            self._look_at(centre, slope, ground)
+            self._begin(centre[0], strides)
+            self._draw_lines([foot + line for line in walker.drawn(state)])
+            self._pushed(centre, push, tilt)
+            self._ground(ground)
             return self._finished(notes, warning)
         brush, posture = self._brush, pose(self.walker, state, contact_x, contact_y, tilt)
-        self._look_at(posture, slope, ground)
-        self._canvas.fill(colours.SKY)
+        self._look_at(posture.hip, slope, ground)
+        self._begin(posture.hip[0], strides)
         self._follow(posture, strides)
         hip = brush.at(posture.hip)
         near, far = legs_by_identity(posture, strides)
@@ -184,30 +190,19 @@ class Screen:
         brush.disc(hip, 0.050, colours.HIP)
         brush.disc(hip, 0.018, colours.SKY)
         brush.turn(hip, 0.17, 1.9 * torque, colours.TORQUE)
-        if push:
-            along = push * np.array([math.cos(tilt), -math.sin(tilt)])
-            self._push, self._since = along * _PUSH * self.walker.leg_length, 0
-        self._pushed(posture.hip)
+        self._pushed(posture.hip, push, tilt)
         self._ground(ground)
         self._scuff(posture.swing, ground)
         return self._finished(notes, warning)
 
-    def _draw_lines(self, lines: list[NDArray], contact_x: float) -> None:
-        """Draw a system by its lines of points, from its stance foot, on smooth ground."""
+    def _draw_lines(self, lines: list[NDArray]) -> None:
+        """Draw a system by its lines of points."""
         brush = self._brush
-        self._canvas.fill(colours.SKY)
         for number, line in enumerate(lines):
-            places = brush.at(line + np.array([contact_x, 0.0]))
+            places = brush.at(line)
             brush.line(places, 0.026, colours.LEGS[number % len(colours.LEGS)])
             for place in places:
                 brush.disc(place, 0.034, colours.HIP)
-        self._ground(_LEVEL)
-
-    def _look_below(self, x: float, slope: float) -> None:
-        """Point the camera at the ground below the centre of mass of a system."""
-        wide, high = self._canvas.get_size()
-        origin = 0.5 * wide, (1.0 - _GROUND_SHARE) * high
-        self._brush.look_at(np.array([x, 0.0]), slope, origin)
 
     def _finished(
         self, notes: tuple[Sequence[str], Sequence[str]], warning: str
@@ -246,42 +241,45 @@ class Screen:
         elif self.fps:
             self._clock.tick(self.fps)
 
-    def _look_at(self, posture: Pose, slope: float, ground: NDArray) -> None:
-        """Move the camera to the hip, at the mean height of the ground around."""
+    def _look_at(self, place: NDArray, slope: float, ground: NDArray) -> None:
+        """Move the camera to a place, at the mean height of the ground around; clear the frame."""
         wide, high = self._canvas.get_size()
-        around = posture.hip[0] + self.walker.leg_length * _VIEW
-        camera = np.array([posture.hip[0], height(ground, around).mean()])
+        around = place[0] + self.walker.leg_length * _VIEW
+        camera = np.array([place[0], height(ground, around).mean()])
         self._brush.look_at(camera, slope, (0.5 * wide, (1.0 - _GROUND_SHARE) * high))
+        self._canvas.fill(colours.SKY)
+
+    def _begin(self, x: float, strides: int) -> None:
+        """Remove ghosts and the arrow of a push if the walker jumps, as at a reset."""
+        before, struck = self._last
+        if strides < struck or not -_GHOST_APART < (x - before) / self.walker.leg_length < 2.0:
+            self._trail.clear()
+            self._since = _FRAMES
+        self._last = x, strides
 
     def _follow(self, posture: Pose, strides: int) -> None:
-        """Draw the ghosts of a walk, and record the posture as one if it is far enough ahead.
-
-        If the walker jumps, as at a reset, all ghosts are removed.
-        """
-        length = self.walker.leg_length
-        if self._trail:
-            last, before = self._trail[-1]
-            ahead = (posture.hip[0] - last.hip[0]) / length
-            if strides < before or not -_GHOST_APART < ahead < 2.0:
-                self._trail.clear()
-                self._since = _FRAMES
+        """Draw the ghosts of a walk, and record the posture as one if it is far enough ahead."""
+        apart = _GHOST_APART * self.walker.leg_length
         for age, (ghost, struck) in enumerate(reversed(self._trail)):
             paleness = 0.62 + 0.30 * age / _GHOSTS
-            if posture.hip[0] - ghost.hip[0] < 0.5 * _GHOST_APART * length:
+            if posture.hip[0] - ghost.hip[0] < 0.5 * apart:
                 continue  # the walker would cover it
             near, far = legs_by_identity(ghost, struck)
             for leg, colour in ((far, colours.LEGS[1]), (near, colours.LEGS[0])):
                 places = self._brush.at(np.array([ghost.hip, leg.knee, leg.tip]))
                 self._brush.line(places, 0.010, colours.shaded(colour, colours.SKY, paleness))
-        if not self._trail or ahead > _GHOST_APART:
+        if not self._trail or posture.hip[0] - self._trail[-1][0].hip[0] > apart:
             self._trail.append((posture, strides))
 
-    def _pushed(self, hip: NDArray) -> None:
-        """Draw the last push, until it has faded."""
+    def _pushed(self, place: NDArray, push: float, tilt: float) -> None:
+        """Draw the last push at a place, until it has faded."""
+        if push:
+            along = push * np.array([math.cos(tilt), -math.sin(tilt)])
+            self._push, self._since = along * _PUSH * self.walker.leg_length, 0
         if self._since < _FRAMES:
-            start = self._brush.at(hip)
+            start = self._brush.at(place)
             colour = colours.shaded(colours.PUSH, colours.SKY, self._since / _FRAMES)
-            self._brush.arrow(start, self._brush.at(hip + self._push) - start, colour)
+            self._brush.arrow(start, self._brush.at(place + self._push) - start, colour)
             self._since += 1
 
     def _leg(self, hip: NDArray, leg: Leg, colour: colours.Colour) -> None:

@@ -132,7 +132,7 @@ class PassiveWalkerTorchEnv(interface.Adapter):
         Returns:
             Observations (num_envs, k), with k = 8 by default; rewards, terminated and truncated,
             each (num_envs,); and `info`, tensors that are zero where an entry has no value.
-            "outcome" is the index of a name in `interface.OUTCOMES`: up to 8 an `Outcome`, 0 where
+            "outcome" is the index of a name in `interface.OUTCOMES`: up to 9 an `Outcome`, 0 where
             no stride or episode ended. With "SameStep", "final_obs" (num_envs, k) are the
             observations before the resets.
 

@@ -87,7 +87,12 @@ class RolloutState(NamedTuple):
         return self.outcome == _RUNNING
 
     def detach(self) -> RolloutState:
-        """Return a copy that is detached from the graph: gradients stop here."""
+        """Return a copy with its motion detached from the graph: gradients by earlier actions stop.
+
+        `parameters` and `footholds` stay attached, and later walks have gradients by them. If they
+        are computed from other tensors, PyTorch frees that graph in the first `backward`: give
+        them computed again, `end.detach()._replace(parameters=...)`, or use `retain_graph=True`.
+        """
         moving = ("states", "starts", "progress", "due", "pending")
         return self._replace(
             last=each_tensor(self.last, Tensor.detach),

@@ -167,6 +167,8 @@ def test_the_angle_of_a_link_counts_in_either_sense_and_from_anywhere():
         ("lab", {"path": "walker.txt"}, r"ends in \.xml, \.urdf, \.sdf, or has a format"),
         ("lab", {"timestep": 0.0}, "timestep must be a number above 0 up to 1, not 0.0"),
         ("lab", {"timestep": -1e-3}, "timestep must be a number above 0"),
+        ("lab", {"path": "walker.urdf", "timestep": 1e-3}, "MJCF: a file of URDF has none"),
+        ("lab", {"path": "walker.sdf", "timestep": 1e-3}, "MJCF: a file of SDF has none"),
         ("lab", {"unit_mass": 2.0}, "unit_mass is for a System"),
         (TORSO, {}, "'torso' has no units, and files are in m, kg and s: give unit_length"),
         (gpw.WALKERS["lab"].with_parameters(shank_gyration=0.0), {},

@@ -67,6 +67,25 @@ def test_each_name_on_the_page_exists(name):
     assert find(name) is not None
 
 
+def constants_in_docstrings():
+    """Files of the package, and the constants that they name, as `engine.layout.RECORD`."""
+    for path in sorted((ROOT / "gym_passive_walker").rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        for name in re.findall(r"`(?:gym_passive_walker\.)?((?:\w+\.)+[A-Z][A-Z_\d]+)`", text):
+            yield path.name, name
+
+
+def test_each_constant_that_a_docstring_names_is_in_its_module():
+    named = [*constants_in_docstrings()]
+    assert len(named) > 20
+    for path, name in named:
+        module, _, constant = name.rpartition(".")
+        places = (f"{module.replace('.', '/')}{end}" for end in (".py", "/__init__.py"))
+        found = [each for place in places for each in (ROOT / "gym_passive_walker").rglob(place)]
+        texts = [each.read_text(encoding="utf-8") for each in found]
+        assert any(re.search(rf"\b{constant}\b", text) for text in texts), (path, name)
+
+
 @pytest.mark.parametrize("suffix", PUBLIC)
 def test_each_public_name_is_on_the_page(suffix):
     module = f"gym_passive_walker{suffix}"

@@ -81,6 +81,16 @@ def test_infos_have_the_draws_of_the_step_s_own_episode():
         info, known = (each.step(torch.zeros(2, 1))[4] for each in (there, here))
 
 
+def test_infos_lack_the_entries_of_disturbances_alone():
+    scene = SCENE | {"pushes": {"rate": 1.0, "impulse": 0.001}}
+    there, here = PassiveWalkerGpuEnv(1, scene), PassiveWalkerTorchEnv(1, scene)
+    for envs in (there, here):
+        envs.reset(seed=0)
+    found, known = (envs.step(torch.zeros(1, 1))[4] for envs in (there, here))
+    assert {*known} - {*found} == {"command", "pushes", "push_work", "episode_push_work"}
+    assert {*found} <= {*known}
+
+
 def test_its_scene_is_explained():
     there = PassiveWalkerGpuEnv(2, SCENE, max_episode_steps=7)
     here = PassiveWalkerVectorEnv(2, SCENE, max_episode_steps=7)

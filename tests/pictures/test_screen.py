@@ -178,6 +178,34 @@ def test_a_system_taller_than_its_legs_is_drawn_whole(no_display):
     assert 10 < top < 60  # the torso's end, of 450 rows
 
 
+def test_a_system_stands_on_its_ground(no_display):
+    from examples.torso import TORSO
+
+    screen = Screen(TORSO)
+    step = np.array([[-9.0, 0.0], [0.5, 0.0], [0.501, -0.1], [9.0, -0.1]])
+    first, second = (
+        screen.draw(TORSO.start, 0.0, x, contact_y=y, profile=step)
+        for x, y in ((0.0, 0.0), (1.0, -0.1))
+    )
+    for frame, x, rise in ((first, 740, 0.1), (second, 60, -0.1)):
+        line = mask(frame, colours.GROUND_LINE)
+        legs = mask(frame, colours.LEGS[0]) | mask(frame, colours.LEGS[1])
+        here, there = (int(np.argmax(line[:, column])) for column in (400, x))
+        assert there - here == pytest.approx(rise * 0.62 * 450, abs=2)
+        assert legs.any(axis=1).nonzero()[0][-1] == pytest.approx(here, abs=8)
+
+
+def test_a_push_of_a_system_is_an_arrow_that_fades_and_that_a_new_walk_has_not(no_display):
+    from examples.torso import TORSO
+
+    screen = Screen(TORSO)
+    shown = [screen.draw(TORSO.start, 0.0, 0.01 * i, push=float(i == 1)) for i in range(3)]
+    seen = [mask(frame, colours.PUSH).sum() for frame in shown]
+    assert seen[0] == 0 < seen[1] and (shown[2] != shown[0])[100:300].any()
+    begun = screen.draw(TORSO.start, 0.0, -1.0)
+    np.testing.assert_array_equal(begun[:360], shown[0][:360])
+
+
 def test_nothing_and_frames_of_two_shapes_are_no_picture():
     for frames in ([], [np.zeros((2, 4, 3), np.uint8), np.zeros((2, 2, 3), np.uint8)]):
         with pytest.raises(ValueError, match="one shape"):

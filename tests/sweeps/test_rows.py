@@ -3,8 +3,6 @@
 import json
 import math
 import sys
-import threading
-import time
 from collections import deque
 from dataclasses import fields, replace
 from types import SimpleNamespace
@@ -197,25 +195,16 @@ def locks(request, monkeypatch):
     monkeypatch.setitem(sys.modules, "msvcrt", windows)
 
 
-def test_a_lock_is_waited_for(tmp_path, locks):
-    held = locked(tmp_path / "one")
-    held.__enter__()
-    threading.Timer(0.2, held.__exit__, (None, None, None)).start()
-    began = time.monotonic()
-    with locked(tmp_path / "one"):
-        assert time.monotonic() - began > 0.1
-
-
 def test_a_folder_is_locked_until_its_sweep_ends(tmp_path, locks):
     first = Store(tmp_path / "out", FOUR, "1")
     with pytest.raises(ValueError, match="another process uses the sweep"):
         Store(tmp_path / "out", FOUR, "1")
     first.close()
     Store(tmp_path / "out", FOUR, "1").close()
-    with locked(tmp_path / "one"), locked(tmp_path / "other", wait=False):
-        with pytest.raises(BlockingIOError), locked(tmp_path / "one", wait=False):
+    with locked(tmp_path / "one"), locked(tmp_path / "other"):
+        with pytest.raises(BlockingIOError), locked(tmp_path / "one"):
             pass
-    with locked(tmp_path / "one", wait=False):
+    with locked(tmp_path / "one"):
         pass
 
 

@@ -98,6 +98,23 @@ def test_a_walk_in_two_parts_is_the_walk():
     assert not any(part.requires_grad for part in tensors)
 
 
+def test_walks_after_a_detached_state_have_gradients_by_its_parameters():
+    scene = make_scene("level", slope=0.02)
+    share = torch.tensor(0.05, dtype=torch.float64, requires_grad=True)
+
+    def walked(start, mass):
+        start = start._replace(parameters={"hip_mass": mass.expand(1)})
+        return rollout(lambda seen: torch.zeros(1, 1).double(), scene, 4, start=start)
+
+    first = walked(initial_state(scene, 1, seed=0), 2.0 * share)
+    first.returns.sum().backward()
+    here, share.grad = first.end.detach(), None
+    assert here.parameters["hip_mass"].requires_grad and not here.states.requires_grad
+    walked(here, 2.0 * share).returns.sum().backward()  # computed again: its graph was freed
+    up, down = (walked(here, 2.0 * (share.detach() + h)).returns.sum() for h in (1e-5, -1e-5))
+    assert float(share.grad) == pytest.approx(float(up - down) / 2e-5, rel=1e-5)
+
+
 def smooth(step):
     """A reward of one's own that remembers the action before."""
     return 1.0 + step.distance - (step.action[0] - step.last_action[0]) ** 2

@@ -12,7 +12,7 @@ function text(data) {
 async function strides(walkers, { walker, scene, records, tolerance, fromSection, body }) {
   const walk = await walkers.create(walker, scene);
   const block = walk.block, size = block.record("record").length;
-  walk.setTolerance(tolerance, walk.scene.end_on_toe_stub, fromSection);
+  block.tolerate(tolerance, walk.scene.end_on_toe_stub, fromSection);
   const own = block.bytes.slice(block.at("bodies"), block.at("bodies") + 8 * block.notes.constants);
   if (body) block.bytes.set(bytes(body), block.at("bodies"));
   const all = bytes(records);
@@ -98,6 +98,20 @@ async function gait(walkers, { walker, slope }) {
   return walk.findGait();
 }
 
+/** An episode on a slope of its own: slopes, its gait, and the state after pushes and a control step. */
+async function begun(walkers, { walker, scene, slope, pushes }) {
+  const walk = await walkers.create(walker, scene);
+  walk.reset({ slope });
+  const { gravity_work, step_length } = walk.findGait().stride;
+  pushes.forEach((impulse) => walk.push(impulse));
+  walk.step();
+  const { state } = walk;
+  walk.change({ scene: { energy_weight: 0.5 } });
+  const slopes = [walk.slope, walk.block.get("ledger.slope"), gravity_work / step_length];
+  walk.reset();
+  return { slopes, state, again: walk.slope, pushed: walk.block.get("disturbance.known") };
+}
+
 /** Strides of a system of one's own, walks by control steps, lines, a gait, and a refusal. */
 async function system(walkers, { name, options, states, controls, ticks, disturbed }) {
   const walk = await walkers.createSystem(name, options);
@@ -129,7 +143,7 @@ async function stridesOfSystem(walkers, { name, options, states }) {
   return states.map((state) => walk.strideFrom(state));
 }
 
-const DOES = { strides, episodes, refusal, refusals, policy, joints, gait, system, "strides of a system": stridesOfSystem };
+const DOES = { strides, episodes, refusal, refusals, policy, joints, gait, begun, system, "strides of a system": stridesOfSystem };
 
 /** Does a job with the module `passive-walker.js`; returns its result. */
 export const run = (walkers, job) => DOES[job.what](walkers, job);

@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 from importlib import import_module
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -43,7 +44,7 @@ def themes():
 
 
 def test_colours_of_all_themes_have_the_contrast_of_wcag():
-    assert len(themes()) == 4
+    assert len(themes()) == 3  # light, and dark by the system or by the page
     for colors in themes():
         ground = luminance(colors.pop("background"))
         for name, color in colors.items():
@@ -218,6 +219,45 @@ def test_two_builds_of_the_package_are_equal(package, again, monkeypatch):
     monkeypatch.setitem(again.__globals__, "modules", dict)
     assert len(made := again()) > 10
     assert [name for name, text in made.items() if (package / name).read_bytes() != text] == []
+
+
+@pytest.mark.parametrize(
+    "name", ["_version.py", "gaits/find/search.py", "gaits/scenes/starts.json"]
+)
+def test_data_are_made_again_after_a_change_of_a_source(name, again, tmp_path, monkeypatch):
+    made = iter([{"version": "1"}, {"version": "2"}])
+    monkeypatch.setitem(again.__globals__, "_SOURCES", tmp_path)
+    monkeypatch.setitem(again.__globals__, "page_data", SimpleNamespace(of_all=lambda: next(made)))
+    data, source = again.__globals__["data"], tmp_path / name
+    source.parent.mkdir(parents=True, exist_ok=True)
+    source.write_text("1")
+    assert data() == data() == b'{"version":"1"}'
+    source.write_text("2")
+    assert data() == data() == b'{"version":"2"}'
+
+
+def test_modules_say_the_version_that_wrote_them(package, monkeypatch):
+    build = import_module("gym_passive_walker.devices.web.build")
+    before = build.modules()
+    monkeypatch.setattr(build.page_data, "__version__", "0.0.0")
+    for name, module in build.modules().items():
+        assert b'"version":"0.0.0"' in module and module != before[name]
+
+
+def test_an_interrupted_build_leaves_no_cut_file(tmp_path, monkeypatch):
+    build = import_module("gym_passive_walker.devices.web.build")
+    monkeypatch.setattr(build, "files", lambda: {"kneed.wasm": b"whole"})
+    build.build(tmp_path)
+    write = Path.write_bytes
+
+    def stop(path, content):
+        write(path, content[:3])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "write_bytes", stop)
+    with pytest.raises(KeyboardInterrupt):
+        build.build(tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"kneed.wasm": b"whole"}
 
 
 @pytest.mark.slow

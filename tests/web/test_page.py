@@ -226,6 +226,21 @@ def test_a_system_of_ones_own_walks_in_the_player(page, name, slope, field, valu
     assert {f"control {each}" for each in system.controls} <= set(found["fields"])
 
 
+def test_the_multipliers_are_those_of_the_hip_torque(page):
+    there, walker = page("walker=C&slope=0.02"), gpw.WALKERS["C"]
+    found = there.run("""(async () => {
+        player.running = false;
+        await player.set({ torque: 0.001 }, true);
+        await new Promise((done) => setTimeout(done, 600));
+        return player.gait.multipliers;
+    })()""")
+    controller = gpw.Actuation(hip_torque=0.001 * walker.units.torque)
+    gait = gpw.find_gait(gpw.stride_map(walker, 0.02, controller=controller))
+    there_and_here = [[complex(*z) for z in found], gait.multipliers]
+    sizes = [sorted(np.abs(multipliers)) for multipliers in there_and_here]
+    np.testing.assert_allclose(*sizes, atol=1e-5)
+
+
 def test_a_walker_that_cannot_be_says_why_and_the_walk_goes_on(page):
     there = page()
     there.run("player.sliders.foot_radius.input.max = 2")

@@ -302,6 +302,22 @@ def test_the_gait_and_multipliers_of_a_page_are_pythons(run, name, slope):
     assert multipliers == pytest.approx(np.sort(np.abs(gait.multipliers))[-2:], abs=1e-5)
 
 
+def test_a_slope_at_a_reset_is_that_of_the_whole_episode(run):
+    job = {"what": "begun", "walker": "C", "scene": {"slope": 0.02}, "slope": 0.05, "pushes": []}
+    (found,) = run(job)
+    np.testing.assert_allclose(np.arcsin(found["slopes"][2]), 0.05, atol=1e-9)
+    assert (found["slopes"][:2], found["again"]) == ([0.05, 0.05], 0.02)
+
+
+def test_pushes_before_a_control_step_add(run):
+    job = {"what": "begun", "walker": "C", "scene": {"slope": 0.02}, "slope": 0.02}
+    twice, once, none, cancelled = run(
+        *({**job, "pushes": pushes} for pushes in ([0.01, 0.02], [0.03], [], [0.01, -0.01]))
+    )
+    assert twice["state"] == pytest.approx(once["state"], abs=1e-12) != none["state"]
+    assert cancelled["state"] == none["state"]
+
+
 def test_a_search_of_a_page_ends_where_newtons_step_has_any_length(run):
     """Between two families the matrix is nearly singular: a step of more than 50 is asked for."""
     slope = 0.09626752948760986

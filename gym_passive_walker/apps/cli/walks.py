@@ -25,7 +25,7 @@ from gym_passive_walker.apps.cli.report import SI, Report, listing, record, tabl
 from gym_passive_walker.bridge.comparison import TIMESTEPS
 from gym_passive_walker.bridge.comparison import compare as compared
 from gym_passive_walker.bridge.export import FORMATS, checked_format, text_for
-from gym_passive_walker.bridge.mjcf import SOFTNESS
+from gym_passive_walker.bridge.mjcf import SOFTNESS, TIMESTEP
 from gym_passive_walker.envs import explain
 from gym_passive_walker.envs.evaluation.comparison import evaluate as evaluated
 from gym_passive_walker.envs.policies import TrainedPolicy, load_policy, shipped_policies
@@ -95,7 +95,9 @@ def export(
     slope: Annotated[
         float | None, "slope in rad of the walker's gait, which is written too", {"metavar": "RAD"}
     ] = None,
-    timestep: Annotated[float, "timestep of MJCF in s"] = 1e-3,
+    timestep: Annotated[
+        float | None, f"timestep of MJCF in s ({TIMESTEP:g})", {"metavar": "S"}
+    ] = None,
     unit_length: Annotated[
         float | None, "unit of length of a System in m", {"metavar": "M"}
     ] = None,
@@ -110,13 +112,16 @@ def export(
     passive-walker export C C.urdf
     """
     ending = out.suffix.lower()
+    sizes = {"timestep": timestep, "unit_length": unit_length, "unit_mass": unit_mass}
+    asked = {each: size for each, size in sizes.items() if size is not None}
     if ending in FORMATS.values():
+        if trust:
+            raise ValueError("--trust permits a policy, and this is a walker")
+        kind = checked_format(out, None)
         walker = named_walker(name)
         gait = None if slope is None else find_gait(walker, slope)
-        sizes = {"timestep": timestep, "unit_length": unit_length, "unit_mass": unit_mass}
-        kind = checked_format(out, None)
-        content = text_for(walker if gait is None else gait, kind, **sizes)
-        facts = {"format": kind, **{each: size for each, size in sizes.items() if size is not None}}
+        content = text_for(walker if gait is None else gait, kind, **asked)
+        facts = {"format": kind, **({"timestep": TIMESTEP} if kind == "mjcf" else {}), **asked}
         facts |= record(gait, _OF_GAIT) if gait is not None else {}
 
         def write(path: Path) -> None:
@@ -128,8 +133,8 @@ def export(
         raise ValueError(
             f"export takes a name that ends in .onnx, {', '.join(FORMATS.values())}, not {out}"
         )
-    if slope is not None:
-        raise ValueError("--slope is that of a walker's gait: an ONNX file has none")
+    for each in asked if slope is None else ("slope", *asked):
+        raise ValueError(f"--{each.replace('_', '-')} is that of a walker: an ONNX file has none")
     read = load_policy(name, trust=trust)
     if not isinstance(read, TrainedPolicy):
         raise ValueError(f"export takes a policy of the package or an exported folder, not {name}")

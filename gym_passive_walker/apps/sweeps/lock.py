@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,26 +11,21 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-_BETWEEN = 0.05  # s between two tries to lock
-
 
 @contextmanager
-def locked(path: Path, *, wait: bool = True) -> Iterator[None]:
+def locked(path: Path) -> Iterator[None]:
     """Hold an exclusive lock on a file, which is created if necessary.
 
     The operating system releases the lock when a process ends.
 
     Raises:
-        BlockingIOError: if another process holds the lock and `wait` is False.
+        BlockingIOError: if another process holds the lock.
     """
     with path.open("a", encoding="utf-8") as file:
         if fcntl is not None:
-            fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-        else:
-            while not _locked_on_windows(file.fileno()):
-                if not wait:
-                    raise BlockingIOError(f"another process holds {path}")
-                time.sleep(_BETWEEN)
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        elif not _locked_on_windows(file.fileno()):
+            raise BlockingIOError(f"another process holds {path}")
         yield
 
 

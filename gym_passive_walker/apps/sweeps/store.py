@@ -80,7 +80,7 @@ class Store:
         with self._writing():
             self._rows_folder.mkdir(parents=True, exist_ok=True)
             try:
-                self._held.enter_context(locked(self.folder / "lock", wait=False))
+                self._held.enter_context(locked(self.folder / "lock"))
             except BlockingIOError:
                 raise ValueError(
                     f"another process uses the sweep in {self.folder}: wait until it ends"

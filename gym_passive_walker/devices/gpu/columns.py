@@ -137,7 +137,7 @@ class WalkerColumns:
                 found[name] = part.view(device.kind(kind) if kind.fields else kind).reshape(shape)
             elif step:
                 every = getattr(self.arrays, name)
-                found[name] = every[i : i + 1] if step == every.strides[0] else every[:, i]
+                found[name] = every[i : i + 1] if every.ndim == array.ndim else every[:, i]
         return type(self.ones)(**found)
 
     def replace(self, **arrays: NDArray) -> None:

@@ -100,8 +100,10 @@ class PassiveWalkerGpuEnv:
 
         Returns:
             Observations (num_envs, k); rewards, terminated and truncated, each (num_envs,); and
-            `info` as in `PassiveWalkerTorchEnv`. "final_obs", (num_envs, k), are the observations
-            before new episodes began.
+            `info`: the measures of the step and of its stride, "outcome", and with
+            `domain_randomization` "randomized", as in `PassiveWalkerTorchEnv`. Its entries of
+            commands, pushes, constraints and terms of the reward are not there. "final_obs",
+            (num_envs, k), are the observations before new episodes began.
         """
         self._at["actions"].copy_(actions.detach().reshape(self.num_envs, -1).T)
         self.batch.step(stream=_stream())

@@ -12,7 +12,10 @@ import tempfile
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
+import llvmlite
+
 from gym_passive_walker._tools.arguments import shown
+from gym_passive_walker._tools.files import replacing
 from gym_passive_walker._tools.progress import compiling
 from gym_passive_walker.devices.web import code, container, page_data
 from gym_passive_walker.engine import cache, machine
@@ -28,6 +31,17 @@ PACKAGE = _ROOT / "package"
 
 MODULES = ("kneed", "straight", "simplest")
 DATA = "data.json"
+_SOURCES = _ROOT.parents[1]
+_OF_CODE = (
+    "devices/web/*.py",
+    "pictures/*.py",
+    "models/walkers/*.py",
+    "gaits/scenes/*.py",
+    "envs/*.py",
+)
+"""Sources of compiled code, besides those that name the cache folder."""
+_OF_DATA = ("**/*.py", "**/*.json")
+"""Sources of the data: gaits are searched for, and the version is that of the package."""
 _GIVEN = ("__linear_memory", "__stack_pointer", "__indirect_function_table")
 
 # Numba then writes code for a CPU without vector units, which becomes the smallest module.
@@ -43,15 +57,15 @@ class WebError(RuntimeError):
     """The WebAssembly modules cannot be built; the message says why."""
 
 
-def _name() -> str:
-    """Return the name under which modules are cached: a hash of what they are made of."""
-    digest = hashlib.sha256(sys.version.encode())
-    for folder in (
-        "devices/web", "pictures", "models/walkers", "gaits/scenes", "envs", "envs/policies",
-    ):  # fmt: skip
-        sources = (_ROOT.parents[1] / folder).glob
-        for source in sorted([*sources("*.py"), *sources("*/*.json")]):  # also the policies'
-            digest.update(source.name.encode() + source.read_bytes())
+def _name(sources: Collection[str]) -> str:
+    """Return the name under which something is cached: a hash of what it is made of.
+
+    Args:
+        sources: Patterns of the package's files on which it depends.
+    """
+    digest = hashlib.sha256(f"{sys.version} {llvmlite.__version__}".encode())
+    for source in sorted(path for pattern in sources for path in _SOURCES.glob(pattern)):
+        digest.update(source.relative_to(_SOURCES).as_posix().encode() + source.read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -64,13 +78,14 @@ def bookkeeping(name: str) -> bytes:
     packed = machine.packed(f"web-{name}")
     if packed is not None:
         return packed
-    found = cache.found(f"web-{_name()}-{name}.bc")
+    kept = f"web-{_name(_OF_CODE)}-{name}.bc"
+    found = cache.found(kept)
     if found is None:
         with compiling("what web pages share"), tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "shared.bc"
             _compile(file, name)
             found = file.read_bytes()
-        cache.keep(f"web-{_name()}-{name}.bc", found)
+        cache.keep(kept, found)
     return found
 
 
@@ -93,22 +108,21 @@ def modules() -> dict[str, bytes]:
         if (machine.BUILT / name).exists():
             made[name] = (machine.BUILT / name).read_bytes()
             continue
-        found = cache.found(f"web-{_name()}-{name}")
+        kept = f"web-{_name(_OF_CODE)}-{kind}.o"
+        found = cache.found(kept)
         if found is None:
             with compiling(f"the {kind} walkers for web pages"):
-                data = _object(code.of_kind(kind), code.EXPORTED, "walkers")
-            content = page_data.of_module(
-                code.SYSTEMS_OF[kind], code.VARIANTS, container.data_end(data)
-            )
-            found = container.module(data, code.EXPORTED, {page_data.SECTION: content})
-            cache.keep(f"web-{_name()}-{name}", found)
-        made[name] = found
+                found = _object(code.of_kind(kind), code.EXPORTED, "walkers")
+            cache.keep(kept, found)
+        end = container.data_end(found)
+        notes = page_data.of_module(code.SYSTEMS_OF[kind], code.VARIANTS, end)
+        made[name] = container.module(found, code.EXPORTED, {page_data.SECTION: notes})
     return made
 
 
 def data() -> bytes:
     """Return the data that the modules share, as JSON; cached."""
-    name = f"web-{_name()}-{DATA}"
+    name = f"web-{_name(_OF_DATA)}-{DATA}"
     found = cache.found(name)
     if found is None:
         found = json.dumps(page_data.of_all(), separators=(",", ":"), allow_nan=False).encode()
@@ -129,12 +143,13 @@ def system_module(system: own.System, gait: Gait | None = None) -> bytes:
     check_supports(system, "pages")
     texts = code.code_of_system(system)
     digest = hashlib.sha256("".join(texts).encode()).hexdigest()[:16]
-    made = cache.found(f"web-{_name()}-{digest}.o")
+    kept = f"web-{_name(_OF_CODE)}-{digest}.o"
+    made = cache.found(kept)
     if made is None:
         with compiling("a system for web pages"):
             name = "narrow" if layout_of(system.hybrid) == NARROW else "wide"
             made = _object(texts, code.EXPORTED_OF_SYSTEM, name)
-        cache.keep(f"web-{_name()}-{digest}.o", made)
+        cache.keep(kept, made)
     section = page_data.of_system(system, container.data_end(made), code.variants(system), gait)
     return container.module(made, code.EXPORTED_OF_SYSTEM, {page_data.SECTION: section})
 
@@ -195,7 +210,6 @@ def build(folder: str | Path, systems: Mapping[str, own.System | Gait] | None = 
         made[f"systems/{name}.wasm"] = system_module(system, gait)
     folder = Path(folder)
     for name, content in (files() | made).items():
-        place = folder / name
-        place.parent.mkdir(parents=True, exist_ok=True)
-        place.write_bytes(content)
+        with replacing(folder / name) as aside:
+            aside.write_bytes(content)
     return folder

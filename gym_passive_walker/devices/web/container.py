@@ -125,13 +125,7 @@ def data_end(data: bytes) -> int:
         reader = _Reader(content)
         for _ in range(reader.whole()):
             reader.taken(2)  # an active segment, and the instruction of its address
-            address = shift = 0
-            while True:
-                byte = reader.byte()
-                address |= (byte & 127) << shift
-                shift += 7
-                if byte < 128:
-                    break
+            address = reader.whole()
             reader.byte()
             size = reader.whole()
             reader.taken(size)

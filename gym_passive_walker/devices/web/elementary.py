@@ -8,6 +8,7 @@ number nearest to the exact one, up to rare cases near a tie.
 from __future__ import annotations
 
 from fractions import Fraction
+from math import factorial
 
 import numpy as np
 
@@ -198,31 +199,16 @@ def _pair(exact: Fraction) -> tuple[float, float]:
     return high, float(exact - Fraction(high))
 
 
-def _pi() -> Fraction:
-    """Return pi to 80 digits, by Machin's formula."""
-
-    def arctan(of: int) -> Fraction:
-        return sum(
-            (Fraction((-1) ** k, (2 * k + 1) * of ** (2 * k + 1)) for k in range(60)), Fraction(0)
-        )
-
-    return 4 * (4 * arctan(5) - arctan(239))
-
-
-def _factorial(n: int) -> int:
-    return n * _factorial(n - 1) if n > 1 else 1
-
-
-_PI = _pi()
+_PI = Fraction("3.141592653589793238462643383279502884197169399375105820974944592307816406286209")
 _HALF_PI = _pair(_PI / 2)
 _HALF_PI_REST = float(_PI / 2 - Fraction(_HALF_PI[0]) - Fraction(_HALF_PI[1]))
 _TO_QUADRANTS = float(2 / _PI)
 _ROUNDS = 1.5 * 2.0**52
 _LOG_2 = _pair(sum((Fraction(1, k * 2**k) for k in range(1, 300)), Fraction(0)))
-_SINES = np.array([_pair(Fraction((-1) ** k, _factorial(2 * k + 1))) for k in range(15)])
-_COSINES = np.array([_pair(Fraction((-1) ** k, _factorial(2 * k))) for k in range(15)])
+_SINES = np.array([_pair(Fraction((-1) ** k, factorial(2 * k + 1))) for k in range(15)])
+_COSINES = np.array([_pair(Fraction((-1) ** k, factorial(2 * k))) for k in range(15)])
 _LOGARITHMS = np.array([_pair(Fraction(2, 2 * k + 1)) for k in range(24)])
-_EXPONENTIALS = np.array([_pair(Fraction(1, _factorial(k))) for k in range(26)])
+_EXPONENTIALS = np.array([_pair(Fraction(1, factorial(k))) for k in range(26)])
 _PER_LOG_2 = 1.0 / _LOG_2[0]
 _LARGEST_EXPONENT, _LEAST_EXPONENT = 709.782712893384, -745.2
 _ROOT_HALF = 0.7071067811865476

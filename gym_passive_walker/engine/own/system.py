@@ -171,7 +171,7 @@ class System(Model):
     ) -> System:
         """A system with given equations: accelerations, guards, resets and energies.
 
-        The package states its own walkers in this way: `physics.straight.SYSTEM` is an example.
+        The package states its own walkers in this way; see `models.equations.straight.SYSTEM`.
 
         Args:
             equations: The hybrid system, a `gym_passive_walker.modeling.HybridSystem`. Its phases

@@ -129,7 +129,7 @@ class Scene:
             collision the impulse in m l sqrt(g l); 0 is a knee that is pressed on its stop.
         scuff_depth: Largest depth of the swing foot below the ground, in leg lengths.
         reward: The reward instead of the default: a function of a `Transition`, or weights of
-            `custom.TERMS` by name: ``{"distance": 1.0, "energy": -10.0}``.
+            `gaits.scenes.rewards.TERMS` by name: ``{"distance": 1.0, "energy": -10.0}``.
         observation: The observation instead of the default: a function of a `Transition` that
             returns numbers; or ``{"policy": f, "critic": g}``, what actor and critic see: functions
             or "default", of the critic also "randomized", what is drawn, or a row of them.

@@ -172,6 +172,8 @@ export class SceneError extends Error {}
 export class PassiveWalker {
   readonly walker: Parameters;
   readonly scene: Required<Scene>;
+  /** Of this episode, in rad. */
+  readonly slope: number;
   readonly timeUnit: number;
   readonly legLength: number;
   readonly observation: Float32Array;
@@ -189,6 +191,7 @@ export class PassiveWalker {
   reset(options?: {
     seed?: number | bigint;
     state?: State | null;
+    /** Of this episode, instead of the scene's. */
     slope?: number | null;
     noise?: boolean;
   }): Float32Array;
@@ -208,6 +211,7 @@ export class PassiveWalker {
   ): Stride;
   startingState(slope?: number): State;
   findGait(options?: { guess?: State | null; hip_torque?: number; slope?: number; tries?: number }): Gait | null;
+  /** An impulse on the hip when the next control step begins, positive downhill; pushes add. */
   push(impulse: number): void;
   change(options: { walker?: WalkerLike | null; scene?: Scene }): void;
   joints(state?: State): Joints;
@@ -281,7 +285,7 @@ export class SystemWalker {
   ): SystemStride;
   /** Walks for a time in sqrt(l/g), or to the next heelstrike. */
   step(duration?: number, controls?: number[] | null): string | null;
-  /** An impulse on the centre of mass when the next control step begins, positive downhill. */
+  /** An impulse on the centre of mass when the next control step begins, positive downhill; pushes add. */
   push(impulse: number): void;
   findGait(options?: { guess?: number[] | null; controls?: number[] | null; slope?: number; tries?: number }): {
     state: number[]; multipliers: [number, number][]; stride: SystemStride;

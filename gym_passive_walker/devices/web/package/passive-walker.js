@@ -387,6 +387,8 @@ function checkState(state, name) {
   return row;
 }
 
+const LEVEL = Object.freeze([0]);
+const SMOOTH = { rises: LEVEL, slopes: LEVEL, repeats: true, height_std: 0, slope_std: 0 };
 const TERRAINS = {
   rough: ["height_std", "slope_std"], stairs: ["rise"], waves: ["height", "strides"], footholds: ["heights", "slopes"],
 };
@@ -394,7 +396,6 @@ const TERRAINS = {
 /** A terrain as rises, slopes and standard deviations, from `{rough: {height_std: 0.002}}` and the like. */
 export function terrainFrom(value) {
   if (value === null || value === undefined) return null;
-  const full = { rises: [0], slopes: [0], repeats: true, height_std: 0, slope_std: 0 };
   const number = (name, x, most) => {
     if (typeof x !== "number" || !(Math.abs(x) <= most)) {
       throw new SceneError(`terrain: ${name} must be a number from -${short(most)} to ${short(most)}, not ${shown(x)}`);
@@ -407,7 +408,7 @@ export function terrainFrom(value) {
     return values;
   };
   if (typeof value === "object" && Object.hasOwn(value, "rises")) {
-    const terrain = { ...full, ...options(value, Object.keys(full), "terrain") };
+    const terrain = { ...SMOOTH, ...options(value, Object.keys(SMOOTH), "terrain") };
     row("rises", terrain.rises, 1e3);
     row("slopes", terrain.slopes, Math.PI / 2);
     number("height_std", terrain.height_std, 1e3);
@@ -431,15 +432,15 @@ export function terrainFrom(value) {
     const height_std = number("height_std", given.height_std ?? 0, 1e3);
     const slope_std = number("slope_std", given.slope_std ?? 0, Math.PI / 2);
     if (height_std < 0 || slope_std < 0) throw new SceneError("terrain rough: deviations must not be negative");
-    return { ...full, height_std, slope_std };
+    return { ...SMOOTH, height_std, slope_std };
   }
-  if (name === "stairs") return { ...full, rises: [number("rise", given.rise, 1e3)] };
+  if (name === "stairs") return { ...SMOOTH, rises: [number("rise", given.rise, 1e3)] };
   if (name === "waves") {
     const count = whole("strides", given.strides, 2, FOOTHOLDS);
     const height = number("height", given.height, 1e3);
     const heights = Array.from({ length: count + 1 }, (_, i) => height * sine(((2 * Math.PI) / count) * i));
     const rises = heights.slice(1).map((x, i) => x - heights[i]);
-    return { ...full, rises, slopes: rises.map(() => 0) };
+    return { ...SMOOTH, rises, slopes: rises.map(() => 0) };
   }
   const level = Array((given.heights ?? given.slopes).length).fill(0);
   const heights = row("heights", given.heights ?? level, 1e3), slopes = row("slopes", given.slopes ?? level, Math.PI / 2);
@@ -447,7 +448,7 @@ export function terrainFrom(value) {
     throw new SceneError(`${heights.length} heights for ${slopes.length} slopes of footholds`);
   }
   const rises = [...heights.slice(1).map((x, i) => x - heights[i]), 0];
-  return room({ ...full, rises, slopes: [...slopes], repeats: false });
+  return room({ ...SMOOTH, rises, slopes: [...slopes], repeats: false });
 }
 
 /** The nearest number to the sine of an angle from 0 to 7 rad; browsers have other bits in `Math.sin`. */
@@ -573,6 +574,22 @@ class Block {
     return this.bytes.subarray(at, at + this.notes.places[name][2]);
   }
 
+  /** Sets the engine's options; `fromSection` is for strides. */
+  tolerate(tolerance, scuff, fromSection) {
+    const known = this.notes.options, chosen = typeof tolerance === "number" && entry(known, short(tolerance));
+    if (!chosen) throw new SceneError(`tolerance must be one of ${Object.keys(known).join(", ")}, not ${shown(tolerance)}`);
+    ["tolerance", "landing", "doubt", "first_step", "fineness"].forEach((name, i) => this.set(`options.${name}`, chosen[i]));
+    this.set("options.scuff", scuff ? 1 : 0);
+    this.set("options.from_section", fromSection ? 1 : 0);
+  }
+
+  /** Sets the heights and slopes of footholds, and the deviations of random ones. */
+  lay({ rises, slopes, repeats, height_std, slope_std }) {
+    rises.forEach((rise, i) => this.f8.set([rise, slopes[i]], this.table / 8 + 2 * i));
+    this.set("footholds", rises.length);
+    [repeats ? 1 : 0, height_std, slope_std].forEach((x, i) => this.set("spread", x, i));
+  }
+
   run(what) {
     this.functions.run(what, this.base);
   }
@@ -615,6 +632,7 @@ export class PassiveWalker {
   #origin = 0;
   #trace = [];
   #earlier = null;
+  #impulse = 0;
 
   constructor(data, module, walker, scene) {
     this.#data = data;
@@ -661,19 +679,7 @@ export class PassiveWalker {
     block.set("table", block.table);
     this.#putRules(scene);
     this.#putOdds(scene);
-    this.setTolerance(scene.tolerance, scene.end_on_toe_stub, false);
-  }
-
-  /** Sets the engine's options; `fromSection` is for strides. */
-  setTolerance(tolerance, scuff, fromSection) {
-    const block = this.#block;
-    const chosen = typeof tolerance === "number" && entry(block.notes.options, short(tolerance));
-    if (!chosen) {
-      throw new SceneError(`tolerance must be one of ${Object.keys(block.notes.options).join(", ")}, not ${shown(tolerance)}`);
-    }
-    ["tolerance", "landing", "doubt", "first_step", "fineness"].forEach((name, i) => block.set(`options.${name}`, chosen[i]));
-    block.set("options.scuff", scuff ? 1 : 0);
-    block.set("options.from_section", fromSection ? 1 : 0);
+    block.tolerate(scene.tolerance, scene.end_on_toe_stub, false);
   }
 
   #putRules(scene) {
@@ -709,17 +715,11 @@ export class PassiveWalker {
     block.set("settings.terrain_lookahead", scene.terrain_lookahead);
     block.set("settings.interval", Infinity);
     block.set("settings.friction", this.#data.friction);
-    const terrain = scene.terrain ?? { rises: [0], slopes: [0], repeats: true, height_std: 0, slope_std: 0 };
-    terrain.rises.forEach((rise, i) => {
-      block.f8[block.table / 8 + 2 * i] = rise;
-      block.f8[block.table / 8 + 2 * i + 1] = terrain.slopes[i];
-    });
-    block.set("footholds", terrain.rises.length);
-    [terrain.repeats ? 1 : 0, terrain.height_std, terrain.slope_std].forEach((x, i) => block.set("spread", x, i));
+    block.lay(scene.terrain ?? SMOOTH);
   }
 
   /** The state to start from at a slope: the scene's start, or between known gaits of the presets. */
-  startingState(slope = this.scene.slope) {
+  startingState(slope = this.slope) {
     if (this.scene.start !== null) return [...this.scene.start];
     const kind = kindOf(this.parameters);
     const like = Object.values(this.#data.walkers).filter((w) => w.kind === kind && w.gaits.length);
@@ -745,8 +745,9 @@ export class PassiveWalker {
    * Begins an episode and returns the first observation.
    *
    * @param options `seed` is the walker's key: a whole number below 2^64; `state` is a state on the
-   *   Poincaré section to start from exactly, angular velocities in sqrt(g/l); `slope` in rad;
-   *   `noise: false` starts without the scene's reset noise.
+   *   Poincaré section to start from exactly, angular velocities in sqrt(g/l); `slope` in rad is
+   *   that of this episode, instead of the scene's; `noise: false` starts without the scene's reset
+   *   noise.
    */
   reset(others = {}) {
     const { seed = 0, state = null, slope = null, noise = true } = options(others, ["seed", "state", "slope", "noise"], "reset");
@@ -758,6 +759,8 @@ export class PassiveWalker {
     }
     const angle = slope ?? this.scene.slope;
     const given = state === null ? this.startingState(angle) : checkState(state, "state");
+    this.slope = angle;
+    this.#impulse = 0;
     block.set("key", BigInt.asUintN(64, BigInt(seed)));
     block.set("lanes", 0);
     block.set("slopes", angle);
@@ -799,6 +802,11 @@ export class PassiveWalker {
       throw new SceneError(`an action must be ${this.scene.actions.length} finite numbers, not ${shown(action)}`);
     }
     given.forEach((x, i) => block.set("actions", x, i));
+    if (this.#impulse) {
+      block.set("disturbance.known", this.#impulse);
+      block.set("disturbance.due", this.time);
+      this.#impulse = 0;
+    }
     block.record("before").set(block.record("record"));
     const before = block.get("record.time");
     this.#earlier = this.#here();
@@ -844,7 +852,7 @@ export class PassiveWalker {
    */
   strideFrom(state, others = {}) {
     const usual = {
-      slope: this.scene.slope, hip_torque: 0, ankle_torque: 0, push_off: 0, height_change: 0, slope_change: 0, tolerance: 1e-12,
+      slope: this.slope, hip_torque: 0, ankle_torque: 0, push_off: 0, height_change: 0, slope_change: 0, tolerance: 1e-12,
     };
     const given = { ...usual, ...options(others, Object.keys(usual), "strideFrom") };
     for (const [name, value] of Object.entries(given)) finite(name, value);
@@ -869,7 +877,7 @@ export class PassiveWalker {
       block.set("record.push_off", push_off);
       block.set("record.end", 100);
       block.set("record.place", 0);
-      this.setTolerance(tolerance, false, true);
+      block.tolerate(tolerance, false, true);
       block.run(ADVANCE);
       return this.#record();
     } finally {
@@ -911,14 +919,12 @@ export class PassiveWalker {
     return this.#block.notes.links[this.#block.get("record.phase")] === 3;
   }
 
-  /** Pushes the hip at once: an impulse in m sqrt(g l), positive downhill. */
+  /** Pushes the hip when the next control step begins: an impulse in m sqrt(g l), positive downhill; pushes add. */
   push(impulse) {
     if (!Number.isFinite(impulse) || Math.abs(impulse) > 10) {
       throw new SceneError(`impulse must be a number from -10 to 10, not ${shown(impulse)}`);
     }
-    if (this.over || impulse === 0) return;
-    this.#block.set("disturbance.known", impulse);
-    this.#block.set("disturbance.due", this.time);
+    if (!this.over) this.#impulse += impulse;
   }
 
   /**
@@ -935,24 +941,21 @@ export class PassiveWalker {
     if (kindOf(parameters) !== block.notes.kind) {
       throw new WalkerError(`this walker is ${kindOf(parameters)} and the module is for ${block.notes.kind} ones: create another`);
     }
-    const next = checkScene({ ...this.#given(), ...scene }, parameters, this.#data);
+    const next = checkScene({ ...this.scene, ...scene }, parameters, this.#data);
     const before = this.timeUnit, contact = this.contact, length = this.legLength;
     this.#put(parameters, next);
     const slower = before / this.timeUnit;
     for (let i = 3; i < 6; i++) block.set("record.state", block.get("record.state", i) / slower, i);
     for (const name of ["time", "step", "knee_time"]) block.set(`record.${name}`, block.get(`record.${name}`) * slower);
-    if (block.get("ledger.slope") !== next.slope + block.get("disturbance.tilt")) this.#lean(next.slope);
+    if (entry(scene, "slope") !== undefined) this.slope = next.slope;
+    if (block.get("ledger.slope") !== this.slope + block.get("disturbance.tilt")) this.#lean();
     this.#origin = contact - (block.get("disturbance.x") * this.legLength) - this.#rolled();
     if (length !== this.legLength) this.#trace = [];
   }
 
-  #given() {
-    return { ...this.scene };
-  }
-
   /** Continues on another slope. */
-  #lean(slope) {
-    const block = this.#block, kept = block.bytes.slice(block.base, block.table);
+  #lean() {
+    const { slope } = this, block = this.#block, kept = block.bytes.slice(block.base, block.table);
     block.set("slopes", slope + block.get("disturbance.tilt"));
     block.set("settings.uneven", 0);
     block.run(BEGIN);
@@ -1059,7 +1062,7 @@ export class PassiveWalker {
    * Returns its state, its Floquet multipliers [re, im] and its stride; null if none is found.
    */
   findGait(others = {}) {
-    const { guess = null, hip_torque = 0, slope = this.scene.slope, tries = 30 } =
+    const { guess = null, hip_torque = 0, slope = this.slope, tries = 30 } =
       options(others, ["guess", "hip_torque", "slope", "tries"], "findGait");
     whole("tries", tries, 1, 1e6);
     const size = this.parameters.knees ? 4 : 3;
@@ -1206,7 +1209,7 @@ const DRAWN = ["colors", "frame", "width", "push"];
 
 function draw(walk, canvas, colors, { joints, strides }, width, push) {
   const context = canvas.getContext("2d");
-  const l = walk.legLength, slope = walk.scene.slope;
+  const l = walk.legLength, { slope } = walk;
   const scale = canvas.width / (width * l);
   const middle = joints.hip[0], place = placeOn(canvas, slope, [middle, 0], scale);
   context.fillStyle = colors.background;
@@ -1414,7 +1417,7 @@ export class SystemWalker {
     block.set("bodies", block.scratch);
     block.set("constants", Object.keys(notes.body).length);
     block.set("table", block.table);
-    this.#tolerate(tolerance);
+    block.tolerate(tolerance, false, true);
     this.change({ slope, body });
     this.reset(state, { seed });
   }
@@ -1438,15 +1441,6 @@ export class SystemWalker {
     const block = this.#block;
     block.set("phases", block.functions.phases(uneven ? 1 : 0));
     block.set("hooks", block.functions.hooks(uneven ? 1 : 0));
-  }
-
-  #tolerate(tolerance) {
-    const block = this.#block, chosen = typeof tolerance === "number" && entry(block.notes.options, short(tolerance));
-    if (!chosen) {
-      throw new SceneError(`tolerance must be one of ${Object.keys(block.notes.options).join(", ")}, not ${shown(tolerance)}`);
-    }
-    ["tolerance", "landing", "doubt", "first_step", "fineness"].forEach((name, i) => block.set(`options.${name}`, chosen[i]));
-    block.set("options.scuff", 0);
   }
 
   #even() {
@@ -1480,13 +1474,8 @@ export class SystemWalker {
 
   /** Sets the ground of a stride; the compiled code has Python's sine. */
   #ground(terrain, strides, slope = this.slope) {
-    const block = this.#block, { rises, repeats, height_std } = terrain ?? { rises: [0], repeats: true, height_std: 0 };
-    rises.forEach((rise, i) => {
-      block.f8[block.table / 8 + 2 * i] = rise;
-      block.f8[block.table / 8 + 2 * i + 1] = 0;
-    });
-    block.set("footholds", rises.length);
-    [repeats ? 1 : 0, height_std, 0].forEach((x, i) => block.set("spread", x, i));
+    const block = this.#block;
+    block.lay(terrain ?? SMOOTH);
     block.set("strides", strides ?? 0);
     block.set("slope", slope);
     block.run(LAY_GROUND);
@@ -1566,7 +1555,7 @@ export class SystemWalker {
       this.#choose(height_change !== 0);
       this.#put(state);
       this.#hold(controls);
-      this.#ground({ rises: [height_change], repeats: true, height_std: 0 }, 0, slope);
+      this.#ground({ ...SMOOTH, rises: [height_change] }, 0, slope);
       this.#advance(end, true);
       const outcome = block.get("record.outcome") || block.notes.outcomes.indexOf("STALLED");
       return {
@@ -1610,7 +1599,7 @@ export class SystemWalker {
     return this.outcome;
   }
 
-  /** Pushes the centre of mass when the next control step begins: an impulse, positive downhill. */
+  /** Pushes the centre of mass when the next control step begins: an impulse, positive downhill; pushes add. */
   push(impulse) {
     if (!this.#block.notes.pushed) throw new SceneError(`the equations of ${this.name} do not say what a push does`);
     if (!Number.isFinite(impulse) || Math.abs(impulse) > 10) {

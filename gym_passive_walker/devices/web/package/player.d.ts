@@ -1,7 +1,7 @@
 import type { PassiveWalker, Read, State, SystemWalker } from "./passive-walker.js";
 
 export interface Settings {
-  /** Name of a system of one's own in Python's `web.build`; then `walker`, `torque` and `policy` are ignored. */
+  /** Name of a system of one's own in Python's `web.build`; `walker`, `torque` and `policy` are refused beside it. */
   system?: string;
   /** Controls of a system that are held, by name. */
   controls?: Record<string, number>;

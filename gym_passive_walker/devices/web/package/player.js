@@ -289,7 +289,7 @@ export class Player {
     this.settings = { ...before, ...changes };
     const home = this.home;
     if (before.walker !== this.settings.walker) this.home = this.settings;
-    const key = ["walker", "changes", "policy", "ground", "slope", "controls"];
+    const key = ["walker", "changes", "policy", "ground", "slope", "torque", "controls"];
     try {
       this.check();
       const others = ["walker", "policy", "ground"].some((name) => before[name] !== this.settings[name]);
