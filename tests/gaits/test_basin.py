@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import gym_passive_walker as gpw
 from gym_passive_walker import (
     GaitNotFound,
     Outcome,
@@ -12,6 +13,7 @@ from gym_passive_walker import (
     largest_push,
     stride,
 )
+from gym_passive_walker.gaits.robust import basin as basin_module
 from gym_passive_walker.gaits.robust.basin import FELL, UNSETTLED, other_attractors
 from gym_passive_walker.gaits.stride_map import StrideMap
 
@@ -191,3 +193,21 @@ def test_a_gait_stands_for_its_map_in_analyses():
     np.testing.assert_array_equal(found.state, find_gait("E", 0.01, guess=gait.state).state)
     given, named = (basin_of_attraction(x, 0.01, resolution=5, strides=20) for x in (gait, "E"))
     np.testing.assert_array_equal(given.settled, named.settled)
+
+
+@pytest.mark.parametrize(
+    ("walker", "slope", "given"),
+    [("E", 0.0, {"controller": gpw.Actuation.dimensionless(push_off=0.05)}),
+     ("lab", 0.036, {"terrain": gpw.stairs(-0.002)})],
+)  # fmt: skip
+def test_a_slice_passes_through_the_gait_under_motors_and_on_steps(walker, slope, given):
+    strides = gpw.stride_map(walker, slope, **given)
+    gait = find_gait(strides)
+    angle, rate = gait.point.values[:, 0], gait.point.values[:, 1]
+    points = basin_module._slice(strides, gait, angle, rate, None)
+    np.testing.assert_allclose(points, gait.point.values, rtol=1e-7)
+
+
+def test_a_gait_that_attracts_slowly_is_listed_once():
+    basin = basin_of_attraction("D", 0.0149, resolution=20)
+    assert [gait.period for gait in basin.gaits] == [1] and (basin.settled == 0).any()

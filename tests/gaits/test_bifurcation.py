@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import gym_passive_walker as gpw
 from gym_passive_walker import (
     WALKERS,
     GaitNotFound,
@@ -251,3 +252,17 @@ def test_a_crisis_beyond_the_range_is_refused_however_far_its_walkers_are_moved(
     )  # fmt: skip
     with pytest.raises(ValueError, match=r"walking has not ended at slope 0\.06"):
         crisis(walker, 0.01, 0.06, strides=300, walkers=16, accuracy=1e-4)
+
+
+def test_walks_under_twice_the_gravity_are_the_same_over_their_units():
+    found = bifurcation_diagram(
+        "lab", [9.81, 19.62], parameter="gravity", slope=0.036, n_transient=50, n_recorded=33
+    )
+    np.testing.assert_allclose(*found.dimensionless.state, rtol=1e-9)
+    np.testing.assert_allclose(found.state[1, 3:], np.sqrt(2.0) * found.state[0, 3:], rtol=1e-9)
+
+
+def test_stairs_down_carry_walkers_at_slopes_of_zero():
+    stairs = gpw.stride_map("lab", terrain=gpw.stairs(-0.01))
+    found = bifurcation_diagram(stairs, [0.0, 0.005], n_transient=50, n_recorded=33)
+    assert found.walks.all()

@@ -180,3 +180,12 @@ def test_bounds_with_walkers_that_have_no_gait_are_named():
         gpw.GaitNotFound, match="came to values of leg with which no gait of system"
     ):
         gpw.optimize_walker(TORSO, "speed", ("leg",), [(-0.2, 0.15)], slope=0.03, iterations=40)
+
+
+def test_the_spectral_radius_changes_with_a_slope_of_zero():
+    pushed = gpw.stride_map("D", 0.0, controller=gpw.Actuation(push_off=0.05))
+    design = optimize_walker(
+        pushed, "cost_of_transport", ["slope"], [(-0.002, 0.01)],
+        constraints={"spectral_radius": (None, 0.9)}, iterations=5,
+    )  # fmt: skip
+    assert np.abs(design.gait.multipliers[0]) < 0.9

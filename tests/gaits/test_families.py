@@ -365,3 +365,9 @@ def test_on_waves_of_hardly_any_height_a_family_ends_as_on_smooth_ground():
     assert waves.halts == pytest.approx(smooth.halts, rel=1e-6)
     high = gait_family(gpw.stride_map("lab", terrain=gpw.waves(0.0005, 3)), 0.01, 0.3)
     assert high.ends[1].reason == "kneestrike and heelstrike coincide"
+
+
+def test_a_family_of_round_feet_has_no_ankle_torque():
+    held = gpw.stride_map("E", 0.009, controller=gpw.Actuation.dimensionless(ankle_torque=1e-4))
+    with pytest.raises(ValueError, match="ankle_torque needs point feet"):
+        gpw.parameter_family(held, "foot_radius", 0.0, 0.1)

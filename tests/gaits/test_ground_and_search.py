@@ -290,3 +290,15 @@ def test_a_design_s_values_are_those_of_its_gaits_before_and_after():
     assert design.start.walker == WALKERS["E"] and design.gait.slope == 0.01
     assert 0.0 <= design.walker.hip_mass <= 0.3 and 0.4 <= design.walker.shank_com <= 0.5
     assert design.tried >= 2
+
+
+def test_footholds_that_are_tilted_alike_are_a_slope():
+    tilted = gpw.stride_map("lab", 0.0, terrain=gpw.Terrain(slopes=(0.036,)))
+    np.testing.assert_allclose(
+        gpw.find_gait(tilted).state, gpw.find_gait("lab", 0.036).state, rtol=1e-9
+    )
+
+
+def test_walkers_with_held_knees_are_near_others_of_their_kind():
+    held = gpw.tune(gpw.as_walker({"preset": "lab", "knees": "held"}))
+    assert gpw.nearest_gait(held, 0.036, keep="slope").walker.knees == "held"

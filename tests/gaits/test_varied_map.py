@@ -175,3 +175,24 @@ def test_torques_are_held_as_by_the_maps_of_the_function():
         held[name] = made.hold
         assert made.hold == own.hold
     assert held["policy"] == policy.scene.tick and held["passive"] == np.inf
+
+
+@pytest.mark.parametrize("name", ["size", "gravity"])
+def test_a_family_of_larger_and_larger_walkers_has_the_units_of_each(name):
+    """Also where the name of what varies is one of the walker's parameters."""
+
+    def larger(size):
+        return gpw.stride_map(LAB.with_parameters(thigh_length=size * LAB.thigh_length), SLOPE)
+
+    family = gpw.parameter_family(larger, name, 1.0, 1.05)
+    for k in (0, -1):
+        assert family.froude_speed[k] == pytest.approx(family[k].froude_speed, rel=1e-9)
+        assert family.kind[k] == family[k].kind
+
+
+def test_maps_of_different_numbers_of_footholds_are_no_family():
+    def waves(height):
+        return gpw.stride_map(LAB, 0.035, terrain=gpw.waves(height, 3))
+
+    with pytest.raises(ValueError, match="maps that repeat after as many strides are needed"):
+        gpw.parameter_family(waves, "height", 0.0, 0.0005)

@@ -135,8 +135,8 @@ def period_of(points: NDArray, longest: int, tolerance: float = 1e-6) -> NDArray
     return period
 
 
-def telling(section: Section) -> slice:
-    """Return the coordinates that tell whether a walk repeats: the stance angle alone of legs.
+def repeating(section: Section) -> slice:
+    """Return the coordinates by which walks repeat or not: the stance angle alone of legs.
 
     A user's system may strike at an angle that never changes.
     """
@@ -294,7 +294,8 @@ def bifurcation_diagram(
         values: Slopes in rad, or values of the parameter, in the order in which a sweep takes them.
         parameter: What varies: "slope", or another parameter that `parameter_family` takes.
         slope: Slope in rad where another parameter varies; the map's own when None.
-        n_transient: Transient strides, which are not recorded.
+        n_transient: Transient strides, which are not recorded. Here and in the result, legs or
+            ground that repeat after L strides count L strides as one.
         n_recorded: Recorded strides.
         start: Initial state on the Poincaré section, (6,), or one for each value, (n, 6). If None,
             each walk begins just beside the period-one gait of its value, stable or not.
@@ -341,7 +342,7 @@ def bifurcation_diagram(
         value=walks.values,
         slope=slopes,
         stance_angle=np.ascontiguousarray(walked[:, :, 0]),
-        period=period_of(walked[:, :, telling(walks.own)], longest_period),
+        period=period_of(walked[:, :, repeating(walks.own)], longest_period),
         state=states,
         _units=Units(*units),  # type: ignore[arg-type]
     )
@@ -376,7 +377,7 @@ def crisis(
         parameter: What varies: "slope", or another parameter that `parameter_family` takes.
         slope: Slope in rad where another parameter varies; the map's own when None.
         start: Initial state at `low` on the Poincaré section, (6,); beside the gait if None.
-        strides: Strides that all walkers must make.
+        strides: Strides that all walkers must make, counted as in `bifurcation_diagram`.
         walkers: Number of walkers at each value.
         kind: Gait to begin beside, "long" or "short".
         accuracy: Accuracy, at least 1e-15.

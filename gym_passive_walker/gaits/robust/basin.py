@@ -29,7 +29,7 @@ from gym_passive_walker._tools.arguments import (
 )
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker._tools.shown import Table
-from gym_passive_walker.gaits.branches.bifurcation import period_of, telling
+from gym_passive_walker.gaits.branches.bifurcation import period_of, repeating
 from gym_passive_walker.gaits.find.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.find.search import at_heelstrike, seek
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
@@ -213,7 +213,7 @@ def other_attractors(
     walked, here = [], points
     for _ in range(2 * _LONGEST_PERIOD):
         here = roughly.apply(here, slope).ends
-        walked.append(here[:, telling(stride_map)])
+        walked.append(here[:, repeating(stride_map)])
     periods = period_of(np.stack(walked, axis=1), _LONGEST_PERIOD, 1e-4)
     found: list[Gait] = []
     for period in sorted(set(periods[periods > 0].tolist())):
@@ -295,7 +295,8 @@ def basin_of_attraction(
         ratios: Thigh and shank angular velocity over the stance angular velocity. If None, they
             follow from a heelstrike with the long gait's ratio of angular velocities; on a terrain
             they are those of that gait.
-        strides: Strides after which a walk counts as unsettled.
+        strides: Strides after which a walk counts as unsettled. Here and in the result, legs or
+            ground that repeat after L strides count L strides as one.
         atol: Distance from a gait, in the section's logarithmic coordinates, at which a walk has
             converged.
         tolerance: Tolerance of the integration.
@@ -420,7 +421,8 @@ def largest_push(
         gait: The gait that is perturbed; if None, `walker` if it is a `Gait`, else the long-step
             gait.
         strides: A gait withstands a perturbation if the walker makes so many strides after it, or
-            returns to the gait before that.
+            returns to the gait before that. Legs or ground that repeat after L strides count L
+            strides as one.
         accuracy: Accuracy relative to the gait's stance angular velocity, at least 1e-15, which is
             about the precision of the numbers.
         tolerance: Tolerance of the integration.
