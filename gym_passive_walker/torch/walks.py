@@ -298,8 +298,11 @@ def _walk(
     starts, size = columns.inputs["start"], columns.report.size
     names = (*columns.controls, *UNEVEN, "push", *("start",) * len(starts))
     given_held = (*wanted, *met, *(0.0,) * len(starts))
-    motors = actuation_units(units) if "actuation" in walker.supports else (1.0,) * len(wanted)
-    in_units = (*motors, units.length, 1.0, units.impulse, *(1.0,) * len(starts))
+    if "actuation" in walker.supports:
+        motors, impulse = actuation_units(units), units.impulse
+    else:  # the units of a `System` are 1, and its pushes are per unit of mass
+        motors, impulse = (1.0,) * len(wanted), walker.mass_with(**given)
+    in_units = (*motors, units.length, 1.0, impulse, *(1.0,) * len(starts))
     held_inputs = [
         as_tensor(x, name) / unit for name, x, unit in zip(names, given_held, in_units, strict=True)
     ]

@@ -119,6 +119,20 @@ def test_a_rollout_has_the_environment_s_rewards_and_exact_gradients(name):
     assert float((exact * way).sum()) == pytest.approx(expected, rel=1e-4, abs=1e-5)
 
 
+def test_a_push_changes_the_momentum_by_its_impulse_whatever_the_mass():
+    """Those of rollouts are in m sqrt(g l), those of control steps in the system's own units."""
+    heavy = OWN["twice the mass"]["system"]
+    scene = make_scene(system=heavy, slope=SLOPE, reset_noise_scale=0.0)
+    state = gt.initial_state(scene, 1).states[0]
+    walked = gt.rollout(lambda seen: 0.0 * seen[:, :1], scene, 1, count=1, pushes=0.05)
+    pushed, light = (
+        gt.tick(system, SLOPE, state, duration=scene.tick, push=push).state
+        for system, push in ((heavy, 0.1), (DRIVEN, 0.05))
+    )
+    np.testing.assert_allclose(pushed, walked.end.states[0], atol=1e-7)
+    np.testing.assert_allclose(pushed, light, atol=1e-7)
+
+
 def test_what_a_system_does_not_have_is_refused():
     state = DRIVEN.start
     with pytest.raises(ValueError, match=r"takes no hip_torque: give its controls by name"):
