@@ -18,7 +18,12 @@ from gym_passive_walker.gaits.scenes.scene import SceneLike
 
 
 def _where(mask: np.ndarray, some: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
-    """Return infos that are of `some` where the mask holds, and else of `others`."""
+    """Return infos that are of `some` where the mask holds, and else of `others`.
+
+    All are of `some` when the scene has changed: its entries may differ, and all episodes end.
+    """
+    if mask.all():
+        return {**some}
     return {
         name: _where(mask, x, others[name])
         if isinstance(x, Mapping)
@@ -150,8 +155,7 @@ class PassiveWalkerTorchEnv(interface.Adapter):
             if ended.any():
                 lanes = np.flatnonzero(ended)
                 last = self._seen(_replaced(observations, lanes, results["final_obs"][lanes]))
-                final = results["final_info"]
-                results = _where(ended, final, results)
+                results = _where(ended, results["final_info"], results)
                 infos["distance"] = self._tensor(results["distance"])
             infos["final_obs"] = last
         infos.make = partial(self._tensors, results)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import torch
 
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
@@ -34,6 +35,17 @@ def test_tensors_share_the_environments_memory():
     found = tensors.step(torch.zeros(4, 1))
     for tensor, array in zip(found[:4], made[0][:4], strict=True):
         assert tensor.data_ptr() == array.ctypes.data
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_infos_of_the_last_step_before_another_scene_are_of_the_scene_before(mode):
+    tensors, _ = pair(mode, pushes={"rate": 0.1, "impulse": 0.01}, reset_noise_scale=0.0)
+    for pushes in ({}, {"rate": 0.1, "impulse": 0.01}):
+        tensors.set_scene(pushes=pushes)
+        *_, truncated, infos = tensors.step(torch.zeros(12, 1))
+        assert truncated.all() and ("pushes" in infos) == (pushes == {})
+        *_, truncated, infos = tensors.step(torch.zeros(12, 1))
+        assert not truncated.any() and ("pushes" in infos) == (pushes != {})
 
 
 def test_a_state_put_back_walks_on_alike():
