@@ -7,6 +7,7 @@ through the steps, is left to the caller.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -73,8 +74,24 @@ class Linear(NamedTuple):
     ahead: NDArray[np.float64]
 
 
+class _Rules(NamedTuple):
+    """What holds in recorded steps.
+
+    Attributes:
+        given: The environment's scene.
+        scene: The parts of it that have derivatives.
+        rewarded: Whether rewards have derivatives.
+    """
+
+    given: Scene
+    scene: Scene
+    rewarded: bool
+
+
 class StepRecorder:
     """Record of the steps of an environment, for differentiation.
+
+    Each step is of the scene, and of the kind of work, that the environment has when it is made.
 
     Args:
         envs: A vector environment, for Gymnasium or stable-baselines3.
@@ -86,25 +103,30 @@ class StepRecorder:
     Attributes:
         left_out: What of the scene has no derivative, and which derivative is left out; a sentence
             each.
-        rewarded: Whether rewards have derivatives; they are 0 if not.
+        rewarded: Whether rewards have derivatives; they are 0 if not. These two are of the scene
+            in which the last step was recorded.
     """
 
     def __init__(self, envs: Any, *, learning: bool = False) -> None:
         self._batch, self._learning = envs.batch, learning
-        scene = seen_by_policy(envs.scene)
+        self._checked: Scene | None = None
+        self._follow(self._batch.scene)
+        self.clear()
+
+    def _follow(self, given: Scene) -> None:
+        """Set the rules to those of a scene of the environment."""
+        scene = seen_by_policy(given)
         parts, self.left_out = _parts(scene)
         self.rewarded = scene.reward is None or "reward" in parts
         kept = {name: getattr(scene, name) if name in parts else None for name in _OWN}
         # What ends episodes is known from the environment.
-        self._scene = make_scene(scene, **kept, terminated=None, constraints={})
-        self._own_observation = scene.observation is not None
-        self._ends_by_constraints = "end" in scene.constraints.values()
-        self._checked = False
-        self.clear()
+        made = make_scene(scene, **kept, terminated=None, constraints={})
+        self._rules = _Rules(given, made, self.rewarded)
 
     def clear(self) -> None:
         """Forget all steps."""
         self._before: list[dict[str, NDArray]] = []
+        self._made: list[_Rules] = []
         self._actions: list[NDArray] = []
         self._walkers: list = []
 
@@ -123,6 +145,13 @@ class StepRecorder:
                 "scheduled pushes and steps in the ground have no recorded derivative: give the "
                 "scene pushes or a terrain of its own"
             )
+        if batch.scene is not self._rules.given:
+            self._follow(batch.scene)
+        charged = rules.ENERGIES[int(batch.rules["charged"][0])]
+        if charged != self._rules.scene.energy:
+            scene = make_scene(self._rules.scene, energy=charged)
+            self._rules = self._rules._replace(scene=scene)
+        self._made.append(self._rules)
         self._before.append(now)
         self._actions.append(np.array(actions, dtype=float).reshape(batch.count, -1))
         self._walkers += batch.walkers
@@ -133,25 +162,50 @@ class StepRecorder:
         Args:
             violated: Whether a violated constraint ended each walker's episode, (T, n); required if
                 the scene's constraints end episodes.
+
+        Raises:
+            ValueError: if `violated` is required, or no step is recorded, or the states of the
+                steps' scenes differ in size.
         """
-        if violated is None and self._ends_by_constraints:
+        made, count = self._made, len(self._made)
+        if count == 0:
+            raise ValueError("linearize needs recorded steps: call record before each step")
+        if violated is None and any("end" in each.given.constraints.values() for each in made):
             raise ValueError("linearize needs `violated`, since constraints end episodes here")
-        scene, here = self._episodes()
-        shape = len(self._before), self._batch.count
+        cuts = [0, *(k for k in range(1, count) if made[k] is not made[k - 1]), count]
+        parts = [
+            self._linearized(slice(*ends), None if violated is None else violated[slice(*ends)])
+            for ends in pairwise(cuts)
+        ]
+        sizes = {part.states_by_state.shape[-1] for part in parts}
+        if len(sizes) > 1:
+            raise ValueError(
+                f"the states of the recorded steps' scenes have {sorted(sizes)} numbers: "
+                "call clear between the scenes, or let all or none of them have pushes, a delay, a "
+                "command and functions of their own"
+            )
+        *columns, _ = zip(*parts, strict=True)
+        return Linear(*(np.concatenate(column) for column in columns), ahead=parts[-1].ahead)
+
+    def _linearized(self, steps: slice, violated: NDArray[np.bool_] | None) -> Linear:
+        """Return the derivatives of some recorded steps, all made by the same rules."""
+        made = self._made[steps.start]
+        scene, shape = made.scene, (steps.stop - steps.start, self._batch.count)
+        here, actions = self._episodes(scene, steps), np.concatenate(self._actions[steps])
         leaves = [
             _packed(scene, here).requires_grad_(),
-            torch.from_numpy(np.concatenate(self._actions)).clamp(-1.0, 1.0).requires_grad_(),
+            torch.from_numpy(actions).clamp(-1.0, 1.0).requires_grad_(),
         ]
         found, ends = take_step(
             scene, _unpacked(scene, here, leaves[0]), leaves[1], by_parameters=False,
             violated=None if violated is None else torch.from_numpy(violated.reshape(-1)),
             penalty=_unbounded if self._learning else rules.command_penalty,
         )  # fmt: skip
-        if is_ruled(scene) and not self._checked:
+        if is_ruled(scene) and self._checked is not scene:
             check_alone(scene, ends.last)
-            self._checked = True
+            self._checked = scene
         after = _packed(scene, ends)
-        rewards = found.rewards * float(self.rewarded)
+        rewards = found.rewards * float(made.rewarded)
         by_state, by_action = _derivatives(torch.cat([after, rewards[:, None]], 1), leaves)
         by_state, by_action = (x.reshape(*shape, *x.shape[1:]) for x in (by_state, by_action))
         struck = (found.outcomes == _STRUCK).numpy().reshape(shape)
@@ -167,31 +221,30 @@ class StepRecorder:
             states_by_action=by_action[:, :, :-1],
             rewards_by_state=by_state[:, :, -1],
             rewards_by_action=by_action[:, :, -1],
-            seen_by_state=self._shown(here.last, shape),
-            shown_by_state=self._shown(ends.last, shape),
+            seen_by_state=self._shown(made, here.last, shape),
+            shown_by_state=self._shown(made, ends.last, shape),
             ahead=ahead,
         )
 
-    def _shown(self, step: Transition, shape: tuple[int, int]) -> NDArray[np.float64]:
+    def _shown(self, made: _Rules, step: Transition, shape: tuple[int, int]) -> NDArray[np.float64]:
         """Return derivatives of observations after steps by the state, (T, n, numbers, m)."""
-        scene, size = self._scene, self._scene.walker.size
-        if not self._own_observation:
+        scene, size = made.scene, made.scene.walker.size
+        if seen_by_policy(made.given).observation is None:
             own = np.eye(observation_space(scene).shape[0], size)
             return np.broadcast_to(own, (*shape, *own.shape))
         if not callable(scene.observation):
-            return np.zeros((*shape, self._batch.observation_size, size))
+            seen = np.zeros((*shape, self._batch.observation_size, size))
+            groups = self._batch.custom.groups
+            return seen if groups is None else seen[:, :, groups["policy"]]
         step = each_tensor(step, Tensor.detach)
         states = torch.stack(list(step.state), 1).requires_grad_()
         seen = applied(scene.observation, step._replace(state=type(step.state)(*states.T)))
         return _derivatives(torch.stack(seen, 1), [states])[0].reshape(*shape, -1, size)
 
-    def _episodes(self) -> tuple[Scene, RolloutState]:
-        """Return the scene, and the states before all recorded steps, one behind the other."""
-        arrays = {
-            name: np.concatenate([now[name] for now in self._before]) for name in self._before[0]
-        }
-        charged = rules.ENERGIES[int(self._batch.rules["charged"][0])]
-        scene = make_scene(self._scene, energy=charged)
+    def _episodes(self, scene: Scene, steps: slice) -> RolloutState:
+        """Return the states before recorded steps of a scene, one behind the other."""
+        before = self._before[steps]
+        arrays = {name: np.concatenate([now[name] for now in before]) for name in before[0]}
         records, ledger = arrays["records"][:, 0], arrays["ledger"]
         count, walker = len(records), scene.walker
         zeros = torch.zeros(count, dtype=torch.float64)
@@ -220,24 +273,26 @@ class StepRecorder:
             "outcome": np.where(over, int(Outcome.STALLED), 0),
         }  # fmt: skip
         tensors = {name: torch.from_numpy(np.array(x)) for name, x in here.items()}
-        return scene, RolloutState(
-            **tensors, last=last, parameters=self._parameters(scene, tensors["strides"])
+        walkers = self._walkers[steps.start * self._batch.count :][:count]
+        return RolloutState(
+            **tensors, last=last, parameters=_parameters(scene, walkers, tensors["strides"])
         )
 
-    def _parameters(self, scene: Scene, strides: Tensor) -> dict[str, Tensor]:
-        """Return the parameters in which recorded walkers differ from the scene's, (T n,) each."""
-        each = {id(walker): walker for walker in self._walkers}
-        numbers = {key: walker.parameters for key, walker in each.items()}
-        usual, names = scene.walker.parameters, exchanged_names(scene)
-        names += [
-            name for name in usual
-            if name not in names and any(own[name] != usual[name] for own in numbers.values())
-        ]  # fmt: skip
-        found = {
-            name: torch.tensor([numbers[id(w)][name] for w in self._walkers], dtype=torch.float64)
-            for name in names
-        }
-        return exchanged(scene, found, strides % 2 == 1)
+
+def _parameters(scene: Scene, walkers: list, strides: Tensor) -> dict[str, Tensor]:
+    """Return the parameters in which recorded walkers differ from the scene's, (T n,) each."""
+    each = {id(walker): walker for walker in walkers}
+    numbers = {key: walker.parameters for key, walker in each.items()}
+    usual, names = scene.walker.parameters, exchanged_names(scene)
+    names += [
+        name for name in usual
+        if name not in names and any(own[name] != usual[name] for own in numbers.values())
+    ]  # fmt: skip
+    found = {
+        name: torch.tensor([numbers[id(w)][name] for w in walkers], dtype=torch.float64)
+        for name in names
+    }
+    return exchanged(scene, found, strides % 2 == 1)
 
 
 _OWN = ("reward", "observation")

@@ -9,7 +9,7 @@ from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.torch import linearization
-from gym_passive_walker.torch.linearization import StepRecorder, left_out
+from gym_passive_walker.torch.linearization import Linear, StepRecorder, left_out
 
 COUNT, STEPS, WIDTH = 6, 75, 1e-6
 STRIDES = {"control": "stride", "max_hip_torque": 0.005}
@@ -253,6 +253,66 @@ def test_observations_of_ones_own_have_their_derivative_by_the_state():
         expected[:, 0, 0] = 2.0 * np.sqrt(rows[:, 0]) * np.sign(rows[:, 1])
         expected[:, 1, :2] = 1.0, -1.0
         np.testing.assert_allclose(found[0], expected, atol=1e-6)
+
+
+@pytest.mark.filterwarnings("ignore:observation cannot be compiled")
+def test_observations_of_the_policy_alone_have_derivatives():
+    seen = {
+        "policy": lambda step: [math.sin(float(step.state.stance)), step.time],
+        "critic": lambda step: [step.state.stance, step.state.thigh, step.time],
+    }
+    env = world(observation=seen)
+    env.reset(seed=0)
+    recorder = StepRecorder(env)
+    recorder.record(np.zeros(COUNT))
+    assert recorder.linearize().seen_by_state.shape == (1, COUNT, 2, 6)
+
+
+OTHER = {"max_hip_torque": 0.02, "energy_weight": 0.7}
+
+
+def test_each_step_has_the_derivatives_of_the_scene_in_which_it_is_made():
+    linear, action = [], np.full((COUNT, 1), 0.2)
+    for scenes in ([{}], [{**OTHER, "energy": "net"}], [{}, OTHER]):
+        env = world(**scenes[0])
+        env.reset(seed=2)
+        recorder = StepRecorder(env)
+        for changes in scenes:
+            if changes is not scenes[0]:
+                env.set_scene(**changes)  # the next step ends all episodes
+                recorder.record(action)
+                env.step(action)
+                env.reset(seed=2)
+                env.set_energy_cost("net")
+            for _ in range(3):
+                recorder.record(action)
+                env.step(action)
+        linear.append(recorder.linearize())
+    first, second, both = linear
+    for name in Linear._fields[:-1]:
+        found = getattr(both, name)
+        np.testing.assert_allclose(found[:3], getattr(first, name), atol=1e-12)
+        np.testing.assert_allclose(found[4:], getattr(second, name), atol=1e-12)
+    np.testing.assert_allclose(both.ahead, second.ahead, atol=1e-12)
+    assert abs(first.rewards_by_action - second.rewards_by_action).min() > 1e-4
+
+
+def test_steps_of_scenes_with_other_states_are_differentiated_apart():
+    env = world()
+    env.reset(seed=0)
+    recorder, action = StepRecorder(env), np.zeros((COUNT, 1))
+    with pytest.raises(ValueError, match="linearize needs recorded steps"):
+        recorder.linearize()
+    for changes in ({}, {"pushes": {"rate": 0.1, "impulse": 0.01}}):
+        env.set_scene(**changes)
+        env.reset(seed=0)
+        recorder.record(action)
+        env.step(action)
+    with pytest.raises(ValueError, match=r"scenes have \[7, 8\] numbers: call clear between"):
+        recorder.linearize()
+    recorder.clear()
+    recorder.record(action)
+    assert recorder.linearize().states_by_state.shape == (1, COUNT, 8, 8)
 
 
 @pytest.mark.parametrize("command", [None, 0.16])
