@@ -55,7 +55,9 @@ class Rollout(NamedTuple):
             subtracts the distance of the unfinished stride.
         energies: Energy that the actuators are charged for, in m g l, (T, n).
         observations: Observations of the policy, (T, n, k), as in the environment.
-        outcomes: Outcome of each control step, an `Outcome` as a number, (T, n).
+        outcomes: Outcome of each control step, (T, n): an `Outcome` as a number, or where the
+            scene's own `terminated` ends an episode within a stride, the place of "stopped" in
+            `interface.OUTCOMES`.
         going: Whether the episode was running when each control step began, (T, n).
         margins: Rates with which the events of impacts cross zero, (T, n); see `Tick`.
         end: State after the last control step, from which another rollout can start.
@@ -153,9 +155,9 @@ def initial_state(
     tilts, rises, turns = footing_of(scene, here).T
     at = scene.walker.equations().State(*states.T)
     last = here.last._replace(
-        before=at, state=at, knee_locked=never, heelstrike=never, fell=never, action=still,
-        last_action=still, slope=here.slopes + tilts, height_change=rises, slope_change=turns,
-        command=here.commands,
+        before=at, state=at, knee_locked=is_locked(scene, none), heelstrike=never, fell=never,
+        action=still, last_action=still, slope=here.slopes + tilts, height_change=rises,
+        slope_change=turns, command=here.commands,
     )  # fmt: skip
     return here._replace(last=last)
 

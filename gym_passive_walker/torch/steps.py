@@ -58,7 +58,8 @@ class RolloutState(NamedTuple):
         delays: Number of control steps between an action and its effect, (n,).
         strengths: Effect of each action over its largest, (n, actions).
         parameters: Walker parameters that differ from the scene's, by name, (n,) each.
-        outcome: Outcome of the episode, an `Outcome` as a number, (n,); RUNNING until it ends.
+        outcome: Outcome of the episode, (n,): RUNNING until it ends, then an `Outcome` as a number,
+            or the place of "stopped" in `interface.OUTCOMES`.
     """
 
     states: Tensor
@@ -193,6 +194,7 @@ def take_step(
         pushes=met.pushes,
         pending=pending,
     )
+    endings = outcomes
     if ruled:
         step = _transition(scene, here, ends, moved, held)._replace(
             distance=distances, energy=energies, fell=falls, reward=rewards,
@@ -205,9 +207,10 @@ def take_step(
             rewards = torch.where(going, paid, 0.0)
         if scene.terminated is not None:
             (stops,) = applied(scene.terminated, step)
-            outcomes = torch.where(going & ~falls & (stops != 0.0), STOPPED, outcomes)
-    over = going & rules.ends_episode(outcomes)
-    ends = ends._replace(outcome=torch.where(over, outcomes, here.outcome))
+            endings = torch.where(going & ~falls & (stops != 0.0), STOPPED, outcomes)
+            outcomes = torch.where(outcomes == _RUNNING, endings, outcomes)  # strides end as well
+    over = going & rules.ends_episode(endings)
+    ends = ends._replace(outcome=torch.where(over, endings, here.outcome))
     return StepResult(rewards, distances, energies, outcomes, moved.margins), ends
 
 

@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from gym_passive_walker import footholds
+from gym_passive_walker.envs.interface import OUTCOMES
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.control.feedback import powered_gait
 from gym_passive_walker.gaits.scenes.scene import make_scene
@@ -269,6 +270,26 @@ def test_own_rewards_at_heelstrikes_see_the_ground_of_the_stride_that_begins(of)
         np.testing.assert_allclose(walked.rewards[k], rewards, rtol=0.0, atol=1e-12)
         struck = infos["strides"]
     assert (struck >= 2).all() and len(np.unique(walked.rewards)) >= 2 * COUNT
+
+
+@pytest.mark.parametrize("walker", ["C", "E"])
+def test_own_functions_see_at_the_beginning_whether_the_knee_is_locked(walker):
+    scene = make_scene("lab", walker=walker, observation=lambda step: step.knee_locked)
+    seen, _ = PassiveWalkerVectorEnv(1, scene).reset(seed=0)
+    walked = rollout(lambda seen: 0.0 * seen, scene, 1, count=1, seed=0)
+    assert walked.observations.item() == seen.item() == (walker == "E")
+
+
+@pytest.mark.parametrize("stops", [lambda step: step.heelstrike, lambda step: step.time > 1.05])
+def test_an_own_termination_leaves_the_outcomes_of_steps_as_the_environment_has_them(stops):
+    scene = make_scene("level", terminated=stops, reset_noise_scale=0.0)
+    walked = rollout(lambda seen: 0.0 * seen[:, :1], scene, 60, count=1, seed=0)
+    env = PassiveWalkerVectorEnv(1, scene, autoreset_mode="Disabled")
+    env.reset(seed=0)
+    for outcome in walked.outcomes[walked.going]:
+        terminated, _, infos = env.step(np.zeros((1, 1), np.float32))[2:]
+        assert (infos["outcome"][0] or "") == OUTCOMES[outcome]
+    assert terminated.all() and OUTCOMES[walked.end.outcome] == "stopped"
 
 
 def test_footholds_are_those_of_a_terrain_and_have_gradients():
