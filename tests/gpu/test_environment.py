@@ -161,3 +161,21 @@ def test_each_walker_may_have_a_seed_of_its_own():
     )
     with pytest.raises(ValueError, match="2 seeds for 3 walkers"):
         there.reset(seed=[1, 2])
+
+
+def test_seeds_may_be_numbers_of_numpy_and_are_whole_numbers():
+    there = PassiveWalkerGpuEnv(3, SCENE, seed=np.int64(5))  # type: ignore[arg-type]
+    usual, _ = there.reset(seed=5)
+    for seed in (np.int64(5), np.array(5), np.arange(5, 8), np.arange(5, 8, dtype=np.uint64)):
+        assert torch.equal(there.reset(seed=seed)[0], usual)
+    for seed in (-1, 2**64, 0.5, "a", [1, 2, -3]):
+        with pytest.raises(ValueError, match=r"^seed(\[2\])? must be a whole number"):
+            there.reset(seed=seed)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("shape", [(2, 1), (2,), (4,), (1, 4), (4, 1)])
+def test_actions_of_another_shape_are_refused(shape):
+    there = PassiveWalkerGpuEnv(2, SCENE | {"actions": ("hip", "push_off")})
+    there.reset()
+    with pytest.raises(ValueError, match=r"actions must have shape \(2, 2\), not "):
+        there.step(torch.zeros(shape))

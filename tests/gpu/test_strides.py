@@ -98,6 +98,12 @@ def test_both_entry_points_give_the_same_strides():
         np.testing.assert_array_equal(found, known)
 
 
+def test_no_walkers_need_no_thread():
+    """A GPU refuses a launch without threads."""
+    device.launch(None, 0)
+    assert gpu.stride("C", 0.036, np.zeros((0, 6))).state.shape == (0, 6)
+
+
 def test_a_device_keeps_what_the_engine_keeps():
     kept = device.kind(RECORD)
     assert kept.itemsize == RECORD.itemsize

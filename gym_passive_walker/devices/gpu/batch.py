@@ -39,6 +39,8 @@ from gym_passive_walker.models.model import bodies
 DRAWN = 4096
 """Largest `randomization_pool`, and that of scenes with `domain_randomization` that have none."""
 
+_LARGEST_KEY = 2**64 - 1
+
 
 @lru_cache
 def _kernels(
@@ -104,7 +106,7 @@ class DeviceBatch:
         count: Number of walkers.
         scene: A scene, its name, or its arguments; see `PassiveWalkerEnv`.
         step_limit: Steps after which an episode is truncated.
-        seed: Key of the first walker, an integer below 2^64.
+        seed: Key of the first walker, an integer from 0 to 2^64 - 1.
         **changes: Arguments of the scene to change; see `PassiveWalkerEnv`.
 
     Attributes:
@@ -120,6 +122,7 @@ class DeviceBatch:
     Raises:
         NoDevice: if there is no GPU.
         SceneError: if the scene is unknown or not supported, or a function cannot be compiled.
+        ValueError: if the seed is no such integer.
     """
 
     def __init__(
@@ -219,12 +222,15 @@ class DeviceBatch:
         self.arrays = self._columns.arrays
         self._table, self._words = device.placed(primitives.words_of(self._columns))
 
-    def _keys(self, seed: int | Sequence[int]) -> NDArray[np.uint64]:
-        if not isinstance(seed, Sequence | np.ndarray):
-            return np.uint64(seed % 2**64) + np.arange(self.count, dtype=np.uint64)
+    def _keys(self, seed: Any) -> NDArray[np.uint64]:
+        """Return the keys of the walkers, (count,); see `seed`."""
+        if np.ndim(seed) == 0:
+            first = np.uint64(whole(seed, "seed", 0, _LARGEST_KEY))
+            return first + np.arange(self.count, dtype=np.uint64)
         if len(seed) != self.count:
             raise ValueError(f"{len(seed)} seeds for {self.count} walkers")
-        return np.array([each % 2**64 for each in seed], np.uint64)
+        keys = [whole(each, f"seed[{i}]", 0, _LARGEST_KEY) for i, each in enumerate(seed)]
+        return np.array(keys, np.uint64)
 
     def seed(self, seed: int | Sequence[int]) -> None:
         """Set the keys of the walkers to seed, seed + 1, ..., and restart their episodes.
@@ -233,7 +239,8 @@ class DeviceBatch:
             seed: Key of the first walker; or the key of each.
 
         Raises:
-            ValueError: if there is not one key for each walker.
+            ValueError: if there is not one key for each walker, or one is not a whole number from 0
+                to 2^64 - 1.
         """
         device.write(self.arrays.keys, self._keys(seed))
         device.write(self.arrays.episodes, np.zeros(self.count, np.int64))

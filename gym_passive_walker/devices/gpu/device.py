@@ -99,6 +99,8 @@ def placed(words: Any) -> tuple[Any, Any]:
 
 def launch(kernel: Any, count: int, *arguments: Any, stream: Any = 0) -> None:
     """Run a kernel on a stream, with one thread for each of `count` walkers."""
+    if count == 0:  # a GPU refuses a launch without threads
+        return
     blocks = (count + THREADS_IN_BLOCK - 1) // THREADS_IN_BLOCK
     if not SIMULATED:
         known = kernel.overloads

@@ -104,8 +104,14 @@ class PassiveWalkerGpuEnv:
             `domain_randomization` "randomized", as in `PassiveWalkerTorchEnv`. Its entries of
             commands, pushes, constraints and terms of the reward are not there. "final_obs",
             (num_envs, k), are the observations before new episodes began.
+
+        Raises:
+            ValueError: if the actions have another shape.
         """
-        self._at["actions"].copy_(actions.detach().reshape(self.num_envs, -1).T)
+        wanted = self.num_envs, len(self.batch.scene.actions)
+        if actions.shape != wanted:
+            raise ValueError(f"actions must have shape {wanted}, not {tuple(actions.shape)}")
+        self._at["actions"].copy_(actions.detach().T)
         self.batch.step(stream=_stream())
         rewards, terminated, late = (
             self._at[name].clone() for name in ("rewards", "terminated", "truncated")
