@@ -75,7 +75,6 @@ _HISTORY = ("before", "rate_before", "bend_before", "after", "rate_after", "bend
 _RECORDS = ("state", "start", "ground", "control", "time", "knee_time", "knee_loss", "heel_loss")
 _RECORDS += ("step_length", "gravity_work", "spring_work", "friction_loss", "moved", "turned")
 _RECORDS += ("push_off", "push_work", "passed", "body")
-_LOSSES = {Outcome.KNEESTRIKE: "knee_loss", Outcome.HEELSTRIKE: "heel_loss"}
 
 
 def constants_used(system: System, phase: Phase) -> tuple[str, ...]:
@@ -293,13 +292,12 @@ def reset(system: System, phase: Phase, outcome: Outcome, record: Memory, body: 
     after, loss, work = reset.strike(constants, before, push_off, ground)
     for i, value in zip(places_of(system, record), after, strict=True):
         record["state", i] = value
-    record[_LOSSES[outcome]] = loss
     if reset.into is None:
-        record["push_work"] = work
+        record["heel_loss"], record["push_work"] = loss, work
         _measure(system, constants, before, after, ground, record)
         record["phase"] = 0.0
         return
-    record["phase"] = float(reset.into)
+    record["phase"], record["knee_loss"] = float(reset.into), record["knee_loss"] + loss
     record["knee_time"] = record["time"]
     follows: Expression | float = float(Outcome.RUNNING)
     for refusal in reversed(reset.refuses):

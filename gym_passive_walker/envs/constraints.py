@@ -97,10 +97,9 @@ def equipped(system: System, phases: NDArray, pushes: Any, looks: Any) -> tuple[
 def push_code(system: System, module: Module) -> Module:
     """Add functions to a module that apply an impulse (backwards, upwards) to the hip."""
     for i, phase in enumerate(system.phases):
-        if phase.push is not None:
-            function = module.function(f"push{i}", (record_for(layout_of(system)), page(system)))
-            function.once(partial(_push, system, phase))
-            function.end()
+        function = module.function(f"push{i}", (record_for(layout_of(system)), page(system)))
+        function.once(partial(_push, system, phase))
+        function.end()
     return module
 
 

@@ -27,6 +27,7 @@ FEATURES = {
     "McGeer's parameters": "this function",
     "optimal gaits": "optimal_gait",
     "pages": "a web page",
+    "pushes": "a push",
     "ratios": "the argument `ratios` of a basin",
     "reality check": "reality_check",
     "robustness": "robustness",
@@ -38,14 +39,16 @@ FEATURES = {
 }
 """What a model may support, and how a refusal calls it."""
 
-_FORCE = "`ground_force` and `momentum`"
+_NEEDED, _FORCE = "the force of the ground", "`ground_force` and `momentum`"
 _STATED = {
-    "collision matrix": f"`mass_matrix`, {_FORCE}",
-    "constraints": _FORCE,
-    "ground force": _FORCE,
-    "reality check": _FORCE,
+    "collision matrix": (_NEEDED, f"`mass_matrix`, {_FORCE}"),
+    "constraints": (_NEEDED, _FORCE),
+    "ground force": (_NEEDED, _FORCE),
+    "pushes": ("the inertia of the walker", "`mass_matrix`, or `push` in each phase"),
+    "reality check": (_NEEDED, _FORCE),
 }
-"""What equations of a system must have for a feature; it is derived where they are."""
+"""What a feature needs, and what equations of a system must have for it; it is derived where they
+are."""
 ALIKE = frozenset({"constraints", "feedback", "optimal gaits", "pages", "robustness"})
 """Features of models with legs that are alike."""
 
@@ -65,9 +68,10 @@ def check_supports(model: Checked, feature: str) -> Checked:
                 f"{model.title!r} exchange {', '.join(model.exchange)}"
             )
         if feature in _STATED:
+            needed, functions = _STATED[feature]
             raise ValueError(
-                f"{FEATURES[feature]} needs the force of the ground: the equations of the system "
-                f"{model.title!r} must have {_STATED[feature]}"
+                f"{FEATURES[feature]} needs {needed}: the equations of the system "
+                f"{model.title!r} must have {functions}"
             )
         raise ValueError(
             f"{FEATURES[feature]} needs a walker with two legs and McGeer's parameters, not the "
@@ -134,6 +138,7 @@ class Model:
         supports: The FEATURES that it has.
         start: A state just after heelstrike near a gait; None where searches need none.
         controls: Names of what actuators hold during a stride.
+        absent: Names of controls that its equations leave out: nothing may set them.
         control_units: Units of the controls.
         inputs: Names of what actuators hold, as derivatives by them are named.
         actuators: What actions of environments may move.
@@ -158,6 +163,7 @@ class Model:
 
     legs_alike = True
     exchanged_places: tuple[int, ...] = ()
+    absent: tuple[str, ...] = ()
 
     @property
     def swapped(self) -> Any:

@@ -25,6 +25,7 @@ from gym_passive_walker.gaits.flow import Reported, Walkers, go_on, new_records,
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 from gym_passive_walker.models.equations.systems import UNEVEN
+from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import Walker, WalkerError
 
 
@@ -293,6 +294,7 @@ def _pushed(
         The states after the impulses, (n, 6); and their derivatives with respect to the states
         before, the impulse and the named parameters, (n, 6, 7 + names).
     """
+    check_supports(walkers.walker, "pushes")
     bodies, (count, size) = walkers.bodies(names), states.shape
     given = np.zeros((count, size + 1 + len(names), size + 1), complex)
     given[:] = np.concatenate([states, pushes[:, None]], axis=1)[:, None]
@@ -304,7 +306,7 @@ def _pushed(
     system, after, half = walkers.system(), given[..., :size].copy(), size // 2
     for number, phase in enumerate(system.phases):
         here = phases == number
-        if phase.push is None or not here.any():
+        if not here.any():
             continue
         *state, push = np.moveaxis(given[here], -1, 0)
         body = system.Body(*np.moveaxis(constants[here], -1, 0))

@@ -376,6 +376,7 @@ def _controls(
             f"the system {walker.title!r} takes no {' or '.join(used)}: give its controls by name, "
             "as controls={...}; footholds may differ in height alone"
         )
-    if strange := unknown(asked, walker.controls, f"system {walker.title!r}"):
+    held = tuple(name for name in walker.controls if name not in walker.absent)
+    if strange := unknown(asked, held, f"system {walker.title!r}"):
         raise ValueError(strange)
     return tuple(asked.get(name, 0.0) for name in walker.controls)

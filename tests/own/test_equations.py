@@ -1,17 +1,21 @@
 """Systems of given equations: the package's own walkers by public means, and contradictions."""
 
 import math
+from collections import namedtuple
 from dataclasses import replace
+from typing import NamedTuple
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.models.equations import hybrid, kneed, simplest, straight
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.systems import SYSTEMS
 from gym_passive_walker.models.math import cos, sin
+from tests.own.statements import DRIVEN, Legs, Motor
 
 KINDS = {"kneed": ("lab", 0.036), "straight": ("A", 0.01), "simplest": ("D", 0.009)}
 
@@ -147,9 +151,20 @@ def never():
     return (guard._replace(falls=level), *SYSTEMS["straight"].phases[0].guards[1:])
 
 
-def resets(strike):
-    return {Outcome.HEELSTRIKE: hybrid.Reset(strike)}
+def resets(strike, outcome=Outcome.HEELSTRIKE, into=None):
+    """A heelstrike, and perhaps a reset of another outcome."""
+    plain = {Outcome.HEELSTRIKE: hybrid.Reset(straight.heelstrike)}
+    return plain | {outcome: hybrid.Reset(strike, into)}
 
+
+def guards(count=1, **changes):
+    """The guards of a straight-legged walker, the last one changed and repeated."""
+    *others, last = SYSTEMS["straight"].phases[0].guards
+    return (*others, *[last._replace(**changes)] * count)
+
+
+STRIKE = hybrid.Watch.STRIKE
+Nine = namedtuple("Nine", [f"torque_{i}" for i in range(9)])
 
 WRONG = {
     "a mass matrix of another energy": (
@@ -174,6 +189,38 @@ WRONG = {
         changed("straight", resets=resets(jumps)), "reset HEELSTRIKE",
     ),
     "no heelstrike": (changed("straight", resets={}), "phases .* end with a heelstrike"),
+    "a reset into its own phase": (
+        changed("straight", resets=resets(straight.heelstrike, Outcome.KNEESTRIKE, 0)),
+        "reset KNEESTRIKE of phase LOCKED .* into phase 0: a kneestrike leads to a later one",
+    ),
+    "a reset into a phase that is missing": (
+        changed("straight", resets=resets(straight.heelstrike, Outcome.KNEESTRIKE, 5)),
+        "reset KNEESTRIKE of phase LOCKED .* into phase 5",
+    ),
+    "a heelstrike within a stride": (
+        changed("straight", resets=resets(straight.heelstrike, into=0)),
+        "reset HEELSTRIKE .* a heelstrike ends the stride",
+    ),
+    "a reset of a fall": (
+        changed("straight", resets=resets(straight.heelstrike, Outcome.FELL_FORWARD)),
+        "reset FELL_FORWARD .* cannot act",
+    ),
+    "an impact without a reset": (
+        changed("straight", guards=guards(outcome=Outcome.KNEESTRIKE, watch=STRIKE)),
+        "guard KNEESTRIKE of phase LOCKED .* has no reset",
+    ),
+    "an event without an outcome": (
+        changed("straight", guards=guards(outcome=Outcome.RUNNING, watch=STRIKE)),
+        "guards of phase LOCKED .* RUNNING",
+    ),
+    "too many guards": (
+        changed("straight", guards=guards(10)), "phase LOCKED .* too large: .* 16 controls, guards",
+    ),
+    "too many controls": (
+        changed("straight", Control=Nine, travel=lambda s: Nine(*[s.stance] * 9)),
+        "phase LOCKED .* too large: at most 8 controls",
+    ),
+    "no links": (changed("straight", links=0), "phase LOCKED .* 1 to 3 links, not 0"),
 }  # fmt: skip
 
 
@@ -184,6 +231,126 @@ def test_equations_that_contradict_each_other_are_refused_by_name(wrong):
     with pytest.raises(gpw.StatementError, match=said) as raised:
         gpw.System.of(equations, body, centre=hip)
     assert "\n" not in str(raised.value) and "system 'straight'" in str(raised.value)
+
+
+def given(body=DRIVEN.body, **changes):
+    """The compass with a motor as a system with given equations, and changes of them."""
+    return gpw.System.of(
+        DRIVEN.hybrid._replace(**changes), body, name="given", start=DRIVEN.start,
+        centre=lambda body, state: DRIVEN._centre(body, state)[1:],
+    )  # fmt: skip
+
+
+def test_equations_use_as_many_constants_as_a_phase_has_room_for():
+    (phase,) = DRIVEN.hybrid.phases
+
+    def of(count):
+        """A fall by the sum of so many constants."""
+        kind = namedtuple("Long", ["hip", "leg", *(f"more_{i}" for i in range(count - 2))])
+        fall = phase.guards[1]._replace(falls=lambda b, s, ground: s.stance + sum(b))
+        phases = (phase._replace(guards=(phase.guards[0], fall)),)
+        return given(kind(*Legs(), *[0.05] * (count - 2)), Body=kind, phases=phases)
+
+    assert len(of(24).parameters) == 24
+    with pytest.raises(gpw.StatementError, match=r"phase LOCKED .* at most 24 parameters"):
+        of(25)
+
+
+def braked(at):
+    """A phase of the compass that ends where the swing leg passes an angle, and is slowed there."""
+    (phase,) = DRIVEN.hybrid.phases
+
+    def slowed(body, before, push_off, ground):
+        after = before._make([*before[:2], *(0.98 * rate for rate in before[2:])])
+        energy = DRIVEN.hybrid.kinetic_energy(body, before)
+        return hybrid.Strike(after, energy * (1.0 - 0.98**2))
+
+    strike = hybrid.Guard(lambda body, state, ground: at - state.swing, Outcome.KNEESTRIKE, STRIKE)
+    return phase._replace(guards=(strike, *phase.guards[1:])), slowed
+
+
+@pytest.mark.parametrize("places", [(0.0,), (-0.1, 0.0, 0.1)])
+def test_the_impacts_within_a_stride_lose_their_energies_together(places):
+    """Gravity supplies what they, the heelstrike and the gain of speed take."""
+    phases = []
+    for number, at in enumerate(places):
+        phase, slowed = braked(at)
+        reset = hybrid.Reset(slowed, number + 1)
+        phases.append(phase._replace(resets={Outcome.KNEESTRIKE: reset}))
+    system = given(phases=(*phases, *DRIVEN.hybrid.phases))
+    stride = gpw.stride(system, 0.06, DRIVEN.start)
+    assert stride.outcome == Outcome.HEELSTRIKE
+    energies = [
+        float(system.hybrid.kinetic_energy(system.body, system.State(*state)))
+        for state in (DRIVEN.start, stride.state)
+    ]
+    lost = stride.kneestrike_loss + stride.heelstrike_loss
+    assert stride.gravity_work - lost == pytest.approx(energies[1] - energies[0], abs=1e-9)
+    assert stride.kneestrike_loss > 1e-4
+
+
+def test_what_is_absent_from_equations_cannot_be_set():
+    system = given(
+        Control=Motor, travel=lambda s: Motor(s.swing - s.stance),
+        absent=("motor", *DRIVEN.hybrid.absent),
+    )  # fmt: skip
+    assert make_scene(system=system, slope=0.03).actions == ()
+    refused = {
+        "action": lambda: make_scene(system=system, slope=0.03, actions=("motor",)),
+        "limit": lambda: replace(system, limits={"motor": 1.0}),
+        "held torque": lambda: gpw.stride_map(system, 0.03, controller={"motor": 0.01}),
+        "gradient": lambda: gpw_torch().stride(system, 0.03, DRIVEN.start, controls={"motor": 0.1}),
+    }
+    for ask in refused.values():
+        with pytest.raises(ValueError, match="motor"):
+            ask()
+
+
+class Sprung(NamedTuple):
+    """Masses, and a spring that is absent."""
+
+    hip: float = 2.0 / 3.0
+    leg: float = 1.0 / 6.0
+    spring: float = 0.0
+
+
+def test_a_constant_that_is_absent_from_equations_is_zero_and_no_parameter():
+    absent = ("spring", *DRIVEN.hybrid.absent)
+    system = given(Sprung(), Body=Sprung, absent=absent)
+    assert list(system.parameters) == ["hip", "leg"]
+    with pytest.raises(gpw.StatementError, match="has no spring: it has hip, leg"):
+        system.vary(spring=1.0)
+    with pytest.raises(gpw.StatementError, match=r"spring = 1\.0, which is absent"):
+        given(Sprung(spring=1.0), Body=Sprung, absent=absent)
+
+
+def gpw_torch():
+    return pytest.importorskip("gym_passive_walker.torch")
+
+
+PUSHES = {
+    "a scene": lambda system: make_scene(
+        system=system, slope=0.03, pushes={"rate": 0.1, "impulse": 0.01}
+    ),
+    "robustness": lambda system: gpw.robustness(system, slope=0.03, walkers=4),
+    "a control step": lambda system: gpw_torch().tick(
+        system, 0.03, DRIVEN.start, duration=0.1, push=0.01
+    ),
+    "a rollout": lambda system: gpw_torch().rollout(
+        lambda seen: seen[:, :1], {"system": system, "slope": 0.03}, 2, count=2, pushes=0.01
+    ),
+}
+
+
+def test_pushes_need_a_mass_matrix_or_functions_of_their_own():
+    phases = tuple(phase._replace(push=None) for phase in DRIVEN.hybrid.phases)
+    assert "pushes" in given(phases=phases).supports
+    system = given(phases=phases, mass_matrix=None)
+    for ask in PUSHES.values():
+        with pytest.raises(
+            ValueError, match=r"a push needs the inertia .*`mass_matrix`, or `push`"
+        ):
+            ask(system)
 
 
 def test_a_body_and_a_centre_must_fit_the_equations():

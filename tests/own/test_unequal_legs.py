@@ -19,6 +19,7 @@ import gym_passive_walker.torch as walks
 from examples.unequal_legs import PROSTHESIS, UNEQUAL_LEGS
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.modeling import StatementError
+from gym_passive_walker.models.equations import hybrid
 from tests.own.oracle import Independent
 
 SLOPE = math.radians(3.0)
@@ -385,9 +386,10 @@ def test_a_state_saved_on_the_other_leg_goes_on_with_it(scene):
     assert (heavy != 5.2) == bool(scene)
 
 
-def test_given_equations_exchange_parameters_too():
+@pytest.mark.parametrize("measure", [UNEQUAL_LEGS.hybrid.measure, hybrid.measured])
+def test_given_equations_exchange_parameters_too(measure):
     given = gpw.System.of(
-        UNEQUAL_LEGS.hybrid,
+        UNEQUAL_LEGS.hybrid._replace(measure=measure),
         leg_2(mass=5.3).body,
         exchange=UNEQUAL_LEGS.exchange,
         centre=lambda body, state: UNEQUAL_LEGS._centre(body, state)[1:],
@@ -396,6 +398,8 @@ def test_given_equations_exchange_parameters_too():
     )
     found, expected = (gpw.find_gait(each, SLOPE) for each in (given, leg_2(mass=5.3)))
     np.testing.assert_allclose(found.state, expected.state, atol=1e-11)
+    steps = [gait.cycle.step_length for gait in (found, expected)]
+    np.testing.assert_allclose(*steps, rtol=1e-10)
 
 
 def test_the_other_leg_first_is_the_same_walk_half_a_period_later():

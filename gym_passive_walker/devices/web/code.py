@@ -204,7 +204,8 @@ def code_of_system(system: own.System) -> list[str]:
     )
     function.once(partial(_pose, system))
     function.end()
-    return [*equations(variants(system), pushed=pushed(system)), _called(module, "pose")]
+    pushed = "pushes" in system.supports
+    return [*equations(variants(system), pushed=pushed), _called(module, "pose")]
 
 
 def variants(system: own.System) -> list[System]:
@@ -213,11 +214,6 @@ def variants(system: own.System) -> list[System]:
         return [system.hybrid, system.uneven]
     except StatementError:
         return [system.hybrid]
-
-
-def pushed(system: own.System) -> bool:
-    """Return whether a user's system can be pushed in all of its phases."""
-    return all(phase.push is not None for phase in system.hybrid.phases)
 
 
 def _pose(system: own.System, given: Memory, points: Memory) -> None:

@@ -103,7 +103,7 @@ def of_system(system: own.System, end: int, variants: Sequence[System], gait: Ga
         # Bytes of a body, of a state, and of the points that show it.
         "scratch": 8 * (len(system.body) + 2 * system.coordinates + 2 * points),
         "uneven": len(variants) > 1,
-        "pushed": all(phase.push is not None for phase in system.hybrid.phases),
+        "pushed": "pushes" in system.supports,
     }
     return _noted(system.hybrid, end, content, system_kernels.block_for(layout))
 

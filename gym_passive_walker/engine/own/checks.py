@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import shown
+from gym_passive_walker.engine.compiled import constants_used
 from gym_passive_walker.engine.layout import MOST_CONSTANTS, MOST_GUARDS, WIDE
 from gym_passive_walker.engine.own.mechanics import Derived, Link, rates_by
 from gym_passive_walker.engine.own.stated import StatementError, as_written, same
@@ -18,6 +19,7 @@ from gym_passive_walker.models.walkers import WALKERS
 
 _TRIALS, _CLOSE = 3, 1e-9  # random states of a check, and the largest relative error
 _ITERATIONS = 50  # of Newton's method
+_IMPACTS = (Outcome.HEELSTRIKE, Outcome.KNEESTRIKE)  # after which walkers go on
 _SLOPING = Ground(0.1, 0.995)  # any slope on which powers are compared
 _TAKEN = frozenset({
     # what analyses and compiled code find by its name
@@ -187,8 +189,9 @@ def check(system: Any) -> None:
         if name not in _FALLS:
             raise checks.error("falls", f"has no outcome {name!r}: choose from {', '.join(_FALLS)}")
     for name, limit in system.limits.items():
-        if name not in system.controls:
-            known = ", ".join(system.controls) or "none"
+        held = [each for each in system.controls if each not in system.absent]
+        if name not in held:
+            known = ", ".join(held) or "none"
             raise checks.error("limits", f"has no control {name!r}: choose from {known}")
         if checks.numbers("limits", [limit])[0] <= 0.0:
             raise checks.error("limits", f"must be positive, not {limit!r} of {name!r}")
@@ -234,7 +237,7 @@ def check(system: Any) -> None:
 
 def _check_exchange(checks: Checks) -> None:
     """Refuse an exchange that is not of pairs of the body's fields."""
-    fields = checks.body._fields
+    fields = checks.system.parameters
     names = [name for pair in checks.system.exchange.items() for name in pair]
     for name in names:
         if name not in fields:
@@ -408,8 +411,16 @@ def _check_statement(checks: Checks, equations: hybrid.System) -> None:
     system, body = checks.system, checks.body
     if not isinstance(body, equations.Body):
         raise checks.error("body", f"must be of the type {equations.Body.__name__}, not {body!r}")
+    for name in equations.absent:
+        if getattr(body, name, 0.0) != 0.0:
+            raise checks.error(
+                "body", f"has {name} = {getattr(body, name)!r}, which is absent from its "
+                "equations: leave it 0"
+            )  # fmt: skip
     if Outcome.HEELSTRIKE not in equations.phases[-1].resets:
         raise checks.error("phases", "must end with a heelstrike: the last one has no reset for it")
+    for number, phase in enumerate(equations.phases):
+        _check_form(checks, equations, number, phase)
     for state in checks.states:
         checks.numbers("centre", checks.tried("centre", system.centre, body, state), 2)
         _check_pose(checks, state)
@@ -418,6 +429,43 @@ def _check_statement(checks: Checks, equations: hybrid.System) -> None:
             tied = equations.State(*_tied(phase, state))
             _check_phase(checks, equations, phase, tied)
             _check_resets(checks, equations, phase, tied)
+    for phase in equations.phases:
+        if len(constants_used(equations, phase)) > MOST_CONSTANTS:
+            raise checks.error(
+                f"phase {phase.stage.name}", f"is too large: it may use at most {MOST_CONSTANTS} "
+                "parameters"
+            )  # fmt: skip
+
+
+def _check_form(checks: Checks, equations: hybrid.System, number: int, phase: Phase) -> None:
+    """Refuse a phase of more parts than there is room for, or with impacts that lead nowhere."""
+    name, count = f"phase {phase.stage.name}", len(equations.phases)
+    if not 1 <= phase.links <= checks.count:
+        raise checks.error(name, f"must have 1 to {checks.count} links, not {phase.links!r}")
+    controls = len(checks.system.controls)
+    rows = len(phase.guards) + controls + sum(len(guard.where) for guard in phase.guards)
+    if rows > MOST_GUARDS or controls > WIDE.controls:
+        raise checks.error(
+            name, f"is too large: at most {WIDE.controls} controls, and {MOST_GUARDS} controls, "
+            "guards and conditions of guards together"
+        )  # fmt: skip
+    for outcome, reset in phase.resets.items():
+        which = f"reset {Outcome(outcome).name} of {name}"
+        if outcome not in _IMPACTS:
+            raise checks.error(which, "cannot act: a reset is of a kneestrike or a heelstrike")
+        if outcome == Outcome.HEELSTRIKE and reset.into is not None:
+            raise checks.error(which, f"goes into phase {reset.into}: a heelstrike ends the stride")
+        if outcome == Outcome.KNEESTRIKE and reset.into not in range(number + 1, count):
+            raise checks.error(
+                which, f"goes into phase {reset.into!r}: a kneestrike leads to a later one"
+            )
+    for guard in phase.guards:
+        if guard.outcome in _IMPACTS and guard.outcome not in phase.resets:
+            raise checks.error(
+                f"guard {guard.outcome.name} of {name}", "has no reset: state what the impact does"
+            )  # fmt: skip
+        if guard.outcome == Outcome.RUNNING:
+            raise checks.error(f"guards of {name}", "must end it: RUNNING is no outcome of one")
 
 
 def _check_energies(checks: Checks, equations: hybrid.System, state: Any) -> None:

@@ -23,7 +23,7 @@ from gym_passive_walker.engine.own.mechanics import (
     relabelled,
     solve_positive,
 )
-from gym_passive_walker.engine.own.stated import Stated, StatementError, stated
+from gym_passive_walker.engine.own.stated import Stated, StatementError, as_written, stated
 from gym_passive_walker.engine.own.statement import push_of
 from gym_passive_walker.models.chart import Whole
 from gym_passive_walker.models.equations import hybrid
@@ -205,11 +205,11 @@ class System(Model):
 
     def vary(self, **parameters: float) -> System:
         """This system with other values of some fields of its body."""
-        unknown = [name for name in parameters if name not in self.body._fields]
+        unknown = [name for name in parameters if name not in self.parameters]
         if unknown:
             raise StatementError(
                 f"body of system {self.name!r} has no {', '.join(unknown)}: it has "
-                f"{', '.join(self.body._fields)}"
+                f"{', '.join(self.parameters)}"
             )
         made = self.with_body(parameters)
         check(made)
@@ -268,6 +268,8 @@ class System(Model):
         """The features that it has; the force of the ground is derived, or must be given."""
         known = self.given is None or None not in (self.given.ground_force, self.given.momentum)
         features = {"feedback", "optimal gaits", "pages", "robustness"}
+        if self.given is None or all(phase.push for phase in self.given.phases):
+            features.add("pushes")
         if known:
             features |= {"constraints", "ground force", "reality check"}
         if known and self.hybrid.mass_matrix is not None:
@@ -315,6 +317,11 @@ class System(Model):
         return self.Control._fields  # type: ignore[attr-defined]
 
     @property
+    def absent(self) -> tuple[str, ...]:
+        """Names of controls and parameters that are absent from given equations."""
+        return () if self.given is None else self.given.absent
+
+    @property
     def control_units(self) -> NDArray[np.float64]:
         """Units of the controls: 1."""
         return np.ones(len(self.controls))
@@ -328,9 +335,12 @@ class System(Model):
     def actuators(self) -> tuple[Actuator, ...]:
         """What actions of environments may move."""
         return tuple(
-            Actuator(name, self.limits.get(name, "max_hip_torque"), f"control {name!r}")
+            Actuator(
+                name, self.limits.get(name, "max_hip_torque"), f"control {name!r}",
+                usual=name not in self.absent,
+            )
             for name in self.controls
-        )
+        )  # fmt: skip
 
     @property
     def observed(self) -> tuple[tuple[str, str], ...]:
@@ -344,8 +354,9 @@ class System(Model):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Fields of `body` by name."""
-        return self.body._asdict()
+        """Fields of `body` by name, but for those that are absent from its equations."""
+        fields = self.body._asdict().items()
+        return {name: value for name, value in fields if name not in self.absent}
 
     def with_parameters(self, **values: float) -> System:
         """Return a system with other values of some fields of `body`, as `vary` does."""
@@ -478,7 +489,7 @@ class System(Model):
     def hybrid(self) -> hybrid.System:
         """The hybrid system that the engine compiles."""
         if "hybrid" not in self._made:
-            self._made["hybrid"] = _registered(self.given or self._stated())
+            self._made["hybrid"] = _registered(self._measured() if self.given else self._stated())
         return self._made["hybrid"]
 
     @property
@@ -546,6 +557,17 @@ class System(Model):
             State=self.State,
             Control=self.Control,
         )
+
+    def _measured(self) -> hybrid.System:
+        """The given equations, with a default measure that knows the body of the next stride."""
+        given: Any = self.given
+        if self.legs_alike or as_written(given.measure) is not hybrid.measured:
+            return given
+
+        def measure(system: Any, body: Any, *rest: Any) -> hybrid.Step:
+            return hybrid.measured(system, body, *rest, self._next_body(body))
+
+        return given._replace(measure=measure)
 
     def _motion(self, body: Any, state: Any) -> Motion:
         return Motion([Link(*link) for link in self.links(body, state)], state)

@@ -153,6 +153,7 @@ def held_by(walker: Any, held: Actuation | Mapping[str, float] | None) -> Actuat
     if isinstance(held, Mapping):
         own = "actuation" not in walker.supports
         names = walker.controls if own else Actuation._fields
+        names = tuple(name for name in names if name not in walker.absent)
         if strange := unknown(held, names, f"the walker {name_of(walker)!r}"):
             raise ValueError(strange)
         held = {name: number(held.get(name, 0.0), name) for name in names}

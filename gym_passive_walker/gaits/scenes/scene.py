@@ -182,8 +182,9 @@ class Scene:
             put(name, bounded(name, getattr(self, name), low, high))
 
         put("walker", as_walker(self.walker))
-        if self.constraints:
-            checked(check_supports, self.walker, "constraints")
+        for name in ("constraints", "pushes"):
+            if getattr(self, name):
+                checked(check_supports, self.walker, name)
         put("slope", self._checked_slope())
         for name, names in (("control", CONTROLS), ("energy", ENERGIES)):
             if getattr(self, name) not in names:
@@ -277,7 +278,7 @@ class Scene:
 
     def _checked_actions(self) -> tuple[str, ...]:
         """Return the names of the actions after a check."""
-        channels = self.channels
+        channels = tuple(name for name in self.channels if name not in self.walker.absent)
         if self.actions is None:
             return tuple(each.name for each in self.walker.actuators if each.usual)
         actions = several("actions", self.actions, channels, least=min(len(channels), 1))

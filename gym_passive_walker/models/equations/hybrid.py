@@ -174,8 +174,8 @@ class Reset(NamedTuple):
     Attributes:
         strike: Function of body, state before, push-off and ground. The state after is relative to
             the next foothold.
-        into: Index of the phase that begins; None if the stride has ended and the legs have
-            exchanged roles.
+        into: Index of the phase that begins, a later one: so it is of a kneestrike. None if the
+            stride has ended and the legs have exchanged roles: so it is of a heelstrike.
         refuses: Conditions under which no phase can begin after the impact.
     """
 
@@ -232,12 +232,17 @@ class Step(NamedTuple):
     spring_work: Number = 0.0
 
 
-def measured(system: Any, body: Any, start: Any, before: Any, after: Any, ground: Ground) -> Step:
-    """Measures of a stride, from the hip's `place` over the old foot and over the new one."""
+def measured(
+    system: Any, body: Any, start: Any, before: Any, after: Any, ground: Ground, then: Any = None
+) -> Step:
+    """Measures of a stride, from the hip's `place` over the old foot and over the new one.
+
+    The body of the next stride is `then`; None for legs that are alike.
+    """
     began = before._make([*start, *before[len(start) :]])
     passed = system.place(body, before)
     return Step(
-        passed - system.place(body, after),
+        passed - system.place(body if then is None else then, after),
         passed,
         -system.potential_gain(body, began, before, ground),
         -system.spring_gain(body, began, before) if system.spring_gain else 0.0,
