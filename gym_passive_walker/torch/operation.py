@@ -308,6 +308,7 @@ def _pushed(
         here = phases == number
         if not here.any():
             continue
+        assert phase.push is not None
         *state, push = np.moveaxis(given[here], -1, 0)
         body = system.Body(*np.moveaxis(constants[here], -1, 0))
         jumps = list(phase.push(body, system.State(*state), -push, 0.0))

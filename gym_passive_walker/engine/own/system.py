@@ -565,7 +565,7 @@ class System(Model):
             return given
 
         def measure(system: Any, body: Any, *rest: Any) -> hybrid.Step:
-            return hybrid.measured(system, body, *rest, self._next_body(body))
+            return hybrid.measured(system, body, *rest, then=self._next_body(body))
 
         return given._replace(measure=measure)
 

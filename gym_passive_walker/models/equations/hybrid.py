@@ -265,7 +265,8 @@ class System(NamedTuple):
         foot_clearance: Function of body and state: height over the ground of the swing foot, taken
             as a full circle.
         measure: Function of system, body, angles at the start of the stride, states just before and
-            after a heelstrike, and ground: the `Step` that has ended.
+            after a heelstrike, and ground: the `Step` that has ended. If the legs exchange
+            parameters, the body is that before it.
         mass_matrix: Function of body and state: upper triangle of the mass matrix, row by row; None
             for legs without mass.
         travel: Function of a state: for each control, the coordinate along which it does work. The
@@ -279,7 +280,7 @@ class System(NamedTuple):
         momentum: Function of body and state: momentum along the ground and up from it; None if it
             is not known.
         absent: Names of constants, controls, impulses and ground data that are always zero. They
-            are omitted from the compiled code.
+            are omitted from the compiled code, and a `System` has no such parameter or action.
         State: Named tuple of the coordinates, followed by their rates in the same order.
         Control: Named tuple of the controls.
     """
