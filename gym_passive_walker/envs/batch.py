@@ -24,6 +24,8 @@ from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbe
 from gym_passive_walker.envs.interface import observation_space, refuse
 from gym_passive_walker.envs.one_thread import Token
 from gym_passive_walker.envs.randomized import Randomized
+from gym_passive_walker.envs.saved import ROUNDING
+from gym_passive_walker.gaits.scenes.checks import check_point_feet, checked
 from gym_passive_walker.gaits.scenes.rewards import DRAWN, OWN
 from gym_passive_walker.gaits.scenes.rules import ENERGIES, KNEE_LOCK, proportion
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, recorded_weight
@@ -56,7 +58,7 @@ def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
     rules["charged"] = ENERGIES.index(scene.energy)
     rules["step_limit"] = step_limit
     rules["reset_noise_scale"] = scene.ends("reset_noise_scale")[1]
-    rules["weight"] = recorded_weight(scene)
+    rules["weight"] = recorded_weight(scene.walker)
     rules["works"][0, : len(system.works)] = np.divide(system.works, rules["weight"])
     rules["works"][0, -1] = 1.0
     places = scene.walker.exchanged_places
@@ -86,6 +88,23 @@ def observed_bodies(scene: Scene, walkers: Sequence[Walker]) -> NDArray[np.float
     return proportion(found)
 
 
+def _check_alike(scene: Scene, walkers: Sequence[Walker]) -> None:
+    """Check that one set of equations and of rules is that of all walkers, and of the scene's."""
+    each = {scene.walker, *walkers}
+    if len({walker.kind for walker in each}) > 1:
+        raise SceneError(
+            "walkers of one batch, and the scene's, must be of one kind: all with free knees, all "
+            "with held knees, all with straight legs, all with legs without mass, or all one system"
+        )
+    weights = np.array([recorded_weight(walker) for walker in each])
+    if np.ptp(weights) > ROUNDING * weights[0]:
+        raise SceneError(
+            "systems of one batch, and the scene's, must have one weight, by which torques and "
+            f"energies are measured, not from {weights.min():g} to {weights.max():g}"
+        )
+    checked(check_point_feet, scene.actions, *each)
+
+
 class Batch:
     """A batch of walkers: records, ledger, starts and control steps.
 
@@ -94,7 +113,7 @@ class Batch:
     Args:
         scene: The scene.
         count: Number of walkers.
-        walkers: Walkers of one kind, (count,), instead of the scene's.
+        walkers: Walkers of the scene's kind, (count,), instead of the scene's.
         slopes: Slopes in rad, (count,), instead of the scene's.
         step_limit: Steps after which an episode is truncated.
         threads: Most threads, with at least 512 walkers each; all free CPUs' when None.
@@ -116,7 +135,7 @@ class Batch:
             interrupt has ended the last step or reset before it was complete.
 
     Raises:
-        SceneError: if the walkers are of different kinds, or a count does not fit.
+        SceneError: if the walkers are of different kinds or weights, or a count does not fit.
     """
 
     def __init__(
@@ -144,11 +163,7 @@ class Batch:
         self.step_limit = step_limit
         self.threads = None if threads is None else whole(threads, "threads")
         self.walkers = [scene.walker] * count if walkers is None else list(walkers)
-        if len({walker.kind for walker in self.walkers}) > 1:
-            raise SceneError(
-                "walkers of one batch must be of one kind: all with free knees, all with held "
-                "knees, all with straight legs, all with legs without mass, or all one system"
-            )
+        _check_alike(scene, self.walkers)
         slope_of = [None] * count if slopes is None else check_slope(slopes).tolist()
         shared: dict[Any, Starts] = {}
         self._starts = [

@@ -214,7 +214,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
         scene: A scene, its name, or its arguments; see `PassiveWalkerEnv`.
         seed: Seed of the first reset, as for `seed()`, which sets those of later resets.
         max_episode_steps: As for `PassiveWalkerVectorEnv`, as are the next four.
-        walkers: Walkers of one kind, (num_envs,), instead of the scene's.
+        walkers: Walkers of the scene's kind, (num_envs,), instead of the scene's.
         slopes: Slopes in rad, (num_envs,), instead of the scene's.
         threads: Most threads, with at least 512 walkers each; all free CPUs' when None.
         render_mode: "rgb_array", or None.

@@ -45,7 +45,7 @@ class PassiveWalkerVectorEnv(
             observation of the next one, and has the last one in ``infos["final_obs"]``.
             "Disabled": call ``reset(options={"reset_mask": ...})``. Gymnasium's vector wrappers of
             observations refuse "SameStep"; all of them take "NextStep".
-        walkers: Walkers of one kind, (num_envs,), instead of the scene's.
+        walkers: Walkers of the scene's kind, (num_envs,), instead of the scene's.
         slopes: Slopes in rad, (num_envs,), instead of the scene's.
         threads: Most threads, with at least 512 walkers each; all free CPUs' when None. Results do
             not depend on it.

@@ -403,7 +403,7 @@ def _transition(
         ankle_work=ankle[0],
         ankle_work_absolute=ankle[1],
         push_off_work=torch.where(struck, moved.result("push_work"), 0.0),
-        collision_loss=lost / recorded_weight(scene),
+        collision_loss=lost / recorded_weight(scene.walker),
         heelstrike=struck,
         step_length=torch.where(struck, moved.result("step_length"), 0.0),
         strides=ends.strides.double(),
@@ -422,7 +422,7 @@ def is_ruled(scene: Scene) -> bool:
 
 def _works(scene: Scene) -> NDArray[np.float64]:
     """Return the work of a unit of each control per unit of motion in m g l, (controls,)."""
-    return np.divide(scene.walker.equations().works, recorded_weight(scene))
+    return np.divide(scene.walker.equations().works, recorded_weight(scene.walker))
 
 
 def is_locked(scene: Scene, phases: Tensor) -> Tensor:

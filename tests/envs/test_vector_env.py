@@ -16,8 +16,10 @@ from gym_passive_walker.envs import interface
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.scenes.scene import SceneError
+from tests.own.statements import DRIVEN
 
 MODES = [mode.value for mode in AutoresetMode]
+ROUND = {"uniform": (0.0, 0.1), "operation": "abs"}
 
 
 @pytest.fixture
@@ -62,9 +64,35 @@ def test_the_time_limit_is_4000_steps(make_vec):
     assert truncated.index(True) == 3999
 
 
-def test_walkers_of_different_kinds_do_not_mix(make_vec):
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"walkers": ["C", "A"]},
+        {"walker": "C", "walkers": ["A", "B"]},
+        {"system": DRIVEN, "walkers": ["E", "E"]},
+    ],
+)
+def test_walkers_of_different_kinds_do_not_mix(make_vec, given):
     with pytest.raises(SceneError, match="of one kind"):
-        make_vec(2, walkers=["C", "A"])
+        make_vec(2, **given)
+
+
+def test_systems_of_different_weight_do_not_mix(make_vec):
+    heavy = DRIVEN.with_body({"leg": 1.0})
+    with pytest.raises(SceneError, match="must have one weight"):
+        make_vec(2, walkers=[DRIVEN, heavy])
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"walkers": ["E", "B"]},
+        {"walker": "E", "domain_randomization": {"foot_radius": ROUND}},
+    ],
+)
+def test_each_walker_with_an_ankle_torque_has_point_feet(make_vec, given):
+    with pytest.raises(SceneError, match="the action 'ankle' needs point feet"):
+        make_vec(2, actions=("ankle",), **given)
 
 
 @pytest.mark.parametrize("given", [{"walkers": ["C"]}, {"slopes": [0.1]}])

@@ -235,7 +235,7 @@ class Problem:
         self.motors = max(used, default=0) + 1
         self.largest = np.repeat([*largest.values()][: self.motors], ticks)  # torque of each part
         works = Walkers(walker=scene.walker).system().works  # 0 of a hip, with feet of no mass
-        works = np.divide(works, recorded_weight(scene))
+        works = np.divide(works, recorded_weight(scene.walker))
         self.works = np.repeat(works[: self.motors], ticks)
         self._last: tuple[Any, Any] = None, None
 

@@ -60,7 +60,7 @@ class StrideReward:
     def __init__(self, scene: Scene, function: Callable[[Transition], Any] | Mapping) -> None:
         self.scene = scene
         self._system = scene.walker.equations()
-        works = np.divide(self._system.works, recorded_weight(scene))
+        works = np.divide(self._system.works, recorded_weight(scene.walker))
         self._works = dict(zip(scene.channels, works.tolist(), strict=False))
         known: dict[Any, Any] = {}
         self._result = self._traced(rule_of(checked_rule("reward", function)), known)
@@ -237,7 +237,7 @@ class StrideReward:
         duration = time.copy()
         for total in (duration, lost):
             total[1:, 0] -= total[:-1, 0].copy()
-        weight = recorded_weight(scene)
+        weight = recorded_weight(scene.walker)
         command = scene.command if isinstance(scene.command, float) else 0.0
         fields: dict[_Place, NDArray] = {
             ("distance",): wide(there - places[:-1]),

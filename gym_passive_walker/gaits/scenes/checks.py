@@ -30,6 +30,19 @@ def checked(check: Callable[..., Any], *given: Any, **limits: Any) -> Any:
         raise SceneError(str(error)) from None
 
 
+def check_point_feet(actions: Sequence[str], *walkers: Any) -> None:
+    """Check that walkers with an ankle torque have point feet.
+
+    Raises:
+        ValueError: if the foot of one is round.
+    """
+    if "ankle" in actions and any(walker.foot_radius != 0.0 for walker in walkers):
+        raise ValueError(
+            "the action 'ankle' needs point feet: a round foot rolls, and the ground under it "
+            "bears no torque; choose a walker with foot_radius=0"
+        )
+
+
 CHECKS = ("contact", "friction", "knee lock", "scuffing")
 """Feasibility constraints: items of `RealityCheck.passed`, the most severe first."""
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from gym_passive_walker._tools.arguments import check_slope, number, shown, unknown, whole
 from gym_passive_walker.engine.counter_rng import normal, uniform, word
-from gym_passive_walker.gaits.scenes.checks import SceneError, bounded, checked
+from gym_passive_walker.gaits.scenes.checks import SceneError, bounded, check_point_feet, checked
 from gym_passive_walker.models.model import bodies
 from gym_passive_walker.models.units import KINDS
 from gym_passive_walker.models.walkers import Walker, WalkerError
@@ -434,7 +434,7 @@ def _check_effect(entry: Distribution, name: str, scene: Any, *, tolerance: bool
             '{"uniform": (0, 0.1), "operation": "abs"}'
         )
     if of_body:
-        _check_body(entry, name, scene.walker, tolerance=tolerance)
+        _check_body(entry, name, scene, tolerance=tolerance)
         return
     if name == SLOPE and isinstance(nominal, tuple):
         raise SceneError(f"{title}: the scene's slope is a range already: give one of the two")
@@ -465,12 +465,12 @@ _OF_GRAVITY = (
 )
 
 
-def _check_body(entry: Distribution, name: str, walker: Walker, *, tolerance: bool) -> None:
+def _check_body(entry: Distribution, name: str, scene: Any, *, tolerance: bool) -> None:
     """Check that the ends of a parameter's values make walkers that differ.
 
     Of a tolerance an end may make none, for draws without a walker are repeated.
     """
-    made = []
+    walker, made = scene.walker, []
     for end in entry.ends(walker.parameters[name]):
         try:
             made.append(walker.with_body({name: end}))
@@ -483,6 +483,7 @@ def _check_body(entry: Distribution, name: str, walker: Walker, *, tolerance: bo
             f"{entry.title} draws {name}={made[0].parameters[name]:g} too, where the walker has "
             "other equations of motion: all draws need the same"
         )
+    checked(check_point_feet, scene.actions, *made)
     low, high = (bodies(each)[0, 0] for each in made)
     if np.allclose(low, high, rtol=1e-12, atol=0.0):
         raise SceneError(

@@ -25,6 +25,7 @@ from gym_passive_walker.gaits.scenes.checks import (
     SceneError,
     UnknownArgumentError,
     bounded,
+    check_point_feet,
     checked,
     checked_constraints,
     checked_noise,
@@ -98,6 +99,7 @@ class Scene:
             arguments of the scene, by name: ``{"foot_radius": 0.1}`` is a uniform factor from 0.9
             to 1.1, ``{"hip_mass": (0.8, 1.2)}`` one from 0.8 to 1.2; see
             `gaits.scenes.randomization`. "curriculum" is a number of episodes in which draws grow.
+            Torques and energies of a `System` stay over the weight of the one that is not drawn.
         randomization_pool: Number of walkers from which `domain_randomization` draws, equal in all
             environments; None draws a new walker at each reset.
         observe_body: Parameters of the walker that agents observe, as ``("foot_radius",)``:
@@ -282,11 +284,7 @@ class Scene:
         if self.actions is None:
             return tuple(each.name for each in self.walker.actuators if each.usual)
         actions = several("actions", self.actions, channels, least=min(len(channels), 1))
-        if "ankle" in actions and self.walker.foot_radius != 0.0:
-            raise SceneError(
-                "the action 'ankle' needs point feet: a round foot rolls, and the ground under it "
-                "bears no torque; choose a walker with foot_radius=0"
-            )
+        checked(check_point_feet, actions, self.walker)
         return actions
 
     @property
@@ -303,7 +301,7 @@ class Scene:
         limit = self.actuator(channel).limit
         if not isinstance(limit, str):
             return float(limit)
-        return self.ends(limit)[1] * recorded_weight(self)
+        return self.ends(limit)[1] * recorded_weight(self.walker)
 
     def ends(self, name: str) -> tuple[float, float]:
         """Return the smallest and the largest value of an argument that can be drawn."""
@@ -378,9 +376,9 @@ class Scene:
         return max(1, round(1.0 / (self.tick * self.walker.time_unit)))
 
 
-def recorded_weight(scene: Scene) -> float:
-    """Return the weight of a scene's walker in the unit of its records; 1 for a `Walker`."""
-    return scene.walker.weight / scene.walker.units.force
+def recorded_weight(walker: Model) -> float:
+    """Return the weight of a walker in the unit of its records; 1 for a `Walker`."""
+    return walker.weight / walker.units.force
 
 
 def kept_argument(name: str, value: Any) -> Any:
