@@ -28,7 +28,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from torch import nn
 
 from agents.config import Config, ConfigError
-from agents.envs import training_envs
+from agents.envs import scene_of, training_envs
 from agents.files import CONFIG, read_arrays, reading
 from agents.first_order import SHAC
 from agents.learned_steps import LearnedSHAC
@@ -315,7 +315,7 @@ def learned(name: str | Path, *, trust: bool = False) -> tuple[Config, Policy]:
             return kept, load_policy(folder, kept)
     try:
         if kept is not None:  # the former format of exported policies: tensors and YAML
-            return kept, Network(read_tensors(folder / TENSORS), **_acting(kept))
+            return kept, _network(read_tensors(folder / TENSORS), kept)
         policy = load_exported(name, trust=trust)
         if not isinstance(policy, TrainedPolicy):
             raise ValueError("its file lacks the configuration of its training")
@@ -326,6 +326,12 @@ def learned(name: str | Path, *, trust: bool = False) -> tuple[Config, Policy]:
         raise ConfigError(
             f"{name} is neither a run nor an exported policy: {reason(error)}"
         ) from None
+
+
+def _network(tensors: Mapping[str, NDArray], config: Config) -> Network:
+    """A policy on NumPy, as its configuration says."""
+    scene = scene_of(config)
+    return Network(tensors, **_acting(config), least=[scene.least(each) for each in scene.actions])
 
 
 def _acting(config: Config) -> dict[str, Any]:
@@ -370,7 +376,7 @@ def on_numpy(policy: LearnedPolicy, config: Config) -> Network:
         ValueError: if a weight is not finite.
     """
     arrays = {name: tensor.cpu().numpy() for name, tensor in _tensors(policy).items()}
-    return Network(arrays, **_acting(config))
+    return _network(arrays, config)
 
 
 def _tensors(policy: LearnedPolicy) -> dict[str, torch.Tensor]:

@@ -459,9 +459,12 @@ def test_an_exported_policy_with_other_layers_is_refused(ran, tmp_path):
         learned(tmp_path / "ppo")
 
 
-@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac", "shac-learned"])
-def test_evaluations_during_a_training_run_the_same_policy_on_numpy(algo, tmp_path):
-    run = Run(small(algo), tmp_path)
+@pytest.mark.parametrize(("algo", "scene"), [
+    ("ppo", "level"), ("ppo-fast", "level"), ("sac", "level"), ("sac", "push-off"),
+    ("shac", "level"), ("shac-learned", "level"),
+])  # fmt: skip
+def test_evaluations_during_a_training_run_the_same_policy_on_numpy(algo, scene, tmp_path):
+    run = Run(small(algo, scene=scene), tmp_path)
     policy, seen = LearnedPolicy(run.model, algo), run.exam.observation_space.sample()
     copied = on_numpy(policy, run.config)
     np.testing.assert_allclose(copied.predict(seen)[0], policy.predict(seen)[0], atol=2e-6)

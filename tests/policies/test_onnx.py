@@ -63,7 +63,7 @@ def test_a_file_computes_in_single_precision_with_operators_of_2022(tmp_path):
     assert "stance leg angle (rad)" in model.graph.input[0].doc_string
 
 
-def random_network(algo, activation, normalizer, actions=1, layers=(16, 8)):
+def random_network(algo, activation, normalizer, actions=1, layers=(16, 8), least=-1.0):
     """A policy of random numbers; some normalized observations are beyond the clip."""
     rng = np.random.default_rng(0)
     hidden, mean = ("actor.latent_pi", "actor.mu") if algo == "sac" else (
@@ -82,7 +82,7 @@ def random_network(algo, activation, normalizer, actions=1, layers=(16, 8)):
     tensors["normalizer.obs_rms.mean"] = rng.normal(0.0, 0.3, 8)
     tensors["normalizer.obs_rms.var"] = rng.uniform(0.01, 2.0, 8)
     tensors["normalizer.obs_rms.mean"][7], tensors["normalizer.obs_rms.var"][7] = 0.0361, 0.0
-    return Network(tensors, algo=algo, activation=activation, normalizer=normalizer)
+    return Network(tensors, algo=algo, activation=activation, normalizer=normalizer, least=least)
 
 
 @pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac", "shac-learned"])
@@ -115,6 +115,15 @@ def test_a_policy_may_have_several_actions_or_no_hidden_layer(tmp_path):
         assert np.max(np.abs(actions - network.predict(seen)[0])) < ROUNDING
     with pytest.raises(ValueError, match="2 numbers in its action, its scene 1"):
         write_onnx(network, path, scene="level", env={}, algorithm="PPO")
+
+
+def test_squashed_actions_are_from_the_least_of_each(tmp_path):
+    network = random_network("sac", "ReLU", None, 2, least=(-1.0, 0.0))
+    env = {"walker": "D", "slope": 0.0, "actions": ["hip", "push_off"]}
+    write_onnx(network, tmp_path / "policy.onnx", scene="level", env=env, algorithm="SAC")
+    actions, _ = gpw.load_policy(tmp_path / "policy.onnx").predict(seen_by(8))
+    assert np.max(np.abs(actions - network.predict(seen_by(8))[0])) < ROUNDING
+    assert np.all(actions.min(axis=0) >= [-1.0, 0.0]) and actions[:, 1].min() < 0.4
 
 
 def test_a_file_acts_in_every_analysis_as_its_policy(tmp_path):

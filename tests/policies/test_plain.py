@@ -50,7 +50,7 @@ def tensors(squashed, sizes=(SIZE, 7, 4), seed=0, spread=1.0):
     return found
 
 
-def acted(arrays, squashed, activation, normalizer, seen):
+def acted(arrays, squashed, activation, normalizer, seen, least=(-1.0,) * MOTORS):
     """The mean actions for one observation, number by number."""
     x = [float(value) for value in seen]
     if normalizer is not None:
@@ -68,7 +68,9 @@ def acted(arrays, squashed, activation, normalizer, seen):
              for row, b in zip(weight, bias, strict=True)]  # fmt: skip
         if place != mean_layer:
             x = [PLAIN[activation](value) for value in x]
-    return [np.tanh(v) if squashed else min(max(v, -1.0), 1.0) for v in x]
+    if not squashed:
+        return [min(max(v, -1.0), 1.0) for v in x]
+    return [low + 0.5 * (np.tanh(v) + 1.0) * (1.0 - low) for v, low in zip(x, least, strict=True)]
 
 
 @pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac", "shac-learned"])
@@ -76,10 +78,14 @@ def acted(arrays, squashed, activation, normalizer, seen):
 @pytest.mark.parametrize("normalizer", [None, {"epsilon": 0.25, "clip": 1.5}])
 def test_actions_are_those_of_the_network_written_plainly(algo, activation, normalizer):
     squashed = algo == "sac"
-    arrays = tensors(squashed, spread=0.15)
-    policy = Network(arrays, algo=algo, activation=activation, normalizer=normalizer)
+    arrays, least = tensors(squashed, spread=0.15), (-1.0, 0.0, -0.5)
+    policy = Network(
+        arrays, algo=algo, activation=activation, normalizer=normalizer, least=least
+    )
     seen = np.random.default_rng(1).normal(0.0, 2.0, (40, SIZE))
-    wanted = np.array([acted(arrays, squashed, activation, normalizer, row) for row in seen])
+    wanted = np.array(
+        [acted(arrays, squashed, activation, normalizer, row, least) for row in seen]
+    )
     np.testing.assert_allclose(policy.mean_actions(seen), wanted, rtol=1e-9, atol=1e-9)
     found, change = policy.linearize(seen)
     np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9)

@@ -43,6 +43,16 @@ def test_a_file_acts_as_its_model(algo, activation, tmp_path):
     assert policy.name == "model.zip" and policy.scene is None
 
 
+def test_a_file_of_sac_with_push_off_acts_as_its_model(tmp_path):
+    model = model_of("SAC", {"walker": "D", "actions": ("hip", "push_off")})
+    model.save(tmp_path / "model.zip")
+    seen = np.random.default_rng(0).normal(0.0, 1.0, (200, 8)).astype(np.float32)
+    expected, _ = model.predict(seen, deterministic=True)
+    found, _ = gpw.load_policy(tmp_path / "model.zip").predict(seen)
+    assert np.max(np.abs(found - expected)) < 2e-6
+    assert found[:, 0].min() < -0.1 and 0.0 < found[:, 1].min() < 0.4
+
+
 def test_a_file_acts_in_every_analysis_and_has_derivatives(tmp_path):
     model, path = model_of("PPO", "steep"), str(tmp_path / "model.zip")
     model.save(path)
@@ -83,8 +93,9 @@ def test_files_that_say_too_little_are_refused(tmp_path):
         model.save(path)
         with pytest.raises(gpw.PolicyError, match=words):
             gpw.load_policy(path)
-    model_of("SAC", "push-off").save(path)
-    with pytest.raises(gpw.PolicyError, match=r"scaled from 0.0"):
+    model_of("SAC").save(path)
+    changed(path, action_space={"low": "[-2.]", "high": "[2.]"})
+    with pytest.raises(gpw.PolicyError, match=r"scaled from \[-2.0\] to \[2.0\]"):
         gpw.load_policy(path)
     sb3.TD3("MlpPolicy", gym.make("PassiveWalker-v0"), buffer_size=9).save(path)
     with pytest.raises(gpw.PolicyError, match=r"none of PPO, A2C and SAC|other layers"):

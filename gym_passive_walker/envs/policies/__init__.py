@@ -52,6 +52,7 @@ class TrainedPolicy(Network):
             if trust:
                 check_source(outside(name, env), self.trained.get("source"))
             self.scene: Scene = seen_by_policy(make_scene(name, trust=trust, **env))
+            acting["least"] = [self.scene.least(action) for action in self.scene.actions]
             super().__init__(read_tensors(folder / TENSORS), **acting)
 
     def __repr__(self) -> str:

@@ -50,10 +50,13 @@ class Network:
         algo: "ppo", "ppo-fast", "sac", "shac" or "shac-learned".
         activation: One of `ACTIVATIONS`.
         normalizer: "epsilon" and "clip" of VecNormalize; None without normalization.
+        least: Smallest actions, (actions,) or one for all: tanh is scaled from them to 1, as
+            stable-baselines3 does. Clipped actions are from -1, and the environment clips them.
 
     Attributes:
         activation: Name of the activation function.
-        squashed: Whether tanh limits actions to [-1, 1]; else they are clipped.
+        squashed: Whether tanh limits actions; else they are clipped to [-1, 1].
+        scale: Middle and half of the range of squashed actions, each (actions,).
         moments: Mean and standard deviation of observations, (size,), and to how many of these
             deviations they are clipped; None without normalization.
         random: Generator of the noise of stochastic actions.
@@ -71,6 +74,7 @@ class Network:
         algo: str,
         activation: str,
         normalizer: Mapping[str, float] | None,
+        least: ArrayLike = -1.0,
     ) -> None:
         for what, name, known in (
             ("algorithm", algo, PLACES),
@@ -103,6 +107,8 @@ class Network:
             if weight.shape[1] != len(before):
                 raise ValueError("the sizes of consecutive layers do not match")
         self._size = layers[0][0].shape[1]
+        ends = np.broadcast_to(np.asarray(least, np.float32), self._mean[1].shape)
+        self.scale = 0.5 * (1.0 + ends), 0.5 * (1.0 - ends)
         self.moments: tuple[NDArray, NDArray, float] | None = None
         if normalizer is not None:
             mean_seen, variance = (
@@ -161,7 +167,9 @@ class Network:
         if not deterministic:
             draws = self.random.standard_normal(torque.shape, np.float32)
             torque = torque + np.exp(self._noise(x)) * draws
-        return np.tanh(torque) if self.squashed else np.clip(torque, -1.0, 1.0), state
+        middle, half = self.scale
+        action = middle + half * np.tanh(torque) if self.squashed else np.clip(torque, -1.0, 1.0)
+        return action, state
 
     def linearize(self, observation: NDArray) -> tuple[NDArray, NDArray]:
         """Return the mean actions for observations (n, size), and their derivatives, in float64.
@@ -200,8 +208,10 @@ class Network:
         if change is not None:
             change = weight.astype(float) @ change
         if self.squashed:
-            action = np.tanh(action)
-            return action, None if change is None else (1.0 - action**2)[:, :, None] * change
+            (middle, half), action = self.scale, np.tanh(action)
+            if change is not None:
+                change = (half * (1.0 - action**2))[:, :, None] * change
+            return middle + half * action, change
         inside = (np.abs(action) < 1.0)[:, :, None]
         return np.clip(action, -1.0, 1.0), None if change is None else inside * change
 

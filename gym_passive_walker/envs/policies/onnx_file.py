@@ -92,7 +92,9 @@ def write_onnx(
         else:
             x = add(_ACTIVATIONS[network.activation], f"hidden_{i}", x)
     if network.squashed:
-        add("Tanh", "action", x)
+        middle, half = network.scale
+        x = add("Mul", "scaled", add("Tanh", "share", x), constant(half, "half_range"))
+        add("Add", "action", x, constant(middle, "middle"))
     else:
         bounds = constant(-1.0, "lowest_action"), constant(1.0, "highest_action")
         add("Clip", "action", x, *bounds)

@@ -68,11 +68,14 @@ class Sb3Policy(Network):
             if not found:
                 raise ValueError("it is none of PPO, A2C and SAC")
             algo, usual = found[0]
-            super().__init__(arrays, algo=algo, activation=_checked(about, usual), normalizer=None)
+            activation, least = _checked(about, usual)
+            super().__init__(
+                arrays, algo=algo, activation=activation, normalizer=None, least=least
+            )
 
 
-def _checked(about: dict[str, Any], usual: str) -> str:
-    """Return the activation function's name, after a check of what else determines actions.
+def _checked(about: dict[str, Any], usual: str) -> tuple[str, list[float]]:
+    """Return the activation function's name and the smallest actions, after a check of the rest.
 
     Raises:
         ValueError: if something is not as in MlpPolicy.
@@ -82,15 +85,18 @@ def _checked(about: dict[str, Any], usual: str) -> str:
         raise ValueError(f"its policy is a class of {where}")
     if about.get("use_sde"):
         raise ValueError("it explores with noise that depends on the state, use_sde=True")
-    low = {float(x) for x in re.findall(r"[-+.\de]+", about["action_space"]["low"])}
-    if usual == "ReLU" and low != {-1.0}:
-        raise ValueError(f"its actions are scaled from {min(low, default='no number')}")
+    low, high = (
+        [float(x) for x in re.findall(r"[-+.\de]+", about["action_space"][end])]
+        for end in ("low", "high")
+    )
+    if usual == "ReLU" and not (low and min(low) >= -1.0 and {*high} == {1.0}):
+        raise ValueError(f"its actions are scaled from {low} to {high}, not from -1 or above to 1")
     options = about.get("policy_kwargs") or {}
     if other := options.keys() & {"features_extractor_class", "squash_output"}:
         raise ValueError(f"it has {', '.join(sorted(other))}")
     if "activation_fn" not in options:
-        return usual
+        return usual, low
     named = re.fullmatch(_ACTIVATION, str(options["activation_fn"]))
     if named is None or named[1] not in ACTIVATIONS:
         raise ValueError(f"its activation function is none of {', '.join(ACTIVATIONS)} of torch.nn")
-    return named[1]
+    return named[1], low
