@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples.five_links import FIVE_LINKS
 from gym_passive_walker.envs.evaluation import gauntlet as gauntlets
 from gym_passive_walker.envs.evaluation import robustness as measures
 from gym_passive_walker.envs.evaluation.gauntlet import TESTS, Gauntlet
@@ -22,6 +23,11 @@ from gym_passive_walker.envs.policies import policy_folder
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.control.baselines import Passive
 from gym_passive_walker.gaits.scenes.scene import make_scene
+
+
+def first_strike(transition):
+    """Whether a stride has ended."""
+    return transition.heelstrike
 
 
 def walks(reached, count=8, *, lost=0, seed=0):
@@ -255,6 +261,32 @@ def test_work_of_every_motor_counts_in_a_walk(actions):
     assert sums["motor_work"] > 0.0 and found.strides[0] > 1
     for name, value in sums.items():
         assert getattr(found, name)[0] == pytest.approx(value, rel=1e-12)
+
+
+def test_work_of_all_motors_of_a_system_counts_in_a_walk():
+    class Constant:
+        """A torque at the swing knee alone, the last of four controls."""
+
+        def predict(self, observation, state=None, episode_start=None, deterministic=True):
+            """A small share of the largest."""
+            return np.tile(np.float32([0.0, 0.0, 0.0, 0.1]), (len(observation), 1)), state
+
+    scene = make_scene(system=FIVE_LINKS, slope=0.05, reset_noise_scale=0.0)
+    envs = PassiveWalkerVectorEnv(1, scene, max_episode_steps=60)
+    found = simulate_episodes(Constant(), envs, seed=0)
+    envs.reset(seed=0)
+    work = 0.0
+    for _ in range(60):
+        *_, infos = envs.step(np.array([[0.0, 0.0, 0.0, 0.1]]))
+        work += (infos["cost_of_transport"] - infos["gravity_cost"])[0] * infos["step_length"][0]
+    assert found.strides[0] > 0 and work > 1e-5
+    assert found.motor_work[0] == pytest.approx(work) and np.isnan(found.net_work[0])
+
+
+def test_a_walk_that_the_scene_s_own_rule_ends_at_a_heelstrike_has_stopped():
+    scene = make_scene("lab", terminated=first_strike, reset_noise_scale=0.0)
+    found = simulate_episodes(Passive(scene), PassiveWalkerVectorEnv(2, scene), seed=0)
+    assert found.endings == ["stopped"] * 2 and found.strides.tolist() == [1, 1]
 
 
 # Robustness.

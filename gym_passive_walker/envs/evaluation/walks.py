@@ -74,7 +74,8 @@ class Walks:
         length: Distance of the complete strides.
         duration: Time of the complete strides.
         motor_work: Charged work of all actuators in them, over weight and leg length.
-        net_work: Net work of the actuators in them, over weight and leg length.
+        net_work: Net work of the actuators in them, over weight and leg length; NaN for a `System`
+            with more than two controls.
         gravity_work: Work of gravity in them, over weight and leg length.
         endings: Ending of each: "reached the time limit", or an outcome's name.
     """
@@ -179,8 +180,9 @@ def simulate_episodes(policy: ControllerLike, arena: VectorEnv, *, seed: int) ->
         seed: Seed of the first episode, the next ones follow. The same seed is the same starts
             and the same slopes, for every controller.
     """
-    acts, _ = acting(policy, arena.scene)  # type: ignore[attr-defined]
-    count = arena.num_envs
+    scene, count = arena.scene, arena.num_envs  # type: ignore[attr-defined]
+    acts, _ = acting(policy, scene)
+    further = len(scene.walker.controls) > 2  # of which infos have the charged work alone, in a sum
     sums = {name: np.zeros(count) for name in ("length", "duration", *_WORK)}
     reward, distance, strides = np.zeros((3, count))
     endings = [""] * count
@@ -197,14 +199,18 @@ def simulate_episodes(policy: ControllerLike, arena: VectorEnv, *, seed: int) ->
                 length = infos["step_length"][struck]
                 sums["length"][struck] += length
                 sums["duration"][struck] += infos["step_period"][struck]
-                for name, costs in _WORK.items():
-                    cost = sum(infos[each][struck] for each in costs)
+                costs = {n: sum(infos[each][struck] for each in _WORK[n]) for n in _WORK}
+                if further:
+                    costs["motor_work"] = infos["cost_of_transport"][struck] - costs["gravity_work"]
+                    costs["net_work"] = np.nan
+                for name, cost in costs.items():
                     sums[name][struck] += cost * length
             over = step.terminated | step.truncated
             for i in np.flatnonzero(over & under_way):
                 distance[i], strides[i] = infos["episode_distance"][i], infos["strides"][i]
-                fell = step.terminated[i]
-                endings[i] = infos["outcome"][i].replace("_", " ") if fell else TIME_LIMIT
+                # After a heelstrike, only the scene's own `terminated` ends an episode.
+                outcome = "stopped" if step.struck[i] else infos["outcome"][i].replace("_", " ")
+                endings[i] = outcome if step.terminated[i] else TIME_LIMIT
             under_way &= ~over
             if not under_way.any():
                 break
