@@ -17,7 +17,13 @@ from gym_passive_walker.engine.layout import WIDE
 from gym_passive_walker.envs import saved
 from gym_passive_walker.envs.memory import COUNTER
 from gym_passive_walker.envs.saved import ROUNDING
-from gym_passive_walker.gaits.scenes.randomization import DELAY, FRICTION, NOISE, SLOPE
+from gym_passive_walker.gaits.scenes.randomization import (
+    DELAY,
+    FRICTION,
+    NOISE,
+    SCENE_PARAMETERS,
+    SLOPE,
+)
 from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.models.walkers import Walker
@@ -143,6 +149,10 @@ class Randomized:
             StateError: if a number of episodes is impossible, or a value cannot be drawn.
         """
         counts, values, low, high = found["draw_episodes"], found["draws"], self.low, self.high
+        if SLOPE in self.names:  # a reset may have been given another one
+            given = np.array(self.names) == SLOPE
+            _, *ends = SCENE_PARAMETERS[SLOPE]
+            low, high = (np.where(given, end, of) for end, of in zip(ends, (low, high), strict=True))
         fits = (COUNTER[0] <= counts) & (counts <= COUNTER[1])
         saved.require("draw_episodes", fits, f"from {COUNTER[0]} to {COUNTER[1]}")
         room = ROUNDING * np.maximum(np.abs(low), np.abs(high))
@@ -150,8 +160,9 @@ class Randomized:
         saved.require("draws", fits, "values that domain_randomization draws")
 
     def put_back(self, randoms: Sequence[np.random.Generator]) -> None:
-        """Keep the seeds of a state that has been put back, with its generators."""
-        self._seeded = list(randoms)
+        """Keep the seeds of a state that has been put back, with its generators, if it has any."""
+        seeded = (self.keys != 0) | (self.episodes != 0)
+        self._seeded = [random if has else None for random, has in zip(randoms, seeded, strict=True)]
 
 
 def _seed_of(random: np.random.Generator) -> int:

@@ -371,6 +371,25 @@ def test_drawn_walkers_are_valid_up_to_their_shares_and_not_beyond():
                 env.set_state(state)
 
 
+def test_a_state_from_before_the_first_reset_leaves_each_walker_its_own_draws():
+    drawing = {"domain_randomization": {"foot_radius": 0.1}}
+    env = PassiveWalkerVectorEnv(3, **drawing)
+    env.set_state(PassiveWalkerVectorEnv(3, **drawing).get_state())
+    env.reset()
+    assert len({walker.foot_radius for walker in env.walkers}) == 3
+
+
+def test_a_slope_that_a_reset_was_given_in_place_of_a_draw_is_put_back(assert_same):
+    slopes = {"uniform": (0.0, 0.02), "operation": "abs"}
+    env, twin = (
+        PassiveWalkerVectorEnv(2, domain_randomization={"slope": slopes}) for _ in range(2)
+    )
+    env.reset(seed=0, options={"slope": 0.05})
+    twin.set_state(env.get_state())
+    assert twin.slopes.tolist() == [0.05] * 2
+    assert_same(twin.step(np.ones((2, 1)))[:4], env.step(np.ones((2, 1)))[:4])
+
+
 def test_bodies_of_a_system_are_put_back_and_others_refused(assert_same):
     def made(seed=0, system=DRIVEN, **arguments):
         envs = PassiveWalkerVectorEnv(
