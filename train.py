@@ -264,7 +264,9 @@ def find_better(config: Config, args: argparse.Namespace) -> int:
     from agents.search import BEST, search
 
     folder = args.out or files.RUNS / f"search-{config.name}"
-    best = search(config, folder, args.search, ray=args.ray, progress=not args.quiet)
+    best = search(
+        config, folder, args.search, ray=args.ray, progress=not args.quiet, trust=args.trust
+    )
     print("\n".join(f"{name}: {value}" for name, value in best.items()))
     print(f"Saved in {folder / BEST}, in the layout of agents/presets")
     return 0

@@ -26,7 +26,7 @@ from gym_passive_walker.gaits.control.controllers import acting
 from gym_passive_walker.gaits.control.maps import closed_loop_gait
 from gym_passive_walker.gaits.control.policy import Policy
 from gym_passive_walker.gaits.gait import Gait
-from gym_passive_walker.gaits.scenes.scene import SCENES, Scene
+from gym_passive_walker.gaits.scenes.scene import SCENES, Scene, make_scene
 
 GRIDS = {"level": (0.05, 0.20, 0.01), "lab": (0.15, 0.23, 0.01), "steep": (0.31, 0.34, 0.005)}
 """Speeds over sqrt(g l) of each scene's stored optimal gaits: first, last and spacing."""
@@ -145,7 +145,8 @@ def show_gait(arguments: Sequence[str]) -> int:
         raise ConfigError(str(error)) from None
     known, least = [], float("nan")
     with suppress(ValueError):  # none are stored for this scene, or none at this speed
-        name = optimal.stored_name(scene)
+        there = {} if args.slope is None else {"slope": args.slope}
+        name = optimal.stored_name(make_scene(scene, **there))
         known = optimal.load(name)
         least = optimal.least_cost(name, gait.froude_speed)
     print(_described(gait, least))

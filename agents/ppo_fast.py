@@ -87,8 +87,8 @@ def advantages(
 def carried(walkers: PassiveWalkerVecEnv, device: torch.device) -> Any:
     """A tensor environment of the walkers; on a GPU, a new one of equal size and scene.
 
-    Without the extra `gpu`, the CPU simulates the walkers, and tensors are copied to the device and
-    back.
+    Without the extra `gpu`, and in scenes that it does not support, the CPU simulates the walkers,
+    and tensors are copied to the device and back.
 
     Args:
         walkers: Environments on the CPU.
@@ -101,10 +101,10 @@ def carried(walkers: PassiveWalkerVecEnv, device: torch.device) -> Any:
             from gym_passive_walker.devices.gpu.environment import PassiveWalkerGpuEnv
         except ImportError:
             return here
-        scene = walkers.scene
-        if cuda.is_available() and not scene.observe_body and not scene.groups:
-            limit = walkers.batch.rules["step_limit"][0]
-            steps = int(limit) if np.isfinite(limit) else None
+        scene, batch = walkers.scene, walkers.batch
+        on_gpu = cuda.is_available() and not scene.observe_body and not scene.groups
+        if on_gpu and not batch.has_own:  # a GPU has the scene's walkers and slopes
+            steps = int(batch.step_limit) if np.isfinite(batch.step_limit) else None
             return PassiveWalkerGpuEnv(walkers.num_envs, scene, max_episode_steps=steps)
     return here
 
@@ -240,16 +240,20 @@ class FastPPO(BaseAlgorithm):
 
     def _setup_learn(self, *arguments: Any, **named: Any) -> tuple[int, BaseCallback]:
         prepared = super()._setup_learn(*arguments, **named)
+        self._carry()
+        if isinstance(self._last_obs, dict):
+            self._last_original_obs = columns(self._last_original_obs)
+            self._last_obs = columns(self._last_obs)
+        return prepared
+
+    def _carry(self) -> None:
+        """Make the walkers of the rollouts, in the scene of the environments."""
         native: Any = self.env.unwrapped  # type: ignore[union-attr]
         self.walkers = carried(native, self.device)
         if not isinstance(self.walkers, PassiveWalkerTorchEnv):
             # Walkers on a GPU are reset, with a seed that no other seed or resumption shares.
             begun, _ = self.walkers.reset(seed=((self.seed or 0) << 32) + self.num_timesteps)
             self._last_obs = self._last_original_obs = begun.cpu().numpy()
-        if isinstance(self._last_obs, dict):
-            self._last_original_obs = columns(self._last_original_obs)
-            self._last_obs = columns(self._last_obs)
-        return prepared
 
     def learn(
         self,
@@ -285,8 +289,12 @@ class FastPPO(BaseAlgorithm):
         On a GPU, no data is copied to the CPU before the last step.
         """
         callback.on_rollout_start()
-        native: Any = self.env.unwrapped  # type: ignore[union-attr]
-        self.walkers.set_energy_cost(native.envs.energy_cost)
+        if not isinstance(self.walkers, PassiveWalkerTorchEnv):  # others are the environments' own
+            native: Any = self.env.unwrapped  # type: ignore[union-attr]
+            if native.envs.scene_changes:
+                native.envs.renew()
+                self._carry()
+            self.walkers.set_energy_cost(native.envs.energy_cost)
         net, scaled = self.policy, self._scaling()
         noise = torch.randn(self.n_steps, self.n_envs, len(net.log_std), device=self.device)
         noise *= net.log_std.exp()

@@ -20,7 +20,7 @@ from agents.training import Run
 from gym_passive_walker._tools.files import replacing
 from gym_passive_walker.apps.sweeps.cluster import HERE
 
-STUDY, BEST = "study.log", "best.yml"
+STUDY, BEST, ASKED = "study.log", "best.yml", "asked.yml"
 
 _SPACES: dict[str, dict[str, Callable[[Any], Any]]] = {
     "ppo": {
@@ -63,6 +63,7 @@ def search(
     *,
     ray: str | None = None,
     progress: bool = True,
+    trust: bool = False,
 ) -> dict[str, Any]:
     """Search for hyperparameters, with one training for each trial, and save the best.
 
@@ -76,12 +77,14 @@ def search(
         ray: "here" for Ray Tune on this machine, with a training on each core, or the address
             of a cluster; None runs one training after another.
         progress: Whether to print each result.
+        trust: Whether to allow a first policy of a scene of the user's own.
 
     Returns:
         The best hyperparameters.
 
     Raises:
-        ConfigError: if Optuna, or Ray Tune, is not installed.
+        ConfigError: if Optuna, or Ray Tune, is not installed, or the folder has the trials of
+            another configuration.
     """
     with _needed("Optuna", "search"):
         import optuna  # type: ignore  # an extra
@@ -90,6 +93,7 @@ def search(
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     folder.mkdir(parents=True, exist_ok=True)
     folder = folder.absolute()  # workers have other current folders
+    _check_same(config, folder)
     with files.reading(folder / STUDY):
         storage = JournalStorage(JournalFileBackend(str(folder / STUDY)))
         study = optuna.create_study(
@@ -101,7 +105,7 @@ def search(
         )
 
     def tried(trial: Any) -> float:
-        best = _trained(folder, **_drawn(config, trial))
+        best = _trained(folder, **_drawn(config, trial), trust=trust)
         if progress:
             print(f"trial {trial.number}: return {best:.3f}", flush=True)
         return best
@@ -112,12 +116,27 @@ def search(
         study.optimize(tried, n_trials=left)
     elif left > 0:
         kept = {"study_name": study.study_name, "storage": storage, "sampler": study.sampler}
-        _tune(kept, partial(_drawn, config), folder, left, str(ray), progress=progress)
+        trained = partial(_trained, folder, trust=trust)
+        _tune(kept, partial(_drawn, config), trained, folder, left, str(ray), progress=progress)
     best = study.best_trial.user_attrs["hyperparams"]
     preset = replace(config, hyperparams=best).preset()
     with replacing(folder / BEST) as path:
         path.write_text(yaml.safe_dump({config.scene: preset}, sort_keys=False), encoding="utf-8")
     return best
+
+
+def _check_same(config: Config, folder: Path) -> None:
+    """Save the configuration of a search, or compare it with that of the trials in the folder."""
+    with replacing(folder / ASKED) as path:
+        config.save(path)
+        asked = Config.load(path, trust=True)
+        if (folder / ASKED).is_file():
+            differences = Config.load(folder / ASKED, trust=True).differences(asked)
+            if differences:
+                raise ConfigError(
+                    f"{folder} has the trials of another configuration: give another --out, or "
+                    "the same arguments:\n  " + "\n  ".join(differences)
+                )
 
 
 def _drawn(config: Config, trial: Any) -> dict[str, Any]:
@@ -129,9 +148,9 @@ def _drawn(config: Config, trial: Any) -> dict[str, Any]:
     return {"config": replace(config, hyperparams=hyperparams), "number": trial.number}
 
 
-def _trained(folder: Path, config: Config, number: int) -> float:
+def _trained(folder: Path, config: Config, number: int, *, trust: bool) -> float:
     """Best return of one training."""
-    run = Run(config, folder / f"trial-{number}")
+    run = Run(config, folder / f"trial-{number}", trust=trust)
     if not run.train(progress=False):
         raise KeyboardInterrupt  # an unfinished trial has no result
     return float(run.notes["best"])
@@ -140,6 +159,7 @@ def _trained(folder: Path, config: Config, number: int) -> float:
 def _tune(
     study: dict[str, Any],
     drawn: Callable[[Any], dict[str, Any]],
+    trained: Callable[[Config, int], float],
     folder: Path,
     trials: int,
     ray: str,
@@ -156,7 +176,7 @@ def _tune(
 
     def trial(given: dict[str, Any]) -> None:
         torch.set_num_threads(1)
-        tune.report({"return": _trained(folder, given["config"], given["number"])})
+        tune.report({"return": trained(given["config"], given["number"])})
 
     try:
         found = tune.Tuner(

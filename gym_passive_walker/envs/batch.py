@@ -232,6 +232,11 @@ class Batch:
         self.__dict__ = fresh.__dict__ | {"randoms": self.randoms, "token": self.token}
 
     @property
+    def has_own(self) -> bool:
+        """Whether walkers or slopes are given for each environment, in place of the scene's."""
+        return self._given["walkers"] is not None or self._given["slopes"] is not None
+
+    @property
     def starts_alike(self) -> bool:
         """Whether compiled code can begin episodes: all start alike, and all rules are compiled."""
         alike = self._alike_starts and not self.randomized

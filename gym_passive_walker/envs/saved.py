@@ -287,7 +287,7 @@ def limits_of(batch: Any) -> list[Limits]:
     bounds = {
         "phase": len(arrays["phases"]) - 1, "max_stride_time": rules["max_stride_time"],
         "lowest": np.negative(largest), "largest": largest, "push_off": push_off,
-        "steps": min(rules["step_limit"], COUNTER[1]),
+        "steps": min(batch.step_limit, COUNTER[1]),
         "reason": STOPPED - (batch.scene.terminated is None),
     }  # fmt: skip
     if batch.disturbances:

@@ -255,6 +255,11 @@ class PassiveWalkerVectorEnv(
         self._next = self._changed(scene, changes)
         self.batch.rules["step_limit"] = 0.0
 
+    @property
+    def scene_changes(self) -> bool:
+        """Whether later episodes have another scene, from `set_scene`."""
+        return self._next is not None
+
     def renew(self) -> None:
         """Apply the scene from `set_scene` after all episodes have ended."""
         if self._next is not None:
@@ -435,6 +440,8 @@ class PassiveWalkerVectorEnv(
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Restore a state from `get_state`, of this or an equal vector environment.
 
+        It has the scene of the episodes: a later one from `set_scene` is dropped.
+
         Raises:
             StateError: if the state is damaged, or of another environment; nothing has changed
                 then.
@@ -447,6 +454,7 @@ class PassiveWalkerVectorEnv(
         if not self.batch.randoms:
             seed_randoms(self.batch, None, range(self.num_envs))
         self.batch.put_back(found)
+        self._next, self.batch.rules["step_limit"] = None, self.batch.step_limit
         self._ended, self._any_ended = ended, bool(ended.any())
         self.batch.unfinished = not begun
 

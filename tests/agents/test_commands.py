@@ -229,14 +229,14 @@ def test_a_search_prints_the_best_and_where_it_is(tmp_path, monkeypatch, capsys)
     pytest.importorskip("optuna")
     asked = []
 
-    def search(config, folder, trials, *, ray, progress):
-        asked.append((folder, trials))
+    def search(config, folder, trials, *, ray, progress, trust):
+        asked.append((folder, trials, trust))
         return {"gamma": 0.9, "n_epochs": 7}
 
     monkeypatch.setattr("agents.search.search", search)
     monkeypatch.chdir(tmp_path)
-    assert train.main("--search 4 --algo sac --scene steep".split()) == 0
-    assert asked == [(files.RUNS / "search-steep-sac", 4)]
+    assert train.main("--search 4 --algo sac --scene steep --trust".split()) == 0
+    assert asked == [(files.RUNS / "search-steep-sac", 4, True)]
     said = capsys.readouterr().out.splitlines()
     assert said[:2] == ["gamma: 0.9", "n_epochs: 7"] and "best.yml" in said[2]
     assert list(tmp_path.iterdir()) == []
@@ -291,3 +291,9 @@ def test_a_baseline_acts_in_the_scene_that_is_asked_for_or_on_level_ground(asked
 def test_a_policy_acts_in_the_scene_that_is_asked_for_or_its_own(asked):
     _, found = commands._policy_and_scene("steep-ppo", asked and make_scene(asked))
     assert found == (make_scene(asked) if asked else gpw.load_policy("steep-ppo").scene)
+
+
+@pytest.mark.parametrize(("slope", "known"), [([], True), (["--slope", "0.04"], False)])
+def test_a_gait_is_compared_with_the_optimum_of_its_own_slope(slope, known, capsys):
+    assert train.main(["gait", "lab-ppo", *slope]) == 0
+    assert ("optimum at that speed" in capsys.readouterr().out) == known

@@ -2,6 +2,7 @@
 
 import dataclasses
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -138,3 +139,36 @@ def test_without_the_extra_for_devices_the_processor_carries_walkers(monkeypatch
     env = PassiveWalkerVecEnv(2, "level")
     walkers = carried(env, torch.device("cuda"))
     assert type(walkers) is PassiveWalkerTorchEnv and walkers.envs is env.envs
+
+
+class OnGpu:
+    """Walkers of their own beside those of the environments, as a GPU has them."""
+
+    def __init__(self, walkers):
+        self.scene, self.inner = walkers.scene, PassiveWalkerTorchEnv(8, walkers.scene)
+        self.set_energy_cost, self.step = self.inner.set_energy_cost, self.inner.step
+
+    def reset(self, seed):
+        """Begin."""
+        return self.inner.reset(seed=seed % 1000)
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_a_scene_that_a_callback_sets_holds_in_the_next_rollout(beside, monkeypatch):
+    if beside:
+        monkeypatch.setattr("agents.ppo_fast.carried", lambda walkers, device: OnGpu(walkers))
+    _, model, callback = made()
+    model.walk(callback)
+    model.env.unwrapped.set_scene(slope=0.01, energy="net")
+    model.walk(callback)
+    walking = model.walkers.inner if beside else model.walkers
+    assert walking.scene.slope == 0.01 and walking.envs.energy_cost == "net"
+
+
+@pytest.mark.parametrize("own", [{"walkers": ["C", "lab"]}, {"slopes": [0.0, 0.01]}])
+def test_walkers_and_slopes_of_each_environment_stay_on_the_cpu(own, monkeypatch):
+    cuda, here = SimpleNamespace(is_available=lambda: True), "gym_passive_walker.devices.gpu."
+    monkeypatch.setitem(sys.modules, here + "device", SimpleNamespace(cuda=cuda))
+    monkeypatch.setitem(sys.modules, here + "environment", SimpleNamespace(PassiveWalkerGpuEnv=0))
+    env = PassiveWalkerVecEnv(2, "level", **own)
+    assert carried(env, torch.device("cuda")).envs is env.envs

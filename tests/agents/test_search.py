@@ -71,7 +71,7 @@ def given(monkeypatch, returns):
     pytest.importorskip("optuna")
     made = []
 
-    def trained(folder, config, number):
+    def trained(folder, config, number, *, trust):
         made.append(number)
         found = returns[number]
         if found is None:
@@ -106,6 +106,24 @@ def test_a_search_that_goes_on_makes_only_the_trials_that_are_left(tmp_path, mon
     assert search(config, tmp_path, 3, progress=False) == best and made == [0, 1, 2]
 
 
+@pytest.mark.parametrize(
+    ("other", "line"),
+    [
+        ({"steps": 640}, "steps: 320 here, 640 asked for"),
+        ({"env": {"slope": (0.0, 0.02)}}, "env.slope: None here, [0.0, 0.02] asked for"),
+        ({"scene": "steep"}, "scene: 'level' here, 'steep' asked for"),
+    ],
+)
+def test_a_folder_has_trials_of_one_configuration(tmp_path, monkeypatch, other, line):
+    made, config = given(monkeypatch, [1.0, 3.0]), {"scene": "level", "n_envs": 4, "steps": 320}
+    search(configure("ppo", **config), tmp_path, 1, progress=False)
+    with pytest.raises(ConfigError) as refusal:
+        search(configure("ppo", **config | other), tmp_path, 2, progress=False)
+    assert line in str(refusal.value) and made == [0]
+    search(configure("ppo", **config), tmp_path, 2, progress=False)
+    assert made == [0, 1]
+
+
 def test_a_search_is_determined_by_its_seed_and_prints_nothing_if_quiet(
     tmp_path, monkeypatch, capsys
 ):
@@ -133,19 +151,19 @@ def test_a_trial_is_a_training_in_its_own_folder_that_counts_only_if_it_ends(tmp
     class Made:
         """A training with a best return."""
 
-        def __init__(self, config, folder):
-            made.append((config, folder))
+        def __init__(self, config, folder, *, trust):
+            made.append((config, folder, trust))
             self.notes = {"best": 7}
 
         def train(self, *, progress):
             return ends[0] and not progress
 
     monkeypatch.setattr(searching, "Run", Made)
-    assert searching._trained(tmp_path, "config", 12) == 7.0
-    assert made == [("config", tmp_path / "trial-12")]
+    assert searching._trained(tmp_path, "config", 12, trust=True) == 7.0
+    assert made == [("config", tmp_path / "trial-12", True)]
     ends[0] = False
     with pytest.raises(KeyboardInterrupt):
-        searching._trained(tmp_path, "config", 0)
+        searching._trained(tmp_path, "config", 0, trust=False)
 
 
 @pytest.mark.parametrize(

@@ -71,6 +71,18 @@ def test_slopes_and_walkers_of_each_environment_are_not_those_of_a_scene():
         ]
 
 
+def test_a_saved_state_replaces_a_scene_that_has_not_begun(assert_same):
+    envs, twin = (PassiveWalkerVectorEnv(3, "lab", max_episode_steps=9) for _ in range(2))
+    for each in (envs, twin):
+        each.reset(seed=0)
+    state = envs.get_state()
+    envs.set_scene(slope=0.02)
+    envs.set_state(state)
+    assert not envs.scene_changes and envs.scene == twin.scene
+    for _ in range(10):
+        assert_same(envs.step(ZEROS)[:4], twin.step(ZEROS)[:4])
+
+
 def test_a_slope_stays_until_the_next_reset():
     envs, _ = strides_on()
     envs.set_slopes(BUMPY)
