@@ -166,7 +166,16 @@ class LearnedSteps:
         self._learned = 0  # how many of them are in the model
 
     def record(self, actions: NDArray) -> None:
-        """Record the observations before a step, and its actions, (n,) or (n, 1)."""
+        """Record the observations before a step, and its actions, (n,) or (n, 1).
+
+        Raises:
+            SceneError: if the scene has changed: what was learned is of the former one.
+        """
+        if self._batch.scene is not self._scene:
+            raise SceneError(
+                "derivatives are learned in one scene, and set_scene has changed it: begin another "
+                "training, or choose an algorithm other than shac-learned"
+            )
         before = np.empty((self._batch.count, self._batch.observation_size), np.float32)
         self._batch.observe(before.reshape(-1))
         actions = rules.clip(np.array(actions, float).reshape(-1), -1.0, 1.0)

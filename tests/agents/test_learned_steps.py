@@ -13,6 +13,7 @@ from agents.learned_steps import LearnedSteps, StepModel, Watched, stands
 from agents.learner import build, restore_weights
 from gym_passive_walker import load_policy
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+from gym_passive_walker.gaits.scenes.scene import SceneError
 from gym_passive_walker.torch.linearization import StepRecorder
 
 WALKERS, STEPS = 32, 32
@@ -140,6 +141,17 @@ def test_a_walker_with_other_actions_is_refused():
     config = configure("shac-learned", "level", n_envs=2, env={"actions": ["hip", "push_off"]})
     with pytest.raises(ConfigError, match="driven by the hip alone"):
         build(config, envs.training_envs(config))
+
+
+def test_steps_of_another_scene_are_refused():
+    envs = PassiveWalkerVecEnv(2, "level")
+    recorder = LearnedSteps(envs)
+    envs.reset()
+    recorder.record(np.zeros(2))
+    envs.set_scene(max_hip_torque=0.1)
+    envs.reset()
+    with pytest.raises(SceneError, match="set_scene has changed it"):
+        recorder.record(np.zeros(2))
 
 
 def test_a_saved_model_has_what_was_learned_of_steps(tmp_path):
