@@ -135,14 +135,15 @@ def whole(text: str) -> int:
 
 def asked_for(args: argparse.Namespace, kept: Config | None = None) -> Config:
     """The configuration given by the arguments; other values are those of `kept`, if given."""
-    env = dict(kept.env) if kept else {}
+    of_file = bool(args.scene) and is_file(args.scene)
+    env = dict(kept.env) if kept and not of_file else {}  # a file states the arguments itself
     env |= {k: getattr(args, k) for k in ("walker", "control") if getattr(args, k) is not None}
     if args.slope is not None:
         if len(args.slope) > 2:
             raise ConfigError("--slope takes one number, or the two ends of a range")
         env["slope"] = args.slope[0] if len(args.slope) == 1 else list(args.slope)
 
-    if args.scene and is_file(args.scene) and not args.trust:  # it may be another person's
+    if of_file and not args.trust:  # it may be another person's
         for address, what in outside(args.scene).items():
             raise ConfigError(untrusted(f"the {what} {address!r}"))
 

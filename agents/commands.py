@@ -200,22 +200,10 @@ def run_benchmark(arguments: Sequence[str]) -> int:
         "Compare agents. An interrupted command continues where it stopped.",
     )
     add = parser.add_argument
-    add("--scenes", nargs="+", default=list(SCENES), metavar="SCENE", help="scenes (all)")
-    add("--agents", nargs="+", default=list(benchmark.AGENTS), metavar="AGENT", help="agents (all)")
-    add(
-        "--seeds",
-        type=int,
-        default=10,
-        metavar="N",
-        help="seeds of each learning agent (%(default)s)",
-    )
-    add(
-        "--budget",
-        type=float,
-        default=1.0,
-        metavar="SHARE",
-        help="fraction of the presets' steps (1)",
-    )
+    add("--scenes", nargs="+", metavar="SCENE", help="scenes (all)")
+    add("--agents", nargs="+", metavar="AGENT", help="agents (all)")
+    add("--seeds", type=int, metavar="N", help="seeds of each learning agent (10)")
+    add("--budget", type=float, metavar="SHARE", help="fraction of the presets' steps (1)")
     add(
         "--out",
         type=Path,
@@ -229,9 +217,15 @@ def run_benchmark(arguments: Sequence[str]) -> int:
         "file, and the raw scores and pictures beside it")  # fmt: skip
     add("--quiet", action="store_true", help="no progress bar")
     args = parser.parse_args(arguments)
-    if not args.budget > 0.0:
-        raise ConfigError(f"--budget must be positive, not {args.budget}")
-    todo = benchmark.units(args.scenes, args.agents, args.seeds)
+    usual = {"scenes": list(SCENES), "agents": list(benchmark.AGENTS), "seeds": 10, "budget": 1.0}
+    asked = {name: getattr(args, name) for name in usual if getattr(args, name) is not None}
+    if args.tables and asked:
+        named = ", ".join(f"--{name}" for name in asked)
+        raise ConfigError(f"--tables prints all results that there are: leave out {named}")
+    scenes, agents, seeds, budget = (usual | asked).values()
+    if not budget > 0.0:
+        raise ConfigError(f"--budget must be positive, not {budget}")
+    todo = benchmark.units(scenes, agents, seeds)
     from agents import results  # imported late: no other command draws a benchmark
 
     from_file = args.tables not in (None, True)
@@ -246,7 +240,7 @@ def run_benchmark(arguments: Sequence[str]) -> int:
         print(results.tables(results.read_csv(Path(args.tables))))
         return 0
     if not args.tables:
-        benchmark.run(args.out, todo, budget=args.budget, progress=not args.quiet)
+        benchmark.run(args.out, todo, budget=budget, progress=not args.quiet)
     scores = benchmark.load_scores(args.out)
     if not scores:
         raise ConfigError(f"there are no scores in {args.out} yet: leave out --tables")

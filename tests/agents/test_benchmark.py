@@ -207,8 +207,8 @@ def test_the_published_tables_are_those_of_the_published_scores():
 
 def test_the_command_compares_and_prints(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(benchmark, "EPISODES", 6)
-    line = ["benchmark", *"--scenes lab --agents passive --quiet --out".split(), str(tmp_path)]
-    assert train.main(line) == 0
+    line = ["benchmark", "--quiet", "--out", str(tmp_path)]
+    assert train.main([*line, *"--scenes lab --agents passive".split()]) == 0
     said = capsys.readouterr().out
     assert "| `lab` | passive |" in said
     kept = json.loads((tmp_path / "scores" / "lab-passive-0.json").read_text())

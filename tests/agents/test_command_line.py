@@ -186,6 +186,7 @@ REFUSED = {
     "gait passive --period 0": "period must be a whole number from 1 on",
     "benchmark --budget 0": "--budget",
     "benchmark --tables": "no scores",
+    "benchmark --tables --scenes lab --seeds 2": "that there are: leave out --scenes, --seeds",
     "benchmark --agents dqn": "dqn",
 }
 

@@ -107,6 +107,29 @@ def test_a_file_trains_as_the_same_scene_by_name(tmp_path, monkeypatch, algo):
     np.testing.assert_array_equal(*found)
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("slope: 0.01\nwalker: lab\n", None),
+        ("slope: 0.02\nwalker: lab\n", "env.slope: 0.01 here, 0.02 asked for"),
+        ("slope: 0.01\n", "env.walker: 'lab' here, None asked for"),
+    ],
+)
+def test_a_run_resumes_with_its_file_only_as_it_was(folder, text, said):
+    (folder / "run").mkdir()
+    asked = folder / "asked.yaml"
+    asked.write_text("slope: 0.01\nwalker: lab\n")
+    configure("ppo", str(asked)).save(folder / "run" / "config.yml")
+    asked.write_text(text)
+    line = ["--resume", "run", "--algo", "ppo", "--scene", "asked.yaml"]
+    args = train.train_parser().parse_args(line)
+    if said is None:
+        train.run_to_resume(args)
+    else:
+        with pytest.raises(ConfigError, match=said):
+            train.run_to_resume(args)
+
+
 def test_a_run_keeps_the_content_of_its_file(folder):
     config = configure("ppo", "plain.yaml")
     config.save(folder / "config.yml")
