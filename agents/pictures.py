@@ -13,6 +13,7 @@ from agents import envs
 from agents.evaluation import EPISODES, SEED
 from agents.learner import learned
 from gym_passive_walker._tools.files import replacing
+from gym_passive_walker.envs.disturbances import disturbed
 from gym_passive_walker.envs.evaluation.walks import simulate_episodes
 from gym_passive_walker.gaits.control.baselines import Passive
 from gym_passive_walker.gaits.control.maps import stride_map
@@ -88,7 +89,9 @@ def gait(path: Path, policy: Policy, world: gymnasium.Env, *, seed: int, title: 
         first, stride, over = np.zeros(1, bool), info["strides"], terminated or truncated
     begun = strides.index(max(0, strides[-1] + 1 - _SHOWN))
     shown = slice(begun, None)
-    scene, held = walker.scene, walker.scene.control == "stride"
+    scene = walker.scene
+    # Other walks are drawn as they were: a stride map has no disturbances, and no draws.
+    held = scene.control == "stride" and not disturbed(scene) and not scene.domain_randomization
     if held and scene.actions == ("hip",) and "actuation" in walker.walker.supports:
         scale = walker.walker.units.torque * scene.max_hip_torque
         torque = scale * np.array(torques[shown])

@@ -172,6 +172,25 @@ def test_strides_of_other_actions_than_a_hip_torque_are_drawn_as_they_were_walke
     np.testing.assert_allclose(states, walked[20:], atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [{"action_noise": 0.2}, {"domain_randomization": {"max_push_off": (0.9, 1.1)}}],
+    ids=repr,
+)
+def test_disturbed_strides_are_drawn_as_they_were_walked(changes, drawn, monkeypatch, tmp_path):
+    given = []
+    monkeypatch.setattr(
+        pictures, "strobe_of", lambda *walk, **how: given.append(walk) or figures.Figure().gca()
+    )
+    world = gymnasium.make(envs.ID, scene=make_scene("push-off", reset_noise_scale=0.0, **changes))
+    pictures.gait(tmp_path / "gait.png", Held(0.4), world, seed=1, title="")
+    world.reset(seed=1)
+    walked = [world.unwrapped.state]
+    while len(walked) < 23 and not world.step(np.array([0.4]))[2]:
+        walked.append(world.unwrapped.state)
+    np.testing.assert_allclose(given[0][1], walked[-3:], atol=1e-12)
+
+
 def test_a_run_is_drawn_with_the_passive_walker_of_its_final_evaluation(
     drawn, monkeypatch, tmp_path
 ):

@@ -94,6 +94,16 @@ def test_rollouts_and_gradients_use_each_group():
     assert scale["critic"].mean.shape == (10,) and scale["policy"].count > 100
 
 
+def test_a_file_of_the_library_acts_as_its_model(tmp_path):
+    envs = PassiveWalkerVecEnv(2, SCENE)
+    model = PPO(PrivilegedCriticPolicy, envs, n_steps=8, batch_size=8, seed=0, device="cpu")
+    model.save(tmp_path / "model.zip")
+    seen = np.random.default_rng(0).normal(size=(20, 4)).astype(np.float32)
+    groups = {"policy": seen, "critic": np.zeros((20, 10), np.float32)}
+    found, _ = gpw.load_policy(tmp_path / "model.zip").predict(seen)
+    np.testing.assert_allclose(found, model.predict(groups, deterministic=True)[0], atol=2e-6)
+
+
 @pytest.mark.parametrize("algo", ALGORITHMS)
 def test_a_run_is_saved_resumed_exported_and_needs_the_policy_s_group_alone(algo, tmp_path):
     whole = Run(small(algo, 256, env=ENV), tmp_path / "whole")

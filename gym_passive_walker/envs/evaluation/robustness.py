@@ -91,8 +91,9 @@ class Robustness(Table):
         step_period: Time of a stride of the gait.
         roughness: Standard deviation of the heights of footholds, on rough ground.
         first_passage: Strides to a fall there, sampled or computed by a mesh of states.
-        survivors: Share of walkers that are left there after each stride, (strides,). By a mesh:
-            the exponential decay with its mean.
+        survivors: Share of walkers that are left there after each stride, (10 + strides,); those
+            of the first ten do not count in `first_passage`. By a mesh: the exponential decay with
+            its mean, (strides,).
         sensitivity: Gait sensitivity norm: root of the sum of squares of by how much the periods
             of the strides after a small step in the ground change, for each leg length of it.
         period_response: These changes, stride by stride, (strides,).

@@ -16,7 +16,7 @@ from gym_passive_walker.envs.policies.tensors import PolicyError, reading
 _ALIKE = (("action_net.weight", "ppo", "Tanh"), ("actor.log_std.weight", "sac", "ReLU"))
 _CRITIC = ("value_net.", "mlp_extractor.value_net.", "critic.", "critic_target.")
 _ACTOR = ("mlp_extractor.policy_net.", "action_net.", "log_std", "actor.")
-_LIBRARIES = ("stable_baselines3.", "sb3_contrib.")
+_LIBRARIES = ("stable_baselines3.", "sb3_contrib.", "gym_passive_walker.envs.privileged")
 _ACTIVATION = r"<class 'torch\.nn\.modules\.activation\.(\w+)'>"
 _ADVICE = (
     "; give a file of PPO, A2C or SAC with MlpPolicy, or an ONNX file, and do not load this one by "
@@ -27,7 +27,7 @@ _ADVICE = (
 class Sb3Policy(Network):
     """The actor of a file of stable-baselines3, evaluated by NumPy.
 
-    PPO, A2C and SAC with "MlpPolicy" are read. A file contains no observation normalizer, so the
+    PPO, A2C and SAC with "MlpPolicy" are read, and `PrivilegedCriticPolicy`. A file contains no observation normalizer, so the
     policy takes observations as the network was trained with them.
 
     Args:
