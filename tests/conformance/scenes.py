@@ -5,6 +5,7 @@ from __future__ import annotations
 import gym_passive_walker as gpw
 from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
+from gym_passive_walker.gaits.scenes.scene import OF_OWN_OBSERVATION
 from gym_passive_walker.gaits.scenes.scene import SCENES as NAMED
 from gym_passive_walker.models.math import exp, tanh
 from tests.own.statements import DRIVEN
@@ -80,7 +81,7 @@ SCENES = {
         **DISTURBED, "domain_randomization": {"foot_radius": 0.1}, "slope": (0.0, 0.04),
     },
     "own functions": OWN,
-    "own functions, disturbed": {**OWN, **DISTURBED},
+    "own functions, disturbed": {**DISTURBED, **OWN, **OF_OWN_OBSERVATION},
     "weights": {
         "reward": {"distance": 1.0, "energy": -2.0, "alive": 0.1, "command": -1.0},
         "reward_terms": True, "command": 0.15,

@@ -310,11 +310,30 @@ def test_starts_are_six_numbers():
             Scene(start=start)
 
 
-def test_lookahead_needs_a_terrain_and_observing_a_body_the_default_observation():
+def test_lookahead_needs_a_terrain():
     with pytest.raises(SceneError, match="terrain_lookahead shows footholds of a terrain"):
         Scene(terrain_lookahead=1)
-    with pytest.raises(SceneError, match="leave out observe_body or observation"):
-        Scene(observe_body="foot_radius", observation=lambda step: step.time)
+
+
+@pytest.mark.parametrize(
+    ("given", "name", "none"),
+    [
+        ({"observe_body": "foot_radius"}, "observe_body", ()),
+        ({"observation_noise": 0.1}, "observation_noise", 0.0),
+        ({"scene": "rough"}, "terrain_lookahead", 0),
+    ],
+)
+def test_an_observation_of_one_s_own_refuses_changes_of_the_default_one(given, name, none):
+    said = re.escape(f"leave out observation, or choose {name}={none!r}")
+    with pytest.raises(SceneError, match=said):
+        make_scene(**given, observation=elapsed)
+    make_scene(**given | {name: none}, observation=elapsed)
+    make_scene(**given, observation={"policy": elapsed, "critic": "default"})
+
+
+def elapsed(step):
+    """Time of the episode."""
+    return step.time
 
 
 @pytest.mark.parametrize("term", ["energy", "command"])

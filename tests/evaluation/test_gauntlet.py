@@ -59,3 +59,15 @@ def test_a_walker_without_a_motor_and_a_controller_of_one_s_own_can_be_tested():
         gpw.gauntlet("steep-ppo", walkers=0)
     with pytest.raises(SceneError, match="no scene"):
         gpw.gauntlet("steep-ppo", "moon")
+
+
+def angles(step):
+    """An observation of the user's own."""
+    return step.state
+
+
+def test_noise_that_an_observation_of_one_s_own_does_not_have_is_no_test():
+    found = gpw.gauntlet("passive", make_scene("lab", observation=angles), walkers=1)
+    assert [test for test in TESTS if test not in found.episodes] == [
+        "observation noise, 0.01", "observation noise, 0.03",
+    ]  # fmt: skip

@@ -62,6 +62,11 @@ FASTEST = 1.0
 
 _FARTHEST = 1000  # largest number of observed footholds
 _LATEST = 10_000  # largest delay of actions, in control steps
+OF_OWN_OBSERVATION: dict[str, Any] = {
+    "observe_body": (), "observation_noise": 0.0, "terrain_lookahead": 0,
+}  # fmt: skip
+"""Arguments that have no effect on an observation of the user's own, and their values there."""
+
 _MAX_HIP_TORQUE = {"tick": 0.05, "stride": 0.03}
 _PERTURBATION = {"tick": 0.10, "stride": 0.05}
 
@@ -244,11 +249,12 @@ class Scene:
                     f"{name}={given:g} has no effect, since reward has its own weights: give "
                     f"the weight of {term!r} there"
                 )
-        if self.observe_body and not self.shows_own:
-            raise SceneError(
-                "observe_body adds to the environment's own observation, and this scene has "
-                "another: leave out observe_body or observation"
-            )
+        for name, none in OF_OWN_OBSERVATION.items():
+            if getattr(self, name) != none and not self.shows_own:
+                raise SceneError(
+                    f"{name} changes the environment's own observation, and this scene has "
+                    f"another: leave out observation, or choose {name}={none!r}"
+                )
 
     @property
     def groups(self) -> dict[str, Any] | None:
@@ -496,7 +502,7 @@ def seen_by_policy(scene: Scene) -> Scene:
     part = scene.groups["policy"]
     if part == OWN:
         return make_scene(scene, observation=None)
-    return make_scene(scene, observation=part, observe_body=())
+    return make_scene(scene, observation=part, **OF_OWN_OBSERVATION)
 
 
 def make_scene(scene: SceneLike = "level", *, trust: bool | None = None, **changes: Any) -> Scene:
