@@ -150,9 +150,8 @@ class Randomized:
         """
         counts, values, low, high = found["draw_episodes"], found["draws"], self.low, self.high
         if SLOPE in self.names:  # a reset may have been given another one
-            given = np.array(self.names) == SLOPE
-            _, *ends = SCENE_PARAMETERS[SLOPE]
-            low, high = (np.where(given, end, of) for end, of in zip(ends, (low, high), strict=True))
+            (_, least, most), given = SCENE_PARAMETERS[SLOPE], np.array(self.names) == SLOPE
+            low, high = np.where(given, least, low), np.where(given, most, high)
         fits = (COUNTER[0] <= counts) & (counts <= COUNTER[1])
         saved.require("draw_episodes", fits, f"from {COUNTER[0]} to {COUNTER[1]}")
         room = ROUNDING * np.maximum(np.abs(low), np.abs(high))
@@ -162,7 +161,7 @@ class Randomized:
     def put_back(self, randoms: Sequence[np.random.Generator]) -> None:
         """Keep the seeds of a state that has been put back, with its generators, if it has any."""
         seeded = (self.keys != 0) | (self.episodes != 0)
-        self._seeded = [random if has else None for random, has in zip(randoms, seeded, strict=True)]
+        self._seeded = [r if has else None for r, has in zip(randoms, seeded, strict=True)]
 
 
 def _seed_of(random: np.random.Generator) -> int:

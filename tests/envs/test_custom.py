@@ -24,12 +24,14 @@ COUNT, STEPS = 5, 40
 SCENES = {
     "level": {},
     "push-off": {"actions": ("hip", "push_off"), "slope": 0.02, "energy": "positive"},
-    "rough": {"scene": "rough", "terrain_lookahead": 0, "pushes": {"rate": 0.3, "impulse": (-0.02, 0.02)}},
+    "rough": {
+        "scene": "rough", "terrain_lookahead": 0, "pushes": {"rate": 0.3, "impulse": (-0.02, 0.02)},
+    },
     "point feet": {"walker": "E", "slope": 0.009, "actions": ("hip", "ankle", "push_off")},
     "simplest": {"walker": "D", "slope": 0.009, "actions": ("hip", "ankle", "push_off")},
     "strides": {"scene": "steep"},
     "commanded": {"command": (0.1, 0.2)},
-}
+}  # fmt: skip
 
 
 def own(step):

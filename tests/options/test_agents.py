@@ -416,18 +416,19 @@ def test_a_search_is_asked_for_by_words(tmp_path, monkeypatch, capsys):
 
     found = {}
 
-    def noted(config, folder, trials, *, ray=None, progress=True):
-        found.update(config=config, folder=folder, trials=trials, ray=ray, progress=progress)
+    def noted(config, folder, trials, **others):
+        found.update(config=config, folder=folder, trials=trials, **others)
         return {}
 
     monkeypatch.setattr(search, "search", noted)
-    assert train.main("--search 3 --out there --ray far --quiet --seed 4".split()) == 0
+    assert train.main("--search 3 --out there --ray far --quiet --seed 4 --trust".split()) == 0
     assert found.pop("config").seed == 4
-    assert found == {"trials": 3, "folder": Path("there"), "ray": "far", "progress": False}
+    assert found == {
+        "trials": 3, "folder": Path("there"), "ray": "far", "progress": False, "trust": True,
+    }  # fmt: skip
     assert train.main("--search 2 --ray".split()) == 0
     assert (found["trials"], found["ray"], found["progress"]) == (2, "here", True)
-    parameters = set(inspect.signature(search.search).parameters)
-    assert set(inspect.signature(noted).parameters) <= {*parameters, "trials"}
+    assert {"config", *found} == set(inspect.signature(search.search).parameters)
 
 
 def of_parser(run, monkeypatch):

@@ -79,13 +79,9 @@ def acted(arrays, squashed, activation, normalizer, seen, least=(-1.0,) * MOTORS
 def test_actions_are_those_of_the_network_written_plainly(algo, activation, normalizer):
     squashed = algo == "sac"
     arrays, least = tensors(squashed, spread=0.15), (-1.0, 0.0, -0.5)
-    policy = Network(
-        arrays, algo=algo, activation=activation, normalizer=normalizer, least=least
-    )
+    policy = Network(arrays, algo=algo, activation=activation, normalizer=normalizer, least=least)
     seen = np.random.default_rng(1).normal(0.0, 2.0, (40, SIZE))
-    wanted = np.array(
-        [acted(arrays, squashed, activation, normalizer, row, least) for row in seen]
-    )
+    wanted = np.array([acted(arrays, squashed, activation, normalizer, row, least) for row in seen])
     np.testing.assert_allclose(policy.mean_actions(seen), wanted, rtol=1e-9, atol=1e-9)
     found, change = policy.linearize(seen)
     np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9)

@@ -150,8 +150,8 @@ def gauntlet(
     """Test a controller under fixed disturbances, terrains and bodies.
 
     Each test changes one thing in the controller's scene (`TESTS`). Noise of the observation is
-    left out if the scene has an observation function of its own, which has no noise. Seeds are fixed, so the result
-    depends on the controller and on the number of walkers alone.
+    left out if the scene has an observation of the user's own, which has no noise. Seeds are fixed,
+    so the result depends on the controller and on the number of walkers alone.
 
     Args:
         controller: Any controller of `stride_map`.

@@ -199,7 +199,9 @@ def simulate_episodes(policy: ControllerLike, arena: VectorEnv, *, seed: int) ->
                 length = infos["step_length"][struck]
                 sums["length"][struck] += length
                 sums["duration"][struck] += infos["step_period"][struck]
-                costs = {n: sum(infos[each][struck] for each in _WORK[n]) for n in _WORK}
+                costs: dict[str, Any] = {
+                    name: sum(infos[each][struck] for each in _WORK[name]) for name in _WORK
+                }
                 if further:
                     costs["motor_work"] = infos["cost_of_transport"][struck] - costs["gravity_work"]
                     costs["net_work"] = np.nan

@@ -27,8 +27,9 @@ _ADVICE = (
 class Sb3Policy(Network):
     """The actor of a file of stable-baselines3, evaluated by NumPy.
 
-    PPO, A2C and SAC with "MlpPolicy" are read, and `PrivilegedCriticPolicy`. A file contains no observation normalizer, so the
-    policy takes observations as the network was trained with them.
+    PPO, A2C and SAC with "MlpPolicy" are read, and PPO with `PrivilegedCriticPolicy`. A file
+    contains no observation normalizer, so the policy takes observations as the network was trained
+    with them.
 
     Args:
         path: The file, as `model.save` writes it.
@@ -69,9 +70,7 @@ class Sb3Policy(Network):
                 raise ValueError("it is none of PPO, A2C and SAC")
             algo, usual = found[0]
             activation, least = _checked(about, usual)
-            super().__init__(
-                arrays, algo=algo, activation=activation, normalizer=None, least=least
-            )
+            super().__init__(arrays, algo=algo, activation=activation, normalizer=None, least=least)
 
 
 def _checked(about: dict[str, Any], usual: str) -> tuple[str, list[float]]:

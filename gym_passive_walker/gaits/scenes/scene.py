@@ -382,7 +382,7 @@ class Scene:
         return max(1, round(1.0 / (self.tick * self.walker.time_unit)))
 
 
-def recorded_weight(walker: Model) -> float:
+def recorded_weight(walker: Any) -> float:
     """Return the weight of a walker in the unit of its records; 1 for a `Walker`."""
     return walker.weight / walker.units.force
 
