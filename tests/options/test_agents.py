@@ -414,7 +414,7 @@ def test_a_search_is_asked_for_by_words(tmp_path, monkeypatch, capsys):
     pytest.importorskip("optuna")
     from agents import search
 
-    found = {}
+    found, parameters = {}, set(inspect.signature(search.search).parameters)
 
     def noted(config, folder, trials, **others):
         found.update(config=config, folder=folder, trials=trials, **others)
@@ -428,7 +428,7 @@ def test_a_search_is_asked_for_by_words(tmp_path, monkeypatch, capsys):
     }  # fmt: skip
     assert train.main("--search 2 --ray".split()) == 0
     assert (found["trials"], found["ray"], found["progress"]) == (2, "here", True)
-    assert {"config", *found} == set(inspect.signature(search.search).parameters)
+    assert {"config", *found} == parameters
 
 
 def of_parser(run, monkeypatch):
