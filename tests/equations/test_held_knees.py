@@ -91,7 +91,7 @@ def test_environments_walk_as_the_stride_map_does(gait):
     while "step_length" not in (info := ticks.step(np.zeros(1))[-1]) or not info["step_length"]:
         pass
     assert info["speed"] == pytest.approx(gait.froude_speed, rel=1e-6)
-    with pytest.raises(SceneError, match="walkers of one batch must be of one kind"):
+    with pytest.raises(SceneError, match="must be of one kind"):
         Batch(make_scene("lab"), 2, walkers=[FREE, HELD])
 
 
