@@ -7,7 +7,9 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.apps.sweeps import version as module
+from gym_passive_walker.apps.sweeps.description import Description
 from gym_passive_walker.apps.sweeps.version import version
+from gym_passive_walker.envs.policies import TENSORS, policy_folder
 
 
 @pytest.mark.parametrize(
@@ -21,15 +23,17 @@ from gym_passive_walker.apps.sweeps.version import version
         ("envs/evaluation/robustness.py", True),
         ("engine/own/system.py", True),
         ("apps/sweeps/tasks.py", True),
+        ("gaits/control/gaits/level.json", True),
+        ("envs/policies/level-ppo/policy.safetensors", True),
         ("pictures/axes.py", False),
         ("envs/evaluation/pictures.py", False),
         ("apps/sweeps/pictures.py", False),
     ],
 )
-def test_another_equation_or_search_is_another_version_and_another_picture_is_not(
+def test_another_equation_search_or_policy_is_another_version_and_another_picture_is_not(
     part, counts, tmp_path, monkeypatch
 ):
-    only = shutil.ignore_patterns("__pycache__", "*.safetensors")
+    only = shutil.ignore_patterns("__pycache__")
     copy = tmp_path / "copy"
     shutil.copytree(Path(gpw.__file__).parent, copy, ignore=only)
     monkeypatch.setattr(module, "__file__", str(copy / "apps" / "sweeps" / "version.py"))
@@ -45,3 +49,12 @@ def test_a_function_of_ones_own_counts_with_its_module(odd):
     with (odd / "odd_tasks.py").open("a") as file:
         file.write("# another\n")
     assert version("odd_tasks:square") != before
+
+
+def test_a_policy_of_ones_own_counts_with_its_files(tmp_path):
+    shutil.copytree(policy_folder("level-ppo"), mine := tmp_path / "mine")
+    described = Description(analysis="evaluation", over={"controller": ["passive", str(mine)]})
+    before = version("evaluation", described.policies)
+    assert before == version("evaluation", described.policies)
+    (mine / TENSORS).write_bytes((policy_folder("steep-ppo") / TENSORS).read_bytes())
+    assert version("evaluation", described.policies) != before

@@ -40,7 +40,7 @@ class Watcher:
     Args:
         analysis: Name of the analysis.
         time_out: Seconds after which a task is given up; None waits forever.
-        outside: "module:name" of what stands outside the package besides.
+        outside: What stands outside the package besides, as in `version`.
     """
 
     def __init__(self, analysis: str, time_out: float | None, outside: Sequence[str]) -> None:
@@ -77,7 +77,7 @@ class Cluster:
         time_out: Seconds after which a task is given up; None waits forever.
         address: Address of the cluster; `HERE` starts one on this machine.
         computing: Version of the code that computes the sweep.
-        outside: "module:name" of what stands outside the package besides the analysis.
+        outside: What stands outside the package besides the analysis, as in `version`.
 
     Raises:
         ImportError: if ray is not installed.

@@ -142,6 +142,12 @@ class Description:
         return found
 
     @cached_property
+    def policies(self) -> list[str]:
+        """Names and paths of the controllers, whose files a later training may change."""
+        named = [self.given.get("controller"), *self.over.get("controller", ())]
+        return sorted({name for name in named if isinstance(name, str)})
+
+    @cached_property
     def digest(self) -> str:
         """Hash of the content, 16 hexadecimal digits."""
         text = json.dumps(self.content, sort_keys=True)
@@ -168,9 +174,9 @@ class Description:
 
 def _kept_one(name: str, value: Any) -> Any:
     """Return an argument with the content of its file, if it names one."""
-    if name != "scene" or not is_file(value):
-        return kept_argument(name, value)
-    return {each: kept_argument(each, part) for each, part in task_arguments(value).items()}
+    if name == "scene" and isinstance(arguments := task_arguments(value), Mapping):
+        return {each: kept_argument(each, part) for each, part in arguments.items()}
+    return kept_argument(name, value)
 
 
 def _kept(name: str, values: Any) -> Any:

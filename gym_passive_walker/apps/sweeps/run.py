@@ -119,14 +119,16 @@ def sweep(
         folder = folder.with_name(f"{folder.name}-{description.digest[:8]}")
     if workers is not None:
         workers = whole(workers, "workers")
-    computing = version(description.analysis, description.outside)
+    outside = [*description.outside, *description.policies]
+    computing = version(description.analysis, outside)
     if description.analysis in ANALYSES:  # fail early on invalid arguments
         task(description.analysis, description.tasks[0])
     store = Store(folder, description, computing, retry=retry)
     try:
         left = [pair for pair in enumerate(description.tasks) if pair[0] not in store.done]
         if left:
-            _work(_create_workers(description, computing, len(left), workers, ray), store, left)
+            made = _create_workers(description, outside, computing, len(left), workers, ray)
+            _work(made, store, left)
         store.flush(last=True)
     except KeyboardInterrupt:
         store.flush()
@@ -160,12 +162,17 @@ def _described(analysis: Any, rest: dict[str, Any]) -> Description:
 
 
 def _create_workers(
-    description: Description, computing: str, tasks: int, workers: int | None, ray: str | None
+    description: Description,
+    outside: list[str],
+    computing: str,
+    tasks: int,
+    workers: int | None,
+    ray: str | None,
 ) -> Workers | Cluster:
     """Create the workers: on a Ray cluster, or as processes on this machine."""
     analysis, time_out = description.analysis, description.time_out
     if ray is not None:
-        return Cluster(analysis, workers, time_out, ray, computing, [*description.outside])
+        return Cluster(analysis, workers, time_out, ray, computing, outside)
     return Workers(analysis, min(processes(workers or os.cpu_count() or 1), tasks), time_out)
 
 

@@ -7,33 +7,38 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from gym_passive_walker._tools.loading import found_at
+from gym_passive_walker._tools.loading import found_at, has_address
 from gym_passive_walker._version import __version__
 from gym_passive_walker.apps.sweeps.tasks import ANALYSES, function
+from gym_passive_walker.envs.policies import policy_files
 
-_SOURCES = ("_tools/arguments", "models/**/*", "engine/**/*", "gaits/**/*", "envs/**/*")
-_SOURCES += ("apps/sweeps/tasks",)
+_SOURCES = ("_tools/arguments.py", "models/**/*", "engine/**/*", "gaits/**/*", "envs/**/*")
+_SOURCES += ("apps/sweeps/tasks.py",)
+_SUFFIXES = (".py", ".json", ".safetensors")  # code, stored optima and policies
 
 
 def version(analysis: str, outside: Iterable[str] = ()) -> str:
     """Return the package's version and a hash of the sources that the results depend on.
 
-    For functions and systems of your own, the hash includes their modules.
+    For functions and systems of your own, the hash includes their modules; for policies of your
+    own, their files.
 
     Args:
         analysis: Name of the analysis.
-        outside: "module:name" of what stands outside the package besides.
+        outside: What stands outside the package besides, by "module:name", and paths of policies.
 
     Raises:
         ValueError: if there is no such analysis or module.
     """
     root = Path(__file__).parents[2]
-    sources = [path for part in _SOURCES for path in sorted(root.glob(f"{part}.py"))
-               if path.stem != "pictures"]  # fmt: skip
+    sources = [path for part in _SOURCES for path in sorted(root.glob(part))
+               if path.suffix in _SUFFIXES and path.stem != "pictures"]  # fmt: skip
     function(analysis)  # imports its module
-    for address in outside:
+    addresses = {name for name in outside if has_address(name)}
+    for address in addresses:
         found_at(address, "the name")
-    modules = {address.partition(":")[0] for address in ({analysis} - ANALYSES.keys()) | {*outside}}
+    sources += [path for name in sorted({*outside} - addresses) for path in policy_files(name)]
+    modules = {address.partition(":")[0] for address in ({analysis} - ANALYSES.keys()) | addresses}
     files = (getattr(sys.modules[name], "__file__", None) for name in sorted(modules))
     sources += [Path(named) for named in files if named is not None]  # built-in modules have none
     digest = hashlib.sha256()

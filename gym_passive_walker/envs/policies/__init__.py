@@ -112,6 +112,20 @@ def policy_folder(name: str | Path) -> Path:
     )
 
 
+def policy_files(name: str) -> list[Path]:
+    """Return the files that `load_policy` reads for a policy; none if there is no such policy."""
+    path = Path(name)
+    if path.suffix.lower() in READERS:
+        return [path] if path.is_file() else []
+    with suppress(PolicyError):
+        return [
+            file
+            for part in (DESCRIPTION, TENSORS)
+            if (file := policy_folder(name) / part).is_file()
+        ]
+    return []
+
+
 def load_policy(
     name_or_folder: str | Path, *, trust: bool = False
 ) -> TrainedPolicy | OnnxPolicy | Sb3Policy:
