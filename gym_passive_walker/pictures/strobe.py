@@ -12,11 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker._tools.arguments import check_state
 from gym_passive_walker._tools.extras import need
 from gym_passive_walker.gaits.given import GaitLike
-from gym_passive_walker.gaits.look.dense_stride import states_at
 from gym_passive_walker.gaits.look.trajectory import Trajectory, simulate
-from gym_passive_walker.gaits.stride import stride
-from gym_passive_walker.gaits.stride_map import MapLike
-from gym_passive_walker.gaits.terrain import Terrain, ground_of
+from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.models.walkers import WalkerLike, as_walker, name_of
 from gym_passive_walker.pictures import colours
 from gym_passive_walker.pictures.axes import (
@@ -91,10 +88,6 @@ def strobe(
     )  # fmt: skip
     # A walk has two states at a heelstrike, before and after, of one posture: draw it once.
     once = np.append(np.diff(walk.stride_index) == 0, True)
-    torques: list[float | None] = [None] * strides
-    if hip_torque is not None:
-        torques = np.broadcast_to(np.asarray(hip_torque, dtype=float), (strides,)).tolist()
-    strides_of: Any = getattr(walker, "stride_map", walker)
     return strobe_of(
         walk.walker,
         walk.states[once],
@@ -104,38 +97,24 @@ def strobe(
         tilts=walk.tilts[once],
         surface=ground_under(walk, walk.walker.leg_length),
         strides=walk.stride_index[once],
-        kneestrikes=_kneestrikes(walk, strides_of, torques, flashes) if walk.walker.knees else (),
+        kneestrikes=_kneestrikes(walk) if walk.walker.knees else (),
         ax=ax,
         path=path,
     )
 
 
-def _kneestrikes(
-    walk: Trajectory, strides_of: MapLike, torques: list[float | None], samples: int
-) -> NDArray[np.float64]:
+def _kneestrikes(walk: Trajectory) -> NDArray[np.float64]:
     """Hip, knee and foot of the swing leg at each kneestrike, shape (k, 3, 2)."""
-    walker, knees = walk.walker, []
-    ground = ground_of(walk.terrain, walk.terrain_seed, len(torques))
-    for first, torque, (tilt, rise, turn) in zip(
-        range(0, len(walk), samples), torques, ground.tolist(), strict=False
-    ):
-        start, slope = walk.states[first], walk.slope + tilt
-        struck = stride(
-            strides_of,
-            slope,
-            start,
-            hip_torque=torque,
-            height_change=rise * walker.leg_length,
-            slope_change=turn,
-        ).kneestrike_time
-        if np.isfinite(struck):
-            there, _ = states_at(strides_of, slope, start, [struck], hip_torque=torque)
-            rolled = walker.foot_radius * (start[0] - there[0, 0])
-            x = walk.contact_x[first] + rolled * math.cos(tilt)
-            y = walk.contact_y[first] - rolled * math.sin(tilt)
-            own = pose(walker, there[0], x, y, tilt)
-            knees.append([own.hip, own.swing.knee, own.swing.tip])
-    return np.reshape(knees, (-1, 3, 2))
+    walker, times = walk.walker, walk.taken.kneestrike_time
+    began = np.flatnonzero(np.diff(walk.stride_index, prepend=-1))
+    struck = walk.units.to_own(walk.within(np.nan_to_num(times)[:, None]).states[:, 0])
+    rolled = walker.foot_radius * (walk.states[began, 0] - struck[:, 0])
+    tilts = walk.tilts[began]
+    x = walk.contact_x[began] + rolled * np.cos(tilts)
+    y = walk.contact_y[began] - rolled * np.sin(tilts)
+    own = pose(walker, struck, x, y, tilts)
+    knees = np.stack([own.hip, own.swing.knee, own.swing.tip], axis=1)
+    return knees[np.isfinite(times)]
 
 
 def strobe_of(

@@ -406,6 +406,17 @@ def test_a_walk_over_rough_ground_is_printed_as_simulated(reported, mine):
     assert other[1]["stance_angle"] != rows[1]["stance_angle"]
 
 
+def test_a_walk_of_a_controller_that_looks_ahead_is_printed_as_simulated(reported):
+    ground = ["--terrain", "rough:height_std=0.002", "--terrain-seed", 3]
+    words = ["--controller", "rough-ppo", *ground, "--strides", 3]
+    rows = reported("simulate", "C", 0.0, *words)
+    strides = gpw.stride_map("C", 0.0, controller="rough-ppo")
+    walk = gpw.simulate(strides, strides=3, terrain=gpw.rough(0.002), terrain_seed=3)
+    assert strides.terrain_lookahead
+    assert [row["duration"] for row in rows] == walk.taken.duration.tolist()
+    assert [row["stance_angle"] for row in rows] == walk.states[::100, 0].tolist()
+
+
 def test_agents_are_evaluated_on_the_given_ground(reported):
     smooth, bumpy = (
         reported("evaluate", "level-ppo", "--episodes", 2, *ground)

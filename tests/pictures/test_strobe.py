@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+import gym_passive_walker as gpw
 from gym_passive_walker.gaits.look.trajectory import simulate
 from gym_passive_walker.gaits.terrain import footholds
 from gym_passive_walker.models.equations.hybrid import Stage
@@ -75,6 +76,18 @@ def test_kneestrikes_are_marked_on_the_legs_where_thigh_and_shank_meet(ground):
         contact = walk.contact_x[struck], walk.contact_y[struck], walk.tilts[struck]
         knee = pose("lab", walk.states[struck], *contact).swing.knee
         np.testing.assert_allclose(mark, level(knee, SLOPE), atol=1e-4)
+
+
+def test_kneestrikes_of_a_controller_that_looks_ahead_are_those_of_its_walk():
+    strides = gpw.stride_map("lab", SLOPE, controller=gpw.load_policy("rough-ppo"), scene="rough")
+    ground = {"terrain": gpw.rough(0.003), "terrain_seed": 3}
+    ax = strobe(strides, state=GAIT, strides=3, ax=OWN, **ground)
+    (marked,) = [line.get_xydata() for line in ax.lines if line.get_marker() == "D"]
+    walk = simulate(strides, state=GAIT, strides=3, samples=2001, **ground)
+    struck = walk.struck[np.diff(walk.stride_index)[walk.struck - 1] == 0]
+    assert len(struck) == 3
+    there = (values[struck] for values in (walk.states, walk.contact_x, walk.contact_y, walk.tilts))
+    np.testing.assert_allclose(marked, level(pose("lab", *there).swing.knee, SLOPE), atol=1e-3)
 
 
 def test_marks_on_the_ground_count_leg_lengths():

@@ -21,7 +21,7 @@ from gym_passive_walker.apps.cli.arguments import (
     Walk,
     read_policy,
 )
-from gym_passive_walker.apps.cli.report import SI, Report, listing, record, table
+from gym_passive_walker.apps.cli.report import Report, listing, record, table, table_rows
 from gym_passive_walker.bridge.comparison import TIMESTEPS
 from gym_passive_walker.bridge.comparison import compare as compared
 from gym_passive_walker.bridge.export import FORMATS, checked_format, text_for
@@ -33,8 +33,6 @@ from gym_passive_walker.gaits.control.controllers import acting
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.look.trajectory import simulate as simulated
 from gym_passive_walker.gaits.scenes.named import named_walker
-from gym_passive_walker.gaits.stride import stride
-from gym_passive_walker.gaits.terrain import ground_of
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.walkers import describe
 
@@ -58,28 +56,16 @@ def simulate(
     if out is not None:
         table_ending(out)
         prepare(out)
-    walks, slope, state = walk.map, walk.slope, walk.start
-    length = walks.walker.leg_length
-    files = {}
-    if out is not None:
-        sampled = simulated(
-            walks, slope, state, walk.strides, samples=samples, terrain=walk.terrain,
-            terrain_seed=walk.terrain_seed,
-        )  # fmt: skip
-        files[out] = sampled.save
-    rows: list[dict[str, Any]] = []
-    units = SI
-    strides = whole(walk.strides, "--strides")
-    ground = ground_of(walk.terrain, walk.terrain_seed, strides)
-    for tilt, rise, turn in ground.tolist():
-        taken = stride(walks, slope + tilt, state, height_change=rise * length, slope_change=turn)
-        view, units = walk.machine.shown(taken)
-        rows.append({"stride": len(rows) + 1, "stance_angle": state[0],
-                     **record(view, _STRIDE), "outcome": taken.outcome})  # fmt: skip
-        if taken.outcome != Outcome.HEELSTRIKE:
-            break
-        state = taken.state
-    return Report(table(rows, units), rows, files)
+    walked = simulated(
+        walk.map, walk.slope, walk.start, whole(walk.strides, "--strides"), samples=samples,
+        terrain=walk.terrain, terrain_seed=walk.terrain_seed,
+    )  # fmt: skip
+    view, units = walk.machine.shown(walked.taken)
+    rows = table_rows({
+        "stride": range(1, len(walked.outcomes) + 1), "stance_angle": walked.states[::samples, 0],
+        **record(view, _STRIDE), "outcome": map(Outcome, walked.outcomes),
+    })  # fmt: skip
+    return Report(table(rows, units), rows, {} if out is None else {out: walked.save})
 
 
 def export(

@@ -296,23 +296,28 @@ class OverTime(InUnits):
         count = len(self.taken.outcome) + self._map.terrain_lookahead
         return ground_of(self.terrain, self.terrain_seed, count)
 
+    def within(self, times: NDArray) -> Samples:
+        """Return samples at times since the start of each stride, (strides made, k)."""
+        _, first = np.unique(self.stride_index, return_index=True)
+        return look_at(self._map, self.slope, self.states[first], self._ground, times)
+
     def _before(self, times: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Return states just before impacts at a time in each stride, stages, and push-offs.
 
         The integration stops shortly before the impact. The accelerations there give the rest.
         """
-        walker, (_, first) = self.walker, np.unique(self.stride_index, return_index=True)
+        walker = self.walker
         early = times * (1.0 - STATE_BEFORE - 10.0 * self._map.tolerance)
-        seen = look_at(self._map, self.slope, self.states[first], self._ground, early[:, None])
+        seen = self.within(early[:, None])
         states, stages, controls = (part[:, 0] for part in seen)
         states, left = self.units.to_own(states), (times - early)[:, None]
         held = controls[:, : len(walker.controls)] * walker.control_units
-        there = self.slope + self._ground[: len(first), 0]
-        each = np.arange(len(first))
+        there = self.slope + self._ground[: len(times), 0]
+        each = np.arange(len(times))
         turns = by_leg(walker, each, forces, there, states, stages, held).accelerations
         angles, rates = np.split(states, 2, axis=1)
         ends = [angles + (rates + 0.5 * left * turns) * left, rates + left * turns]
-        pushes = controls[:, 2] if "actuation" in walker.supports else np.zeros(len(first))
+        pushes = controls[:, 2] if "actuation" in walker.supports else np.zeros(len(times))
         return np.concatenate(ends, axis=1), stages, pushes
 
     def _by_leg(self, function: Callable[..., Any], *given: NDArray) -> Any:
