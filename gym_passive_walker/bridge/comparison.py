@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gym_passive_walker._tools.arguments import shown, whole
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker._tools.shown import Table
+from gym_passive_walker.bridge.export import check_plane
 from gym_passive_walker.bridge.loop import library
 from gym_passive_walker.bridge.mjcf import SOFTNESS
 from gym_passive_walker.bridge.mujoco import PassiveWalkerMujocoEnv, checked_steps
@@ -139,14 +140,15 @@ def compare(
 ) -> Comparison:
     """Walk in another simulator, and compare the gait with the exact one.
 
-    A walk begins on the exact gait. Its quantities are means over the second half of its strides.
+    A walk begins on the exact gait. Its quantities are means over the second half of its strides,
+    in whole periods of the gait.
     An unstable gait is therefore compared over few strides only.
 
     Args:
         controller: A `Gait`, or any controller of `stride_map`, such as the name of a policy;
             "passive" is a passive walker.
         scene: A `Scene`, its name, or a mapping of its arguments; the gait's or the controller's
-            own if None. Its disturbances are left out.
+            own if None, which an `OptimalGait` does not have. Its disturbances are left out.
         simulator: "mujoco".
         timesteps: Timesteps in s.
         softness: Time constants of contacts in timesteps, from 2 on; None is the simulator's own
@@ -154,8 +156,8 @@ def compare(
         strides: Largest number of strides of each walk.
 
     Raises:
-        ValueError: if there is no such simulator, the scene has features that it lacks, or an
-            argument is out of its range.
+        ValueError: if there is no such simulator, the scene has features that it lacks, a gait is
+            not one on a plane, or an argument is out of its range.
         ImportError: if the simulator is not installed.
         GaitNotFound: if there is no exact gait.
 
@@ -182,12 +184,12 @@ def compare(
         for name in MEASURED[:-1]
         if name != "stance_angle"
     }
-    exact["stance_angle"] = float(gait.state[0])
+    exact["stance_angle"] = float(np.mean(_starts(gait)[:, 0]))
     exact["cost_of_transport"] = float(gait.cost_of_transport)
     walks = []
     with progress("walks", len(checked)) as done:
         for step, soft in checked:
-            walks.append(_walk(policy, there, step, soft, count))
+            walks.append(_walk(policy, there, step, soft, count, len(_starts(gait))))
             done()
     found, depths, taken, outcomes = zip(*walks, strict=True)
     return Comparison(
@@ -221,7 +223,7 @@ def _gait_of(controller: Any, scene: SceneLike | None) -> tuple[Policy, Scene, G
     """Return a controller, its scene that begins on the exact gait, and that gait."""
     gait: Gait | OptimalGait
     if isinstance(controller, Gait):
-        gait, strides = controller, controller.stride_map
+        gait, strides = check_plane(controller, "a simulator walks"), controller.stride_map
         if scene is not None:
             raise ValueError("a gait has its walker, slope and controller: leave out scene")
         if strides.passive:
@@ -231,9 +233,7 @@ def _gait_of(controller: Any, scene: SceneLike | None) -> tuple[Policy, Scene, G
         else:
             policy, there = acting_as(strides, gait.slope)
     elif isinstance(controller, OptimalGait):
-        own = {"walker": controller.walker} if scene is None else scene
-        policy, there = acting(controller, own)
-        gait = controller
+        gait, (policy, there) = controller, acting(controller, scene)
     else:
         policy, there = acting(controller, scene)
         there = calm(there)
@@ -244,10 +244,24 @@ def _gait_of(controller: Any, scene: SceneLike | None) -> tuple[Policy, Scene, G
     return policy, make_scene(there, start=start), gait
 
 
+def _starts(gait: Gait | OptimalGait) -> NDArray[np.float64]:
+    """States at which the strides of one period begin, (strides, 6)."""
+    first = gait.state[None]
+    return np.vstack([first, gait.cycle.state[:-1]]) if isinstance(gait, Gait) else first
+
+
 def _walk(
-    policy: Policy, scene: Scene, timestep: float, softness: float | None, count: int
+    policy: Policy,
+    scene: Scene,
+    timestep: float,
+    softness: float | None,
+    count: int,
+    period: int,
 ) -> tuple[dict[str, float], float, int, str]:
-    """Walk in MuJoCo; returns means, penetration, number of strides and outcome."""
+    """Walk in MuJoCo; returns means, penetration, number of strides and outcome.
+
+    The means are over whole periods, if there is one.
+    """
     env = PassiveWalkerMujocoEnv(scene, timestep=timestep, softness=softness)
     length = env.walker.leg_length
     observation, _ = env.reset(seed=0)
@@ -267,6 +281,8 @@ def _walk(
             rows.append((info["step_period"], env.state[0], info["step_length"], energy))
     if not rows:
         return dict.fromkeys(MEASURED, math.nan), depth, 0, outcome
-    period, angle, way, energy = np.mean(rows[len(rows) // 2 :], axis=0).tolist()
-    found = period, angle, way, way / period, energy / way
+    late = rows[len(rows) // 2 :]
+    late = late[len(late) % period if len(late) >= period else 0 :]
+    duration, angle, way, energy = np.mean(late, axis=0).tolist()
+    found = duration, angle, way, way / duration, energy / way
     return dict(zip(MEASURED, found, strict=True)), depth, len(rows), outcome

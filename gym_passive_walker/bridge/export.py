@@ -23,8 +23,7 @@ _SWING = "Let the swing foot meet the ground only where it leads and comes down:
 _KNEES = (
     "Latch the swing knee from its stop on, to the end of the stride and through the next one, in "
     "which it stands. A limit of the joint is not enough.",
-    "Free the knee of the leg that leaves the ground before the impact of the other foot, not "
-    "after it.",
+    "Free the knee of the leg that leaves the ground {} the impact of the other foot, not {} it.",
 )
 _TASKS = (
     "Let the feet pass through each other.",
@@ -90,7 +89,7 @@ def text_for(
     unit_mass: float | None = None,
 ) -> str:
     """Return the text of a file of a format; see `export`."""
-    gait = walker if isinstance(walker, Gait) else None
+    gait = check_plane(walker, "a file's walker is") if isinstance(walker, Gait) else None
     model: Any = gait.walker if gait is not None else as_walker(walker)  # type: ignore[arg-type]
     tilt = (gait.slope if gait is not None else 0.0) if slope is None else one_slope(slope)
     if gait is not None and slope is not None and tilt != gait.slope:
@@ -106,6 +105,20 @@ def text_for(
     if kind == "mjcf":
         return mjcf(tree, tilt, step, pose, about)
     return urdf(tree, about) if kind == "urdf" else sdf(tree, tilt, about)
+
+
+def check_plane(gait: Gait, doing: str) -> Gait:
+    """Return a gait after a check that its ground is a plane.
+
+    Raises:
+        ValueError: if it has footholds; the message says what is done on a plane alone.
+    """
+    if gait.stride_map.terrain is not None:
+        raise ValueError(
+            f"{doing} on a plane, and this gait has footholds of its own: give the gait of a "
+            "stride map without terrain"
+        )
+    return gait
 
 
 def checked_format(path: str | PathLike[str], given: str | None) -> str:
@@ -197,7 +210,9 @@ def _comment(model: Any, tree: Tree, slope: float, pose: TreePose | None, kind: 
         lines.append(f"Positive torques turn hinges backwards: {reversed_motors}.")
     lines.append("A simulator walks with this model as the exact one does, if its user does this:")
     stops = any(body.stop for body in tree.bodies)
-    tasks = _SWING.format("" if stops else "straight "), *_KNEES * stops, *_TASKS
+    order = ("before", "after") if getattr(model, "knees", True) != "held" else ("after", "before")
+    knees = [task.format(*order) for task in _KNEES * stops]
+    tasks = _SWING.format("" if stops else "straight "), *knees, *_TASKS
     lines += (f"{number}. {task}" for number, task in enumerate(tasks, 1))
     text = "\n".join(fill(line, 96, initial_indent="  ", subsequent_indent="  ") for line in lines)
     return f"\n{text.replace('--', '- -')}\n"

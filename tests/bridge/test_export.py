@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -102,6 +103,9 @@ def test_a_comment_says_what_a_user_of_a_simulator_must_do(tmp_path):
         gpw.export("lab", path)
         text = " ".join(path.read_text("utf-8").split())
         assert "Free the knee of the leg that leaves the ground before the impact" in text
+        gpw.export(replace(gpw.WALKERS["lab"], knees="held"), path)
+        text = " ".join(path.read_text("utf-8").split())
+        assert "Free the knee of the leg that leaves the ground after the impact" in text
         gpw.export("A", path)
         assert "knee" not in path.read_text("utf-8").lower()
 
@@ -181,6 +185,14 @@ def test_what_has_no_file_is_refused_in_a_sentence(given, options, said, tmp_pat
     with pytest.raises(ValueError, match=said) as refused:
         gpw.export(given, path, **options)
     assert "\n" not in str(refused.value) and not path.exists()
+
+
+def test_a_gait_on_footholds_has_no_file(tmp_path):
+    gait = gpw.find_gait(gpw.stride_map("lab", 0.036, terrain=gpw.stairs(0.001)))
+    with pytest.raises(ValueError, match="a file's walker is on a plane, and this gait has"):
+        gpw.export(gait, tmp_path / "walker.xml")
+    with pytest.raises(ValueError, match="a simulator walks on a plane, and this gait has"):
+        gpw.compare(gait)
 
 
 def test_a_file_that_cannot_be_written_is_an_os_error(tmp_path):

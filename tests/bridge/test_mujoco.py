@@ -14,6 +14,7 @@ import gym_passive_walker as gpw
 from gym_passive_walker.bridge import loop
 from gym_passive_walker.bridge.mujoco import PassiveWalkerMujocoEnv
 from gym_passive_walker.envs.registration import ID, MUJOCO_ID
+from gym_passive_walker.gaits.control.optimal import load
 from gym_passive_walker.gaits.scenes.scene import SceneError
 
 mujoco = pytest.importorskip("mujoco")
@@ -144,6 +145,19 @@ def test_the_optimal_gait_has_its_cost_at_a_tenth_of_a_millisecond():
     optimum = gpw.optimal_gait("level", 0.10)
     found = gpw.compare(optimum, "level", timesteps=[1e-4], strides=8)
     assert abs(found.error["cost_of_transport"][0]) < 2e-3
+
+
+def test_an_optimal_gait_is_compared_in_the_scene_that_is_named():
+    with pytest.raises(ValueError, match="say in which scene this policy acts, by scene="):
+        gpw.compare(load("level")[0])
+
+
+def test_a_gait_of_two_strides_is_compared_over_both():
+    gait = gpw.find_gait("C", 0.0796, period=2)
+    odd, even = gait.cycle.state[:, 0]
+    found = gpw.compare(gait, timesteps=[1e-3], strides=6)  # 3 strides later, and a period is 2
+    assert found.exact["stance_angle"] == pytest.approx(0.5 * (odd + even), abs=1e-12)
+    assert abs(found.error["stance_angle"][0]) < 0.1 * abs(odd - even) / odd
 
 
 def test_contacts_of_mujoco_s_own_softness_walk_another_gait():
