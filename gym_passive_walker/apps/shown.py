@@ -21,7 +21,7 @@ from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.gaits.scenes.scene import SceneError
 from gym_passive_walker.gaits.scenes.starts import REFERENCE_SLOPES, Start
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.models.walkers import PARAMETERS, WALKERS, Walker
+from gym_passive_walker.models.walkers import Walker
 
 LIBRARY, PLAYER, STYLE = "passive-walker.js", "player.js", "player.css"
 """Files of the JavaScript package that draw and control a walker."""
@@ -84,6 +84,11 @@ class Setup(NamedTuple):
                     "play shows gaits on smooth ground that are passive, or under a constant hip "
                     "torque or a trained policy"
                 )
+        elif strides is not None or motors != PASSIVE:
+            raise ValueError(
+                "play shows one controller on smooth ground: leave out policy, or give a passive "
+                "gait or a walker beside it"
+            )
         if slope is None:
             slope = _gentle_slope(walker) if policy is None else float(np.mean(policy.scene.slope))
         setup = cls(walker, one_slope(slope), controller, start)
@@ -126,7 +131,7 @@ def content_of(setup: Setup) -> tuple[dict[str, bytes], dict[str, Any]]:
         content = {f"systems/{_SYSTEM}.wasm": system_module(walker)}
         return content, {"system": _SYSTEM} | given
     content = {name: file for name, file in files().items() if name.endswith(_READ)}
-    preset, changes = _as_changes(walker)
+    preset, changes = page_data.as_changes(walker)
     given |= {"walker": preset, "changes": changes}
     if isinstance(controller, TrainedPolicy):
         _check_scene(controller)
@@ -152,22 +157,6 @@ def page_of(setup: Setup) -> dict[str, bytes]:
     content |= {name: (PACKAGE / name).read_bytes() for name in (LIBRARY, PLAYER, STYLE)}
     settings = json.dumps(given, allow_nan=False).encode()
     return content | {"index.html": PAGE.read_bytes(), "settings.json": settings}
-
-
-def _as_changes(walker: Walker) -> tuple[str, dict[str, float]]:
-    """Return the most similar named walker, and the parameters in which this one differs."""
-    if walker.knees == "held":
-        raise ValueError("a page has no walkers with held knees: draw this by picture= or video=")
-    found = {
-        name: {
-            parameter: getattr(walker, parameter)
-            for parameter in PARAMETERS
-            if getattr(walker, parameter) != getattr(preset, parameter)
-        }
-        for name, preset in WALKERS.items()
-        if preset.kind == walker.kind
-    }
-    return min(found.items(), key=lambda entry: len(entry[1]))
 
 
 def _check_scene(policy: TrainedPolicy) -> None:

@@ -51,7 +51,7 @@ class PlayerWidget(anywidget.AnyWidget):
         outcome: How the walk ended: a name of `Outcome`; empty while it continues.
         policy: Name of the policy that works the motors; empty without one.
         slope: Slope in rad.
-        hip_torque: Constant hip torque, in m g l.
+        hip_torque: Constant hip torque, in m g l; 0 under a policy and of a `System`.
         speed: Speed of the picture; 1 is the walker's own pace.
         running: Whether the walk continues; False is a pause.
 
@@ -89,6 +89,14 @@ class PlayerWidget(anywidget.AnyWidget):
             policy=given.get("policy", ""), slope=slope,
             hip_torque=controller if isinstance(controller, float) else 0.0,
         )  # fmt: skip
+
+    @traitlets.validate("hip_torque")
+    def _acting(self, proposal: Any) -> float:
+        """Refuse a torque where another controller works the motor, or there is none."""
+        if proposal["value"] and (self.policy or "system" in self.given):
+            other = f"the policy {self.policy} works it" if self.policy else "a System has none"
+            raise traitlets.TraitError(f"hip_torque is that of a held motor, and {other}: leave 0")
+        return proposal["value"]
 
     @property
     def walker(self) -> Any:

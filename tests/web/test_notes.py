@@ -203,6 +203,13 @@ def test_a_name_of_a_system_is_that_of_a_file(name, tmp_path):
     assert not (tmp_path / "there").exists()
 
 
+def test_a_gait_of_a_page_is_passive_and_on_smooth_ground(tmp_path):
+    held = gpw.stride_map(DRIVEN, 0.03, controller={DRIVEN.controls[0]: 1e-4})
+    for strides in (held, gpw.stride_map(TORSO, 0.03, terrain=gpw.stairs(0.001))):
+        with pytest.raises(ValueError, match=r"systems\['x'\] must be a passive gait on smooth"):
+            web.build(tmp_path, {"x": gpw.find_gait(strides)})
+
+
 def test_what_was_compiled_is_not_compiled_again_and_fills_any_folder(
     package, tmp_path, monkeypatch
 ):

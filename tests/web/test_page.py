@@ -241,6 +241,45 @@ def test_the_multipliers_are_those_of_the_hip_torque(page):
     np.testing.assert_allclose(*sizes, atol=1e-5)
 
 
+def test_a_held_torque_is_as_large_and_a_push_as_hard_as_asked(page):
+    there = page("walker=lab&slope=0.036")
+    found = there.run("""(async () => {
+        player.running = false;
+        await player.set({ torque: 0.08 }, true);
+        player.advance(0.05);
+        const torque = player.walk.block.get("record.control"), pushed = [];
+        player.walk.push = (impulse) => pushed.push(impulse);
+        for (const impulse of [0.5, -30]) {
+            player.push(impulse);
+            player.advance(0.1);
+        }
+        return [torque, ...pushed];
+    })()""")
+    assert found == [pytest.approx(0.08, rel=1e-12), 0.5, -10.0]
+
+
+def test_a_policy_comes_with_its_walker_and_slope_and_without_torque(page):
+    there = page()
+    found = there.run("""(async () => {
+        const { play } = await import("./player.js"), found = [];
+        for (const given of [{}, { walker: "E" }, { torque: 0.01 }]) {
+            const root = document.createElement("div");
+            document.body.append(root);
+            try {
+                const player = await play(root, { policy: "level-ppo", paused: true, ...given });
+                const { settings } = player;
+                found.push([settings.policy, settings.walker, settings.slope]);
+            } catch (error) {
+                found.push(error.message);
+            }
+            root.remove();
+        }
+        return found;
+    })()""")
+    assert found[:2] == [["level-ppo", "C", 0.0], ["level-ppo", "E", 0.0]]
+    assert found[2] == "the policy level-ppo works the motor: leave out torque"
+
+
 def test_a_walker_that_cannot_be_says_why_and_the_walk_goes_on(page):
     there = page()
     there.run("player.sliders.foot_radius.input.max = 2")

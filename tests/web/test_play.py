@@ -3,12 +3,14 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from urllib.error import HTTPError
 from urllib.request import urlopen
 
@@ -22,6 +24,7 @@ from gym_passive_walker.apps.cli import main
 from gym_passive_walker.apps.play import _walk, announcement
 from gym_passive_walker.apps.serve import PageServer
 from gym_passive_walker.apps.shown import Setup, page_of
+from gym_passive_walker.devices.web import page_data
 from tests.web.browser import LISTEN, Chromium
 
 TYPES = {
@@ -176,6 +179,33 @@ def test_a_policy_of_ones_own_replaces_a_shipped_one_of_its_name(tmp_path):
     assert policies["level-ppo"] == policies["steep-ppo"] != policies["lab-ppo"]
     steep = (policy.folder / "policy.safetensors").read_bytes()
     assert files["policies/level-ppo.safetensors"] == steep
+
+
+def test_a_policy_of_a_walker_of_ones_own_is_that_of_the_nearest_preset(tmp_path):
+    mine = tmp_path / "mine"
+    shutil.copytree(gpw.load_policy("level-ppo").folder, mine)
+    content = json.loads((mine / "policy.json").read_text("utf-8"))
+    walker = gpw.WALKERS["C"].with_parameters(hip_mass=1.0)
+    content["env"]["walker"] = asdict(walker)
+    (mine / "policy.json").write_text(json.dumps(content), "utf-8")
+    assert gpw.load_policy(mine).scene.walker == walker
+    assert page_data.of_policy(mine)["scene"]["walker"] == {"preset": "C", "hip_mass": 1.0}
+
+
+def test_a_policy_of_a_scene_of_ones_own_has_no_page(tmp_path):
+    mine = tmp_path / "mine"
+    shutil.copytree(gpw.load_policy("level-ppo").folder, mine)
+    content = json.loads((mine / "policy.json").read_text("utf-8")) | {"scene": "things:hill"}
+    (mine / "policy.json").write_text(json.dumps(content), "utf-8")
+    with pytest.raises(ValueError, match=r"a page has the scenes level, .* is 'things:hill': draw"):
+        page_data.of_policy(mine)
+
+
+@pytest.mark.parametrize("acts", [{"controller": "lqr"}, {"terrain": gpw.stairs(0.001)}])
+def test_a_policy_replaces_no_controller_and_no_footholds_of_a_gait(acts):
+    gait = gpw.find_gait(gpw.stride_map("C", 0.03, **acts))
+    with pytest.raises(ValueError, match="one controller on smooth ground: leave out policy"):
+        gpw.play(gait, policy="level-ppo", seconds=0.1)
 
 
 @pytest.mark.parametrize(

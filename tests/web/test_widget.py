@@ -121,6 +121,20 @@ def test_a_setting_out_of_range_is_refused(widget, trait, value):
     assert getattr(widget, trait) == before
 
 
+def test_a_torque_is_held_where_nothing_else_works_the_motor(widget, notebook):
+    widget.hip_torque = 0.08
+    policy = gpw.play(policy="level-ppo")
+    for other, why in (
+        (policy, "the policy level-ppo works it"),
+        (gpw.play(TORSO, 0.03), "has none"),
+    ):
+        with pytest.raises(Exception, match=f"hip_torque is that of a held motor, and .*{why}"):
+            other.hip_torque = 0.01
+        assert other.hip_torque == 0.0
+    policy.set_state({"policy": "", "hip_torque": 0.002})  # as the page reports
+    assert policy.hip_torque == 0.002
+
+
 def test_a_push_is_sent_to_the_page(widget, monkeypatch):
     sent = []
     monkeypatch.setattr(widget, "send", sent.append)

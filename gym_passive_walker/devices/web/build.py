@@ -190,7 +190,8 @@ def build(folder: str | Path, systems: Mapping[str, own.System | Gait] | None = 
             "systems/torso.wasm". A gait of a system gives the page its slope and its start too.
 
     Raises:
-        ValueError: if a name is not that of a file, or a value is not a system.
+        ValueError: if a name is not that of a file, or a value is not a system or a passive gait of
+            one on smooth ground.
         WebError: if the modules cannot be compiled here.
     """
     if systems is not None and not isinstance(systems, Mapping):
@@ -206,6 +207,13 @@ def build(folder: str | Path, systems: Mapping[str, own.System | Gait] | None = 
         if not isinstance(system, own.System):
             raise ValueError(
                 f"systems[{name!r}] must be a gpw.System or a gait of one, not {shown(given)}"
+            )
+        if gait is not None and (
+            gait.controller is not None or gait.stride_map.terrain is not None
+        ):
+            raise ValueError(
+                f"systems[{name!r}] must be a passive gait on smooth ground, as a page begins with "
+                "controls of 0: give a gait of a stride map without controller and terrain"
             )
         made[f"systems/{name}.wasm"] = system_module(system, gait)
     folder = Path(folder)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from gym_passive_walker._tools.arguments import shown
 from gym_passive_walker._version import __version__
 from gym_passive_walker.devices.web import kernels, system_kernels
 from gym_passive_walker.engine.layout import layout_of
@@ -17,14 +18,19 @@ from gym_passive_walker.engine.run import options
 from gym_passive_walker.envs import disturbance_kernels, task
 from gym_passive_walker.envs.batch import rules_of
 from gym_passive_walker.envs.constraints import ROOM
-from gym_passive_walker.envs.policies import DESCRIPTION, policy_folder, shipped_policies
+from gym_passive_walker.envs.policies import (
+    DESCRIPTION,
+    PolicyError,
+    policy_folder,
+    shipped_policies,
+)
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.checks import CHECKS
 from gym_passive_walker.gaits.scenes.scene import SCENES, Scene, make_scene
 from gym_passive_walker.gaits.scenes.starts import REFERENCE_SLOPES, searched_gait
 from gym_passive_walker.models.equations.hybrid import Outcome, System
-from gym_passive_walker.models.walkers import WALKERS
+from gym_passive_walker.models.walkers import WALKERS, Walker, as_walker
 from gym_passive_walker.models.walkers.presets import ABOUT
 from gym_passive_walker.models.walkers.walker import PARAMETERS
 
@@ -188,7 +194,41 @@ _SLOPES = (0.0025, 0.004, 0.008, 0.015, 0.03, 0.045, 0.05, 0.07, 0.08, 0.11)
 
 
 def of_policy(folder: Path) -> dict[str, Any]:
-    """Return the options of a trained policy's network, and its scene."""
+    """Return the options of a trained policy's network, and its scene.
+
+    Raises:
+        ValueError: if a page has no such scene or walker.
+    """
     content = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
     options = {key: content[key] for key in ("algo", "activation", "normalizer")}
-    return options | {"scene": SCENES[content["scene"]] | content["env"]}
+    name = content["scene"]
+    if not isinstance(name, str) or name not in SCENES:
+        raise PolicyError(
+            f"{folder}: a page has the scenes {', '.join(SCENES)}, and this policy's is "
+            f"{shown(name)}: draw it by picture= or video="
+        )
+    scene = SCENES[name] | content["env"]
+    if isinstance(scene.get("walker"), Mapping):
+        preset, changes = as_changes(as_walker(scene["walker"]))
+        scene["walker"] = {"preset": preset, **changes}
+    return options | {"scene": scene}
+
+
+def as_changes(walker: Walker) -> tuple[str, dict[str, float]]:
+    """Return the most similar named walker, and the parameters in which this one differs.
+
+    Raises:
+        ValueError: if a page has no such walker.
+    """
+    if walker.knees == "held":
+        raise ValueError("a page has no walkers with held knees: draw this by picture= or video=")
+    found = {
+        name: {
+            parameter: getattr(walker, parameter)
+            for parameter in PARAMETERS
+            if getattr(walker, parameter) != getattr(preset, parameter)
+        }
+        for name, preset in WALKERS.items()
+        if preset.kind == walker.kind
+    }
+    return min(found.items(), key=lambda entry: len(entry[1]))

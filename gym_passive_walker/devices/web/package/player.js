@@ -6,11 +6,12 @@
 
 import { checkScene, checkWalker, create, createSystem, library, loadPolicy, readFile } from "./passive-walker.js";
 
-const TORQUE = 0.05; // m g l: the hip torque of the action 1
+const TORQUE = 0.05; // m g l: the hip torque of the action 1, unless a larger one is held
 const TRAIL = 900; // frames in the phase portrait
 const LONGEST_FRAME = 0.1; // s
 const PUSH_KEY = 0.01; // m sqrt(g l)
 const PUSH_PIXEL = 0.0002;
+const LARGEST_PUSH = 10; // as in an environment
 const SLOWEST = 2 ** -6, FASTEST = 4; // times the walker's own pace
 const REST = 1.6; // s between a fall and the next start
 const ADDRESS_DELAY = 300; // ms from a change to the address that has it: WebKit allows 100 in 10 s
@@ -67,6 +68,15 @@ const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 
 /** A slope, or the middle of a range of slopes. */
 const middle = (slope = 0) => (Array.isArray(slope) ? 0.5 * (slope[0] + slope[1]) : slope);
+
+/** Settings with the walker and the slope of their policy, where they have none of their own. */
+function withPolicy(settings, data) {
+  const scene = settings.policy && data.policies[settings.policy].scene;
+  if (!scene) return settings;
+  const { walker = "C" } = scene, { preset, ...changes } = typeof walker === "string" ? { preset: walker } : walker;
+  const own = settings.walker === undefined ? { walker: preset, changes: { ...changes, ...settings.changes } } : {};
+  return { slope: middle(scene.slope), ...settings, ...own };
+}
 
 /** Whether a scene can run in a page, at the middle of its slopes; some arguments are available in Python only. */
 function runs(scene, data) {
@@ -275,9 +285,8 @@ export class Player {
 
   #control(value) {
     if (value.startsWith("policy ")) {
-      const name = value.slice(7), { scene } = this.data.policies[name];
-      const slope = middle(scene.slope), walker = scene.walker ?? "C";
-      this.set({ policy: name, torque: 0, walker, changes: {}, slope, ground: scene.terrain ? "rough" : "smooth" }, true);
+      const policy = value.slice(7), { scene } = this.data.policies[policy];
+      this.set({ ...withPolicy({ policy }, this.data), torque: 0, ground: scene.terrain ? "rough" : "smooth" }, true);
     } else {
       this.set({ policy: "", torque: value === "torque" ? this.settings.torque || 0.002 : 0 }, this.settings.policy !== "");
     }
@@ -311,11 +320,16 @@ export class Player {
 
   #scene() {
     const { settings } = this, { terrain } = GROUNDS[settings.ground];
-    const own = settings.policy ? this.data.policies[settings.policy].scene : { max_hip_torque: TORQUE };
+    const own = settings.policy ? this.data.policies[settings.policy].scene : this.motor;
     const rules = { reset_noise_scale: 0, slope: settings.slope, terrain: terrain ?? (own.terrain_lookahead ? { stairs: { rise: 0 } } : null) };
     const stub = settings.policy ? {} : { end_on_toe_stub: false };
     const { walker: _, ...scene } = { ...own, ...rules, ...stub }; // the settings have the walker
     return scene;
+  }
+
+  /** The motor of a walker without a policy: it is as strong as the held torque. */
+  get motor() {
+    return { max_hip_torque: Math.max(TORQUE, Math.abs(this.settings.torque)) };
   }
 
   check() {
@@ -324,7 +338,8 @@ export class Player {
 
   /** Gives the walker the settings. */
   change() {
-    this.walk.change({ walker: this.#walkerGiven(), scene: { slope: this.settings.slope } });
+    const { slope, policy } = this.settings;
+    this.walk.change({ walker: this.#walkerGiven(), scene: { slope, ...(policy ? {} : this.motor) } });
   }
 
   #changed() {
@@ -520,7 +535,7 @@ export class Player {
 
   #step() {
     if (this.pending) {
-      const wanted = Math.max(-0.1, Math.min(0.1, this.pending));
+      const wanted = Math.max(-LARGEST_PUSH, Math.min(LARGEST_PUSH, this.pending));
       this.walk.push(wanted);
       this.pending = 0;
       this.last = null;
@@ -536,7 +551,7 @@ export class Player {
   /** Takes a control step; returns the measures of a stride that it ends. */
   step() {
     const { walk, settings } = this;
-    this.action = this.policy ? this.policy.predict(this.observation) : [settings.torque / TORQUE];
+    this.action = this.policy ? this.policy.predict(this.observation) : [settings.torque / this.motor.max_hip_torque];
     const found = walk.step(this.action);
     this.observation = found.observation;
     return found.info.outcome === "HEELSTRIKE" ? found.info : null;
@@ -821,6 +836,7 @@ function checkOptions(options, names) {
   const known = [...(options.system ? PLAYS_SYSTEM : PLAYS_WALKER), ...PLAYS];
   const strange = Object.keys(options).filter((name) => !known.includes(name));
   if (strange.length) throw new Error(`play has no ${strange.join(", ")} here; it has ${known.join(", ")}`);
+  if (options.policy && options.torque) throw new Error(`the policy ${options.policy} works the motor: leave out torque`);
   for (const [name, among] of Object.entries({ ground: GROUNDS, ...names })) {
     const value = options[name];
     if (value !== undefined && value !== "" && !Object.hasOwn(among, value)) {
@@ -841,19 +857,14 @@ export function settingsFrom(hash, data) {
     else if (["slope", "torque", "speed"].includes(name) && Number.isFinite(number)) settings[name] = number;
     else if (data.parameters.includes(name) && Number.isFinite(number)) changes[name] = number;
   }
-  const scene = settings.policy && data.policies[settings.policy].scene;
-  if (scene) {
-    settings.walker ??= scene.walker ?? "C";
-    settings.slope ??= middle(scene.slope);
-  }
-  return Object.keys(changes).length ? { ...settings, changes } : settings;
+  return withPolicy(Object.keys(changes).length ? { ...settings, changes } : settings, data);
 }
 
 /**
  * Shows a walker in an element, with all controls.
  *
- * @param options `system`, the name of a system of one's own, or `walker`; `slope`, `torque`, `policy`, `ground`, `speed`, `changes` of the walker's
- *   parameters, `start` on the Poincaré section; `share` writes settings to the page's address;
+ * @param options `system`, the name of a system of one's own, or `walker`; `slope`, `torque`, `ground`, `speed`, `changes` of the walker's
+ *   parameters; `policy`, which has its own walker and slope unless they are given, and no `torque`; `start` on the Poincaré section; `share` writes settings to the page's address;
  *   `compact` hides the plots; `paused`; `read` reads the package's files; `onstate` is called after
  *   each control step and each change of the settings.
  */
@@ -872,7 +883,7 @@ export async function play(root, options = {}) {
     const data = await library(read);
     checkOptions(options, { walker: data.walkers, policy: data.policies });
     const own = share ? settingsFrom(location.hash, data) : {};
-    const player = new Player(root, data, { settings: { ...settings, ...own }, read, share, compact, paused, onstate });
+    const player = new Player(root, data, { settings: { ...withPolicy(settings, data), ...own }, read, share, compact, paused, onstate });
     try {
       await player.begin();
     } catch (error) {
