@@ -9,6 +9,7 @@ import sys
 
 import numpy as np
 import pytest
+from scipy.io import loadmat
 
 from gym_passive_walker import Outcome
 from gym_passive_walker._tools.extras import extra, need
@@ -57,6 +58,20 @@ def test_a_table_is_written_with_all_digits_in_the_order_of_its_columns(tmp_path
     assert rows == [["0.1", "1", "a,b"], [repr(1 / 3), "2", 'say "on"'], ["nan", "4", "ü"]]
     Made().to_csv(path)  # replaces, and does not append
     assert len(path.read_text(encoding="utf-8").splitlines()) == 4
+
+
+@pytest.mark.parametrize("ending", [".mat", ".npz"])
+def test_missing_text_is_empty_and_a_missing_number_is_nan_in_arrays(ending, tmp_path):
+    class Holed(Made):
+        def columns(self):
+            columns = {"error": ["late", None], "found": [None, True], "empty": [None, None]}
+            return {name: np.array(values, dtype=object) for name, values in columns.items()}
+
+    Holed().save(path := tmp_path / f"t{ending}")
+    found = loadmat(path, simplify_cells=True) if ending == ".mat" else np.load(path)
+    texts = [[str(text) if len(text) else "" for text in found[x]] for x in ("error", "empty")]
+    assert texts == [["late", ""], ["", ""]]
+    np.testing.assert_array_equal(found["found"], [np.nan, 1.0])
 
 
 def test_columns_of_different_lengths_write_no_file(tmp_path):

@@ -145,7 +145,8 @@ class Table(Shown):
         """Write the table to a file in the format of its ending.
 
         Args:
-            path: The file, with the ending .csv, .mat (MATLAB), .npz (NumPy) or .parquet.
+            path: The file, with the ending .csv, .mat (MATLAB), .npz (NumPy) or .parquet. Missing
+                entries are "" or NaN in .mat and .npz.
             columns: Names of columns, in order; all when None.
 
         Raises:
@@ -189,9 +190,19 @@ def _csv(path: Path, columns: _Columns, units: Mapping[str, str]) -> None:
         writer.writerows(rows)
 
 
+def _typed(column: NDArray) -> NDArray:
+    """Return a column of Python objects as numbers or as text; None becomes NaN or ""."""
+    if column.dtype.kind != "O":
+        return column
+    known = [value for value in column.tolist() if value is not None]
+    if known and all(isinstance(value, bool | int | float) for value in known):
+        return column.astype(float)
+    return np.array(["" if value is None else str(value) for value in column.tolist()])
+
+
 def _npz(path: Path, columns: _Columns, units: Mapping[str, str]) -> None:
     with path.open("wb") as file:  # to a name, NumPy may add ".npz"
-        np.savez_compressed(file, **columns)  # type: ignore[arg-type]
+        np.savez_compressed(file, **{name: _typed(x) for name, x in columns.items()})  # type: ignore[arg-type]
 
 
 def _parquet(path: Path, columns: _Columns, units: Mapping[str, str]) -> None:
@@ -209,9 +220,10 @@ def _parquet(path: Path, columns: _Columns, units: Mapping[str, str]) -> None:
 def _mat(path: Path, columns: _Columns, units: Mapping[str, str]) -> None:
     from scipy.io import savemat
 
-    texts = {name: x.astype(object) for name, x in columns.items() if x.dtype.kind == "U"}
+    typed = {name: _typed(x) for name, x in columns.items()}
+    texts = {name: x.astype(object) for name, x in typed.items() if x.dtype.kind == "U"}
     with path.open("wb") as file:
-        savemat(file, {**columns, **texts, "units": dict(units)}, long_field_names=True,
+        savemat(file, {**typed, **texts, "units": dict(units)}, long_field_names=True,
                 oned_as="column")  # fmt: skip
 
 

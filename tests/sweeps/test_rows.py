@@ -118,6 +118,16 @@ def test_a_result_named_like_a_column_has_its_own_and_loses_neither(tmp_path):
     assert columns["seconds_found"].tolist() == [60.0] * 2 and columns["seconds"][1] < 60.0
 
 
+def test_a_parameter_named_results_has_its_column(tmp_path):
+    description = Description(analysis="a:b", over={"results": [5, 6], "x": [1, 2]}, how="list")
+    kept = Store(tmp_path / "out", description, "1")
+    run._work(Alone(), kept, [*enumerate(description.tasks)])
+    kept.flush(last=True)
+    kept.close()
+    columns = run.SweepResult(tmp_path / "out", 2, 1).columns()
+    assert columns["results"].tolist() == [5, 6] and columns["y"][0] == 1
+
+
 def test_rows_of_several_files_and_of_the_journal_are_one_table(tmp_path, monkeypatch):
     """A file is written at a number of rows; what a kill leaves in the journal follows."""
     description = Description(analysis="a:b", over={"x": list(range(7))})
@@ -353,6 +363,12 @@ def test_results_in_a_walker_s_own_units_are_those_of_gaits_alone(name, analysis
              "robustness": {"walker": LARGE, "slope": 0.01}}[analysis]  # fmt: skip
     (size,) = sizes(name, analysis, [given])
     assert size == (pytest.approx({"step_length": 4.0, "step_period": 0.5}[name]) if own else 1.0)
+
+
+@pytest.mark.parametrize("on", [{"controller": "lab-ppo"}, {"scene": "lab", "controller": "lqr"}])
+def test_the_walker_of_a_controller_or_of_a_scene_gives_the_units_of_a_gait(on):
+    found = [sizes(name, "gait", [on])[0] for name in ("step_length", "step_period")]
+    assert found == [LAB.leg_length, LAB.time_unit]
 
 
 # Descriptions.

@@ -63,7 +63,7 @@ class Watcher:
         """Do tasks, and return how each ended.
 
         Raises:
-            RuntimeError: if no worker can be started.
+            ChildProcessError: if no worker can be started.
         """
         return list(self._workers.outcomes(tasks))
 
@@ -112,7 +112,7 @@ class Cluster:
 
         Raises:
             ValueError: if a machine of the cluster has another version.
-            RuntimeError: if no worker can be started on the cluster.
+            ConnectionError: if no worker can be started on the cluster.
         """
         waiting, lost, tried = deque(tasks), deque[Task](), Counter[int]()
         pace = Pace(self._room())
@@ -129,7 +129,7 @@ class Cluster:
                 if ended:
                     break
             if not ended and not self._at_work:
-                raise RuntimeError(
+                raise ConnectionError(
                     "the cluster has no free CPU for a worker: wait until other programs end"
                 )
             for each in ended:
@@ -164,7 +164,7 @@ class Cluster:
             self._stillborn += 1
             if self._stillborn == STILLBORN:
                 message = " ".join(str(error).split())
-                raise RuntimeError(f"no worker can be started on Ray: {message}") from None
+                raise ConnectionError(f"no worker can be started on Ray: {message}") from None
         else:
             self._stillborn = 0
             self._idle.append(watcher)

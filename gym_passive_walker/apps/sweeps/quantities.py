@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.apps.sweeps.description import Given
 from gym_passive_walker.apps.sweeps.tasks import task
 from gym_passive_walker.gaits.actuation import Actuation
+from gym_passive_walker.gaits.control.maps import stride_map
 from gym_passive_walker.models.units import KINDS, UNITS, Units
 from gym_passive_walker.models.walkers import Walker
 from gym_passive_walker.pictures.axes import ANGLE, SLOPE, SPEED
@@ -61,7 +62,10 @@ def sizes(name: str, analysis: str, tasks: Sequence[Given]) -> NDArray[np.float6
 def _size(unit: Callable[[Walker, Units], float], analysis: str, given: Given) -> float:
     try:
         taken = task(analysis, given).keywords  # type: ignore[attr-defined]
+        walker = taken.get("walker") or taken.get("changes", {}).get("walker")
+        if walker is None and {"controller", "scene"} & taken.keys():
+            names = ("slope", "controller", "scene")
+            walker = stride_map(**{name: taken[name] for name in names if name in taken}).walker
     except ValueError:
         return np.nan
-    walker = taken.get("walker") or taken.get("changes", {}).get("walker")
     return 1.0 if walker is None else unit(walker, walker.units)

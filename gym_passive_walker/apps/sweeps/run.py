@@ -106,7 +106,8 @@ def sweep(
     Raises:
         ValueError: if the description is invalid, code is not trusted, or the folder holds
             another sweep or damaged files.
-        OSError: if a file cannot be written; earlier results are kept.
+        OSError: if a file cannot be written, or no worker process can be started; earlier results
+            are kept.
         ImportError: if pyarrow is not installed, or ray where it is used.
     """
     branch, retry = boolean(branch, "branch"), boolean(retry, "retry")
@@ -182,8 +183,9 @@ def _work(workers: Workers | Cluster, store: Store, left: list[Task]) -> None:
     try:
         with progress("tasks", len(left)) as advance:
             for count, outcome in enumerate(workers.outcomes(left), 1):
-                row = {**given[outcome.task], **outcome._asdict()}
-                store.add(row, row.pop("results"))
+                ended = outcome._asdict()
+                results = ended.pop("results")
+                store.add(given[outcome.task] | ended, results)
                 failures += outcome.status != DONE
                 rate = count / (time.monotonic() - began)
                 rest = (len(left) - count) / rate

@@ -95,7 +95,7 @@ class Workers:
         """Do tasks, and yield the outcome of each as soon as it has ended.
 
         Raises:
-            RuntimeError: if no worker can be started.
+            ChildProcessError: if no worker can be started.
         """
         waiting, tried, pace = deque(tasks), Counter(), Pace(self._count)
         while waiting or any(worker.tasks for worker in self._pool):
@@ -143,7 +143,7 @@ class Workers:
         code, at = worker.process.exitcode, worker.tasks[0] if worker.tasks else None
         self._stillborn += not (worker.ready or worker.tasks)
         if self._stillborn >= STILLBORN:
-            raise RuntimeError(
+            raise ChildProcessError(
                 f"worker processes end before they start (exit code {code}): a script that sweeps "
                 'does so below `if __name__ == "__main__":`'
             )

@@ -9,8 +9,9 @@ export interface Settings {
   /** Parameters of the walker that differ from the preset's; fields of a system's body. */
   changes?: Record<string, number>;
   slope?: number;
-  /** Hip torque that is held, in m g l. */
+  /** Hip torque that is held, in m g l; refused beside a policy. */
   torque?: number;
+  /** Name of a policy, which has its own walker and slope unless they are given. */
   policy?: string;
   ground?: "smooth" | "rough" | "rougher" | "waves";
   /** 1 is the walker's own pace. */
