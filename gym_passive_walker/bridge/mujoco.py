@@ -12,9 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker._tools.arguments import number
 from gym_passive_walker.bridge.loop import Loop, library
 from gym_passive_walker.bridge.mjcf import SOFTNESS, TIMESTEP
+from gym_passive_walker.bridge.rigid import tree_of_walker
 from gym_passive_walker.envs import saved, task, transitions
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
+from gym_passive_walker.gaits.scenes.checks import checked
 from gym_passive_walker.gaits.scenes.randomization import OF_STEPS
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneError, make_scene
 from gym_passive_walker.models.equations import legs
@@ -33,7 +35,7 @@ def check_features(scene: Scene) -> Scene:
     """Return a scene after a check that MuJoCo's loop has all of its features.
 
     Raises:
-        SceneError: if it lacks one.
+        SceneError: if it lacks one, or the walker is no tree of rigid bodies.
     """
     lacks = [name for name in _LACKS if getattr(scene, name) not in (None, {}, 0, 0.0)]
     lacks += [name for name in ("push_off", "ankle") if name in scene.actions]
@@ -46,6 +48,7 @@ def check_features(scene: Scene) -> Scene:
             f"PassiveWalkerMujoco-v0 does not have {', '.join(lacks)}: leave out what this scene "
             "has of it, or choose PassiveWalker-v0"
         )
+    checked(tree_of_walker, scene.walker)
     return scene
 
 

@@ -143,7 +143,7 @@ def _root_of(path: str | PathLike[str], name: str, tag: str) -> Any:
         root = ET.parse(path).getroot()
     except OSError as error:
         raise WalkerError(f"{name} cannot be read: {error.strerror or error}") from None
-    except ET.ParseError as error:
+    except (ET.ParseError, LookupError, ValueError) as error:  # the latter of unknown encodings
         raise WalkerError(f"{name} is no model, for it is no XML: {error}") from None
     for element in root.iter():  # names may be those of a namespace
         element.tag = element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
@@ -257,7 +257,10 @@ def _parts_of_robot(root: Any) -> list[Element]:
                 part.inertia = turned @ np.array(rows) @ turned.T
         for collision in link.findall("collision"):
             turned, centre = _moved((turn, place), collision.find("origin"))
-            (shape,) = collision.find("geometry")
+            geometry = collision.find("geometry")
+            if geometry is None or len(geometry) != 1:
+                raise ValueError(f"a collision of {part.name} needs a geometry of one shape")
+            (shape,) = geometry
             radius, length = (float(shape.get(each, 0.0)) for each in ("radius", "length"))
             part.feet += _round(shape.tag, centre, turned[:, 2], (radius, 0.5 * length))
         parts.append(part)

@@ -11,7 +11,7 @@ from gym_passive_walker.gaits.look.trajectory import Trajectory
 from gym_passive_walker.gaits.terrain import Terrain, contacts
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.walkers import Walker
-from gym_passive_walker.pictures.pose import SOLE_SPAN, pose
+from gym_passive_walker.pictures.pose import SOLE_SPAN
 
 _EDGE = 0.05  # leg lengths from the end of a sole to the end of its foothold
 _SHORTEST = 0.05  # leg lengths: the smallest guess of an unknown step length
@@ -81,15 +81,11 @@ def ground_under(walk: Trajectory, margin: float) -> NDArray[np.float64] | None:
     """
     if walk.terrain is None:
         return None
-    begun = np.flatnonzero(np.diff(walk.stride_index, prepend=-1))
-    known = np.column_stack([walk.contact_x, walk.contact_y])[begun]
-    if walk.outcomes[-1] == Outcome.HEELSTRIKE:  # the last foothold has been touched as well
-        landed = pose(
-            walk.walker, walk.states[-1], walk.contact_x[-1], walk.contact_y[-1], walk.tilts[-1]
-        ).swing.foot
-        tilt = float(walk.terrain.ground(walk.terrain_seed, len(begun))[0])
-        normal = np.array([math.sin(tilt), math.cos(tilt)])
-        known = np.vstack([known, landed - walk.walker.foot_radius * normal])
+    landed = walk.outcomes[-1] == Outcome.HEELSTRIKE  # then the last foothold is touched as well
+    lengths = np.append(walk.taken.step_length, 0.0)[: len(walk.outcomes) + landed]
+    ground = walk.terrain.ground(walk.terrain_seed, np.arange(len(lengths)))
+    places = contacts(walk.walker, ground, lengths) + complex(walk.contact_x[0], walk.contact_y[0])
+    known = np.column_stack([places.real, places.imag])
     reach = known[0, 0] - margin, known[-1, 0] + margin
     length = 2.0 * walk.walker.leg_length * abs(float(walk.states[0, 0]))
     return profile(walk.walker, walk.terrain, walk.terrain_seed, 0, known, reach, length)

@@ -197,7 +197,7 @@ def test_features_that_it_lacks_are_refused_in_a_sentence(arguments, said):
 @pytest.mark.parametrize(
     ("arguments", "error", "said"),
     [
-        ({"walker": "D"}, ValueError, "legs without mass"),
+        ({"walker": "D"}, SceneError, "legs without mass"),
         ({"timestep": 0.0}, ValueError, "timestep must be a number above 0 up to 0.1, not 0.0"),
         ({"softness": 1.0}, ValueError, "softness must be a number from 2 to"),
         ({"render_mode": "human"}, ValueError, r"render_mode must be one of \['rgb_array'\]"),

@@ -227,6 +227,9 @@ def test_kneed_legs_have_two_links_and_knees_without_friction(old, new, said, re
          "base has a spring, friction or armature, where a Walker moves freely"),
         (compass().replace('xyz="0 0 -0.5"', 'xyz="0 0 0"'),
          "mass without inertia about its hinge"),
+        (compass().replace("<geometry>", "<form>").replace("</geometry>", "</form>"),
+         "a collision of .* needs a geometry of one shape"),
+        ('<?xml version="1.0" encoding="none"?>' + compass(), "it is no XML: unknown encoding"),
     ],
 )  # fmt: skip
 def test_what_is_no_walker_is_refused_by_the_name_of_its_element(text, said, read):

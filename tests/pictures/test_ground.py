@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples.torso import TORSO
 from gym_passive_walker.envs import frames
-from gym_passive_walker.pictures import level, pose
+from gym_passive_walker.pictures import level, pose, strobe
+from gym_passive_walker.pictures.axes import OWN
 from gym_passive_walker.pictures.ground import ground_under, height
 
 LEG_ON_A_FRAME = 0.62 * 450  # pixels
@@ -72,6 +74,15 @@ def test_the_foothold_on_which_a_walk_ends_is_where_a_longer_one_goes_on(name):
     further = height(surface, place + 1e-3 * length)
     steep = (further - height(surface, place)) / (1e-3 * length)
     assert np.arctan(-steep) == pytest.approx(long.tilts[first], abs=1e-6)
+
+
+def test_a_system_stands_on_the_stairs_of_its_walk():
+    walk = gpw.simulate(TORSO, 0.03, strides=3, terrain=gpw.stairs(0.001))
+    surface = ground_under(walk, 1.0)
+    assert len(walk.outcomes) == 3 and np.ptp(surface[:, 1]) > 0.002
+    np.testing.assert_allclose(height(surface, walk.contact_x), walk.contact_y, atol=1e-12)
+    ax = strobe(TORSO, 0.03, strides=3, terrain=gpw.stairs(0.001), ax=OWN)
+    assert ax.lines
 
 
 def test_a_picture_of_smooth_ground_needs_no_footholds():
