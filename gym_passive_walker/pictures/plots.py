@@ -32,6 +32,7 @@ from gym_passive_walker.pictures.axes import (
     HEAVY,
     LIGHT,
     ORANGE,
+    PURPLE,
     SKY_BLUE,
     SLOPE,
     SPEED,
@@ -346,14 +347,18 @@ def _reality(check: RealityCheck, ax: Axes | None = None) -> Axes:
 def _stride(strides: Stride, ax: Axes | None = None) -> Axes:
     """Draw the energy balance of each stride, in the walker's own units."""
     ax = axes_for(ax)
-    paid = np.array([np.ravel(strides.gravity_work), np.ravel(strides.hip_work)])
-    lost = -np.array([np.ravel(strides.kneestrike_loss), np.ravel(strides.heelstrike_loss)])
-    parts = [("gravity's work", BLUE, "", paid[0]), ("hip's work", SKY_BLUE, "//", paid[1]),
-             ("lost at kneestrike", ORANGE, "..", lost[0]),
-             ("lost at heelstrike", VERMILION, "xx", lost[1])]  # fmt: skip
-    edges = np.arange(paid.shape[1] + 1) - 0.5
-    above, below = np.zeros((2, paid.shape[1]))
-    for label, colour, hatch, values in parts:
+    usual = [("gravity's work", BLUE, "", strides.gravity_work),
+             ("hip's work", SKY_BLUE, "//", strides.hip_work),
+             ("lost at kneestrike", ORANGE, "..", -strides.kneestrike_loss),
+             ("lost at heelstrike", VERMILION, "xx", -strides.heelstrike_loss)]  # fmt: skip
+    others = [("ankle's work", GREEN, "\\\\", strides.ankle_work),
+              ("push-off's work", PURPLE, "||", strides.push_off_work),
+              ("springs' work", GREY, "--", strides.spring_work),
+              ("lost to friction", GREY, "++", -strides.friction_loss)]  # fmt: skip
+    edges = np.arange(np.size(strides.outcome) + 1) - 0.5
+    above, below = np.zeros((2, np.size(strides.outcome)))
+    for label, colour, hatch, each in usual + [part for part in others if np.any(part[-1])]:
+        values = np.ravel(each)
         under = np.where(values >= 0.0, above, below)
         style = {"color": colour, "hatch": hatch, "edgecolor": BLACK, "linewidth": 0.5}
         ax.stairs(under + values, edges, baseline=under, fill=True, label=label, **style)
@@ -428,7 +433,8 @@ def _gait(gait: Gait, ax: Axes | None = None, optimum: Any = None) -> Axes | NDA
     The two panels are angles over time and a stroboscopic picture. Under a controller, they are
     the torques, beside those of `optimum` if given, and the basin of attraction.
     """
-    walk = simulate(gait, strides=max(2, gait.period), samples=400)
+    count = max(2, len(gait.cycle.duration))
+    walk = simulate(gait, strides=count, samples=400)
     if given(ax):
         portrait_of(ax, walk)
         legend(ax)
@@ -445,7 +451,7 @@ def _gait(gait: Gait, ax: Axes | None = None, optimum: Any = None) -> Axes | NDA
     else:
         angles_over_time(first, walk)
         legend(first, columns=2)
-        strobe(gait, strides=max(2, gait.period), ax=third)
+        strobe(gait, strides=count, ax=third)
         third.set_title("")
     name = gait.stride_map.controller_name
     figure.suptitle(

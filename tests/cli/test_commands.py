@@ -393,6 +393,13 @@ def test_a_terrain_is_understood_however_it_is_written(text, terrain, mine):
     assert parser().parse_args(["evaluate", "level-ppo", "--terrain", text]).terrain == terrain
 
 
+def test_a_walk_starts_on_the_gait_of_its_motors_where_there_is_no_passive_one(reported):
+    words = ["D", 0.0, "--push-off", 0.05, "--dimensionless"]
+    rows = reported("simulate", *words, "--strides", 3)
+    gait = reported("gait", *words)[0]
+    assert [row["duration"] for row in rows] == pytest.approx([gait["step_period"]] * 3, rel=1e-6)
+
+
 def test_a_walk_over_rough_ground_is_printed_as_simulated(reported, mine):
     ground = ["--terrain", "rough:height_std=0.002,slope_std=0.005", "--terrain-seed", 3]
     rows = reported("simulate", "lab", 0.036, "--strides", 5, *ground, "--out", "walk.csv")

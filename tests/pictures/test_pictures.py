@@ -293,7 +293,14 @@ def made_diagram(fallen):
     angle = np.array([[0.2, 0.2, 0.2], [0.21, 0.19, 0.21], [0.3, np.nan, np.nan]])
     slopes, angle = np.array([0.07, 0.08, 0.0912345]), angle if fallen else angle[[0, 1, 0]]
     return BifurcationDiagram(
-        WALKERS["C"], "slope", slopes, slopes, angle, np.array([1, 2, 0]), np.zeros((3, 6))
+        WALKERS["C"],
+        "slope",
+        slopes,
+        slopes,
+        angle,
+        np.array([1, 2, 0]),
+        np.zeros((3, 6)),
+        WALKERS["C"].units,
     )
 
 
@@ -397,6 +404,32 @@ def test_strides_energies_are_stacked_income_above_losses_below():
         above, below = above + np.maximum(value, 0.0), below + np.minimum(value, 0.0)
     assert strides.hip_work.min() < 0.0 < strides.hip_work.max()
     assert said(ax)[:2] == ("stride", "energy (in the walker's own units)")
+
+
+def test_all_energies_of_strides_with_motors_springs_and_friction_are_drawn():
+    walker = gpw.WALKERS["E"].with_parameters(hip_stiffness=0.02, hip_friction=0.001)
+    start = gpw.find_gait("E", 0.02).state
+    strides = gpw.stride(walker, 0.02, start, ankle_torque=1e-3, push_off=1e-3, hip_torque=1e-3)
+    ax = strides.plot(OWN)
+    drawn = {patch.get_label(): np.subtract(*patch.get_data()[::2]) for patch in ax.patches}
+    others = {"ankle's work": strides.ankle_work, "push-off's work": strides.push_off_work,
+              "springs' work": strides.spring_work,
+              "lost to friction": -strides.friction_loss}  # fmt: skip
+    assert {name: drawn[name].item() for name in others} == pytest.approx(others, abs=1e-15)
+    assert all(others.values())
+    system, units = walker.equations(), walker.units
+    before, after = (
+        system.kinetic_energy(walker.body, system.State(*units.to_dimensionless(state)))
+        for state in (start, strides.state)
+    )
+    assert sum(drawn.values()) == pytest.approx((after - before) * units.energy, abs=1e-8)
+
+
+def test_a_gait_on_footholds_is_drawn_until_its_ground_repeats():
+    strides = gpw.stride_map("C", 0.036, terrain=gpw.waves(0.002, 6))
+    axes_of = gpw.find_gait(strides).plot()
+    hips = next(line for line in axes_of[2].lines if line.get_marker() == "o")
+    assert len(hips.get_xdata()) == 6 * 6 + 1  # six new postures in a stride, and the first
 
 
 # Sketches

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from gym_passive_walker._tools import console
 from gym_passive_walker.apps.sweeps import lock, run, store, workers
 from gym_passive_walker.apps.sweeps.description import RESERVED, Description
 from gym_passive_walker.apps.sweeps.lock import locked
@@ -116,6 +117,14 @@ def test_a_result_named_like_a_column_has_its_own_and_loses_neither(tmp_path):
     assert columns["status"].tolist() == [DONE] * 2
     assert columns["status_found"].tolist() == ["odd"] * 2
     assert columns["seconds_found"].tolist() == [60.0] * 2 and columns["seconds"][1] < 60.0
+
+
+def test_workers_that_never_start_end_a_sweep_in_one_sentence():
+    hopeless = Workers("gait", 0, None)
+    process = SimpleNamespace(join=lambda: None, exitcode=1)
+    dead = SimpleNamespace(process=process, tasks=[], ready=False)
+    hopeless._stillborn = workers.STILLBORN - 1
+    assert console.run(lambda: hopeless._lost(dead, deque(), {})) == 2
 
 
 def test_a_parameter_named_results_has_its_column(tmp_path):

@@ -11,6 +11,7 @@ import re
 import sys
 from argparse import Action, ArgumentError, ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, is_dataclass
 from functools import cached_property
 from inspect import Parameter, signature
@@ -28,7 +29,7 @@ from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.control.baselines import BASELINES
 from gym_passive_walker.gaits.control.maps import stride_map
 from gym_passive_walker.gaits.find.fixed_point import find_gait
-from gym_passive_walker.gaits.gait import Gait
+from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.scenes.named import named_walker
 from gym_passive_walker.gaits.scenes.scene import SCENES, make_scene
 from gym_passive_walker.gaits.stride_map import StrideMap
@@ -316,9 +317,11 @@ class Walk:
             state = np.array(self.state)
             return machine.model.units.to_own(state) if machine.dimensionless else state
         walks = self.map
-        # With constant actuation, a walk starts on the passive gait, to show the transient.
-        walker = walks if walks.controlled else machine.model
-        return find_gait(walker, self.slope, kind=self.kind).state
+        if not walks.controlled:
+            # With constant actuation, a walk starts on the passive gait, to show the transient.
+            with suppress(*[] if walks.passive else [GaitNotFound]):
+                return find_gait(machine.model, self.slope, kind=self.kind).state
+        return find_gait(walks, self.slope, kind=self.kind).state
 
 
 def read_policy(name: str, trust: bool) -> Any:

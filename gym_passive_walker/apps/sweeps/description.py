@@ -143,7 +143,7 @@ class Description:
 
     @cached_property
     def policies(self) -> list[str]:
-        """Names and paths of the controllers, whose files a later training may change."""
+        """Names and paths of controllers; a later training may change their files."""
         named = [self.given.get("controller"), *self.over.get("controller", ())]
         return sorted({name for name in named if isinstance(name, str)})
 
