@@ -159,6 +159,12 @@ OPTIONS = {
         dict(value=0.007),
         of=gpw.GaitFamily.at,
     ),
+    "Trajectory.within": Call(
+        lambda times: gpw.simulate("D", 0.009, gait().state).within(times).states,
+        dict(times=np.array([[0.5]])),
+        dict(times=np.array([[0.6]])),
+        of=gpw.Trajectory.within,
+    ),
     "Walker.titled": Call(
         lambda title: name_of(gpw.WALKERS["lab"].titled(title)),
         dict(title="mine"),

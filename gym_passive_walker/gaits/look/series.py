@@ -297,7 +297,15 @@ class OverTime(InUnits):
         return ground_of(self.terrain, self.terrain_seed, count)
 
     def within(self, times: NDArray) -> Samples:
-        """Return samples at times since the start of each stride, (strides made, k)."""
+        """Return samples at any instants, dimensionless.
+
+        Args:
+            times: Times since the start of each stride, in the walker's unit of time, (strides made,
+                k). A time after the end of a stride gives its final state.
+
+        Returns:
+            `states` (strides made, k, 6), `stages` and `controls`.
+        """
         _, first = np.unique(self.stride_index, return_index=True)
         return look_at(self._map, self.slope, self.states[first], self._ground, times)
 
