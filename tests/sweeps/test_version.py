@@ -51,6 +51,18 @@ def test_a_function_of_ones_own_counts_with_its_module(odd):
     assert version("odd_tasks:square") != before
 
 
+@pytest.mark.parametrize("form", ["argument", "of a scene"])
+def test_the_file_of_a_walker_is_kept_by_its_content(form, tmp_path):
+    def digest(mass):
+        file = tmp_path / "mine.json"
+        file.write_text(f'{{"preset": "lab", "hip_mass": {mass}}}', "utf-8")
+        walker = {"walker": str(file)}
+        given = walker if form == "argument" else {"scene": walker}
+        return Description(analysis="evaluation", over={"seed": [1]}, given=given).digest
+
+    assert digest(1.0) == digest(1.0) != digest(2.0)
+
+
 def test_a_policy_of_ones_own_counts_with_its_files(tmp_path):
     shutil.copytree(policy_folder("level-ppo"), mine := tmp_path / "mine")
     described = Description(analysis="evaluation", over={"controller": ["passive", str(mine)]})

@@ -300,8 +300,8 @@ class OverTime(InUnits):
         """Return samples at any instants, dimensionless.
 
         Args:
-            times: Times since the start of each stride, in the walker's unit of time, (strides made,
-                k). A time after the end of a stride gives its final state.
+            times: Times since the start of each stride, in the walker's unit of time, of shape
+                (strides made, k). A time after the end of a stride gives its final state.
 
         Returns:
             `states` (strides made, k, 6), `stages` and `controls`.
