@@ -235,8 +235,7 @@ def _gait_of(controller: Any, scene: SceneLike | None) -> tuple[Policy, Scene, G
     elif isinstance(controller, OptimalGait):
         gait, (policy, there) = controller, acting(controller, scene)
     else:
-        policy, there = acting(controller, scene)
-        there = calm(there)
+        policy, there = acting(controller, scene, calmed=calm)
         passive = policy_name(policy) == "passive"
         gait = find_gait(map_in(there, None if passive else policy))
     there = calm(there)

@@ -39,6 +39,7 @@ from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.models.equations.hybrid import Ground, Outcome, System
 from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
+from gym_passive_walker.models.model import check_heights_only
 from gym_passive_walker.models.units import unit_of
 from gym_passive_walker.models.walkers import PARAMETERS, Walker, WalkerLike, as_walker
 
@@ -546,6 +547,7 @@ class StrideMap(Section):
             tilt, up, slope_change = self.ground[0].tolist()
             slopes, height_change = np.add(slopes, tilt), up * self.walker.leg_length
         rise, turn = (0.0 if x is None else x for x in (height_change, slope_change))
+        check_heights_only(self.walker, turn)
         return self._taken(state, slopes, rise, turn, self.ahead(0) if ahead is None else ahead)
 
     def _taken(

@@ -32,6 +32,14 @@ def test_feedback_has_the_multipliers_that_it_was_designed_for(scene):
     assert np.abs(closed.multipliers) == pytest.approx(designed, abs=1e-7)
 
 
+@pytest.mark.parametrize("name", ["lqr", "optimal"])
+def test_feedback_is_made_for_the_scene_without_its_disturbances(name):
+    scene = {} if name == "optimal" else {"slope": 0.02, "control": "stride"}
+    drawn = {"domain_randomization": {"max_hip_torque": 0.2}}
+    plain, calmed = (closed_loop_gait(name, {**scene, **more}) for more in ({}, drawn))
+    assert calmed.multipliers.tobytes() == plain.multipliers.tobytes()
+
+
 def test_an_unstable_gait_is_found_near_its_start():
     closed = closed_loop_gait(Passive(), "steep")
     assert not closed.stable

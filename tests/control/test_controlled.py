@@ -1,6 +1,7 @@
 """The stride map under a controller: as the environment walks, with the controller's derivative."""
 
 import pickle
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,10 +12,13 @@ from gym_passive_walker.envs.evaluation.steps import steps
 from gym_passive_walker.envs.policies import shipped_policies
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.actuation import Actuation
+from gym_passive_walker.gaits.control import ticks
 from gym_passive_walker.gaits.control.baselines import LinearFeedback
-from gym_passive_walker.gaits.control.maps import acting_as
+from gym_passive_walker.gaits.control.controllers import with_changes
+from gym_passive_walker.gaits.control.maps import acting_as, map_in
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from tests.control.in_environment import walked
+from tests.own.statements import DRIVEN
 
 MEASURES = ("ends", "durations", "lengths", "lost", "supplied")
 SINGLE = 2e-6  # what single precision of observations and actions comes to in a stride
@@ -176,6 +180,14 @@ def test_a_memory_is_kept_for_all_walkers_of_a_batch_until_the_last_stride_ends(
     assert set(policy.asked) == {4} and len(policy.asked) == durations.max()
     alone = [strides.apply(point[None]) for point in points]
     np.testing.assert_allclose(together.ends, [one.ends[0] for one in alone], rtol=1e-12)
+
+
+def test_a_memory_is_of_the_walkers_that_are_followed_together(monkeypatch):
+    strides = gpw.stride_map(controller=Fading())
+    points = beside(gpw.stride_map(controller="level-ppo"), 4)
+    expected = strides.apply(points).ends
+    monkeypatch.setattr(ticks, "_TOGETHER", (3, 3))
+    np.testing.assert_allclose(strides.apply(points).ends, expected, rtol=1e-12)
 
 
 def test_no_walkers_make_no_strides():
@@ -582,3 +594,20 @@ def test_what_a_user_s_controller_calls_a_point_is_not_taken_for_a_gait(point):
     usual, found = (gpw.stride_map(controller=x, scene="level").likely(0.0)
                     for x in (SimpleNamespace(predict=given.predict), mine))  # fmt: skip
     np.testing.assert_array_equal(found, usual)
+
+
+@pytest.mark.parametrize("knees", [True, "held"])
+def test_a_passive_map_of_a_scene_has_its_rule_of_toe_stubs(knees):
+    walker = replace(gpw.WALKERS["lab"], knees=knees)
+    for rule in (True, False):
+        scene = make_scene(walker=walker, slope=0.036, end_on_toe_stub=rule)
+        assert map_in(scene, None).walkers.end_on_toe_stub is rule
+
+
+def test_another_walker_has_its_own_rule_of_toe_stubs_unless_one_is_given():
+    level = make_scene("level")
+    assert level.end_on_toe_stub
+    for other in ({"walker": "A"}, {"system": DRIVEN}):
+        assert not with_changes(level, other).end_on_toe_stub
+    changes = {"walker": "lab", "end_on_toe_stub": False}
+    assert not with_changes(level, changes).end_on_toe_stub

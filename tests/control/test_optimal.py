@@ -386,6 +386,20 @@ def test_stored_gaits_are_of_their_own_walker_slope_motor_and_charge(other):
         optimal.stored_name(make_scene("level", **other))
 
 
+def test_optima_of_a_system_are_kept_by_its_start_and_its_mass():
+    shifted = replace(DRIVEN, start=(0.25, -0.25, -0.31, -0.17))
+    plain, centre = (
+        DRIVEN.hybrid._replace(momentum=None, ground_force=None),
+        lambda body, state: (0.0, 1.0),
+    )
+    given = (
+        gpw.System.of(plain, DRIVEN.body, mass=mass, start=DRIVEN.start, centre=centre)
+        for mass in (1.0, 2.0)
+    )
+    scenes = [make_scene(system=x, control="stride") for x in (DRIVEN, shifted, *given)]
+    assert len({optimal._cache_name(scene, 0.2) for scene in scenes}) == 4
+
+
 def test_a_push_off_s_work_is_net_work_too():
     """All of it is work done, so what is charged in full and what is net are the same."""
     policy = gpw.load_policy("push-off-ppo")

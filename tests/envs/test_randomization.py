@@ -277,6 +277,7 @@ REFUSED = {
         {"action_delay": {"choices": (0.5, 1), "operation": "abs"}}, "whole numbers of control st"
     ),
     "delay by a factor": ({"action_delay": (1, 2)}, "whole number of control steps"),
+    "tolerance of a delay": ({"action_delay": 0.1}, "whole number of control steps"),
     "curriculum of none": ({"foot_radius": 0.1, "curriculum": 0}, "['curriculum'] must be"),
     "curriculum alone": ({"curriculum": 10}, "nothing is drawn"),
     "no such walker": (

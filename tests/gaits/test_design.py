@@ -8,6 +8,9 @@ import pytest
 import gym_passive_walker as gpw
 from examples.torso import TORSO
 from gym_passive_walker import WALKERS, GaitNotFound, find_gait, optimize_walker, tune
+from gym_passive_walker.gaits.branches.sensitivity import place_near, sensitivity
+from gym_passive_walker.gaits.design.objectives import QUANTITIES
+from tests.own.statements import DRIVEN
 
 MOVED = ("thigh_com", "shank_com", "thigh_offset", "shank_offset", "foot_radius")
 BOUNDS = ((0.05, 0.15), (0.1, 0.25), (-0.05, 0.02), (0.0, 0.05), (0.1, 0.3))
@@ -189,3 +192,15 @@ def test_the_spectral_radius_changes_with_a_slope_of_zero():
         constraints={"spectral_radius": (None, 0.9)}, iterations=5,
     )  # fmt: skip
     assert np.abs(design.gait.multipliers[0]) < 0.9
+
+
+@pytest.mark.parametrize("name", ["stance_angle", "clearance"])
+def test_quantities_of_a_system_have_the_derivatives_of_its_gaits(name):
+    def at(slope):
+        gait = find_gait(DRIVEN, slope)
+        return sensitivity(place_near(gait.stride_map, slope, gait.point.search[0]), ("slope",))
+
+    step = 1e-5
+    above, below = (QUANTITIES[name](at(0.03 + way * step))[0] for way in (1.0, -1.0))
+    found = QUANTITIES[name](at(0.03))[1]
+    assert found == pytest.approx((above - below) / (2.0 * step), rel=1e-6)

@@ -117,6 +117,9 @@ def test_held_controls_are_a_controller_of_a_system():
     gait = gpw.find_gait(strides)
     assert strides.exact and gait.cycle.hip_work[0] > 0.0
     assert gpw.stride_map(DRIVEN, SLOPE, controller={"hip": 0.0}).passive
+    on_any = gpw.stride_map(DRIVEN, controller={"hip": 0.01})
+    assert on_any.slope is None
+    assert gpw.find_gait(on_any, SLOPE).state == pytest.approx(gait.state, rel=1e-12)
     with pytest.raises(ValueError, match="has no knee; it has hip"):
         gpw.stride_map(DRIVEN, SLOPE, controller={"knee": 0.01})
     with pytest.raises(ValueError, match="hip must be one number"):

@@ -54,6 +54,12 @@ def test_footholds_of_a_system_differ_in_height_only():
     tilted = gpw.footholds(slopes=[0.0, 0.01])
     with pytest.raises(ValueError, match="differ in height, not in slope"):
         gpw.simulate(DRIVEN, SLOPE, state, strides=2, terrain=tilted)
+    held = gpw.stride_map(DRIVEN, SLOPE, controller={"hip": 0.01})
+    for walker in (DRIVEN, held):
+        with pytest.raises(ValueError, match="differ in height, not in slope"):
+            gpw.simulate(walker, SLOPE, state, terrain=gpw.footholds(slopes=[0.01, 0.01]))
+    with pytest.raises(ValueError, match="differ in height, not in slope"):
+        held.stride(state, slope_change=0.01)
 
 
 def test_a_push_changes_the_momentum_of_the_centre_of_mass(scene):

@@ -218,8 +218,7 @@ def robustness(
         policy: Policy = Passive(tried)
     else:
         changes = {} if slope is None else {"slope": slope}
-        policy, tried = acting(controller, scene, **changes)  # type: ignore[arg-type]
-        tried = make_scene(tried, **_alone(tried))
+        policy, tried = acting(controller, scene, calmed=_alone, **changes)  # type: ignore[arg-type]
         name = policy_name(policy)
     check_supports(tried.walker, "robustness")
     roughness = number(roughness, "roughness", least=0.0, most=1e3)
@@ -289,13 +288,13 @@ def _scene_of(controller: WalkerLike, scene: Any, slope: float | None) -> Scene:
     found = make_scene({} if scene is None else scene, **walker, **changes)
     if scene is not None and found.walker != passive:
         found = make_scene(found, walker=passive, end_on_toe_stub=None)
-    return make_scene(found, control="stride", **_alone(found))
+    return _alone(make_scene(found, control="stride"))
 
 
-def _alone(scene: Scene) -> dict[str, Any]:
-    """Arguments of a scene of one slope and command, without disturbances but those tried."""
+def _alone(scene: Scene) -> Scene:
+    """Return a scene of one slope and command, without disturbances but those tried."""
     command = None if scene.command is None else float(np.mean(scene.command))
-    return {**_CALM, "slope": float(np.mean(scene.slope)), "command": command}
+    return make_scene(scene, **_CALM, slope=float(np.mean(scene.slope)), command=command)
 
 
 class _Tries:

@@ -320,7 +320,7 @@ class Optimal(StrideFeedback):
         walked = ticked_stride(scene.walker, gait.slope, point, torques, tick=tick)
         rows = gains(walked.by_point, walked.by_torque, torque_weight=torque_weight)
         self.closed_loop = walked.by_point - walked.by_torque @ rows
-        scale = scene.max_hip_torque
+        scale = scene.largest("hip")
         super().__init__("optimal", scene, point, torques / scale, rows / scale)
 
 

@@ -444,7 +444,7 @@ class ControlledMap(StrideMap):
             turns: Slope changes to the next footholds, in rad.
             ahead: Changes to the footholds ahead, as for `look`; smooth when None.
         """
-        memory: Any = None
+        memory: Any
         seeds, recalls = seeds or self.seeds(len(states), (), None), self._acts.recalls
 
         def choose(chosen: NDArray, records: NDArray, number: int, on: NDArray) -> Choice:
@@ -454,7 +454,8 @@ class ControlledMap(StrideMap):
             seen = ahead[chosen] if np.ndim(ahead) == 2 else ahead  # type: ignore[index]
             own = Seeds(seeds.points[chosen], seeds.moving)
             choice, memory = self._choice(
-                _Asked(records, slopes[chosen], number, own, lanes[chosen], seen), memory
+                _Asked(records, slopes[chosen], number, own, lanes[chosen], seen),
+                memory if number else None,
             )
             return choice._make(x if x is None else x[on] for x in choice) if recalls else choice
 

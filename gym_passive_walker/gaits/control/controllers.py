@@ -32,11 +32,15 @@ ControllerLike: TypeAlias = (
 """Type of controller arguments; see `acting`."""
 
 
+_OF_LEGS = {"end_on_toe_stub": None}
+
+
 def acting(
     controller: ControllerLike,
     scene: SceneLike | None = None,
     *,
     usual: SceneLike | None = None,
+    calmed: Callable[[Scene], Scene] | None = None,
     **changes: Any,
 ) -> tuple[Policy, Scene]:
     """Return a controller from any form that it may be given in, and the scene in which it acts.
@@ -51,6 +55,8 @@ def acting(
         scene: A scene in a form that `make_scene` takes. None is the controller's own
             scene, or "level" for a baseline.
         usual: Scene of a controller without a scene; None refuses it.
+        calmed: Function of the scene that returns the one to act in, as without disturbances;
+            the controller is made for that one.
         **changes: Arguments of `Scene` that replace the scene's own.
 
     Returns:
@@ -73,6 +79,7 @@ def acting(
     if scene is None:
         raise ValueError("say in which scene this policy acts, by scene=")
     there = seen_by_policy(with_changes(scene, changes))
+    there = there if calmed is None else calmed(there)
     return made(there), there
 
 
@@ -123,6 +130,5 @@ def _loaded(name: str | PathLike[str]) -> Policy:
 
 def with_changes(scene: SceneLike, changes: Mapping[str, Any]) -> Scene:
     """A scene with changes; whether a toe stub ends a walk depends on the new walker's legs."""
-    return make_scene(
-        scene, **({"end_on_toe_stub": None} if "walker" in changes else {}), **changes
-    )
+    legs: dict[str, Any] = {} if changes.keys().isdisjoint(("walker", "system")) else _OF_LEGS
+    return make_scene(scene, **legs | dict(changes))

@@ -82,6 +82,7 @@ def stride_map(
     """
     tolerance, ground = check_tolerance(tolerance), _repeating(terrain)
     heights_only = 0.0 if ground is None else ground.slopes
+    of_slope = True
     if controller is None or isinstance(controller, Actuation | Mapping):
         there = None if scene is None else make_scene(scene)
         if there is not None and slope is None:
@@ -96,16 +97,19 @@ def stride_map(
                 own, slope=None if slope is None else one_slope(slope), tolerance=tolerance,
                 controller=held, terrain=ground,
             )  # fmt: skip
-        scene = holding(own, slope, held) if scene is None else scene
+        if scene is None:
+            scene = holding(own, slope or 0.0, held)
+            of_slope = slope is not None
     changes: dict[str, Any] = {} if walker is None else {"walker": as_walker(walker)}
     if slope is not None:
         changes["slope"] = one_slope(slope)  # feedback is made for this slope
-    agent, there = acting(controller, scene, usual="level", **changes)  # type: ignore[arg-type]
-    there = calm(there)
+    agent, there = acting(  # type: ignore[arg-type]
+        controller, scene, usual="level", calmed=calm, **changes
+    )
     check_heights_only(there.walker, heights_only)
     return ControlledMap(
-        walker=there.walker, slope=there.slope, agent=agent, scene=there,  # type: ignore[arg-type]
-        tolerance=tolerance, terrain=ground,
+        walker=there.walker, slope=there.slope if of_slope else None,  # type: ignore[arg-type]
+        agent=agent, scene=there, tolerance=tolerance, terrain=ground,
     )  # fmt: skip
 
 
@@ -192,7 +196,7 @@ def map_in(scene: Scene, policy: Policy | None) -> StrideMap:
     if policy is None:
         return StrideMap.of(
             scene.walker, slope=slope, tolerance=scene.tolerance,
-            end_on_toe_stub=bool(scene.end_on_toe_stub) and scene.walker.knees,
+            end_on_toe_stub=bool(scene.end_on_toe_stub and scene.walker.knees),
         )  # fmt: skip
     depends = "a stride must depend on the state in which it begins, and "
     if scene.action_delay:

@@ -584,8 +584,12 @@ def _cache_name(scene: Scene, wanted: float | list) -> str:
     The name is a hash of all on which the optimum depends.
     """
     walker: Any = scene.walker
+    if isinstance(walker, Walker):
+        known: Any = repr(walker)
+    else:
+        known = walker.hybrid.name, walker.total_mass, np.asarray(walker.start, float).tolist()
     stated = [
-        repr(walker) if isinstance(walker, Walker) else walker.hybrid.name, dict(walker.parameters),
+        known, dict(walker.parameters),
         scene.slope, scene.control, scene.tick, scene.energy, scene.end_on_toe_stub,
         {name: scene.largest(name) for name in scene.actions}, wanted, scipy.__version__,
     ]  # fmt: skip

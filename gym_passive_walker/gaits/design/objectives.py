@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from gym_passive_walker.gaits.branches.sensitivity import SLOPE, Sensitivity, change_along, size_of
 from gym_passive_walker.gaits.look.reality import reality_check
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.models.equations.hybrid import State
 from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 from gym_passive_walker.models.units import growth
 
@@ -55,8 +54,7 @@ def _quotient(gait: Sensitivity, above: str, below: str) -> Graded:
 
 
 def _stance_angle(gait: Sensitivity) -> Graded:
-    angle = float(gait.place.values[0, 0])
-    return angle, angle * gait.coordinates[0]
+    return float(gait.place.values[0, 0]), gait.place.by_search[0, 0] @ gait.coordinates
 
 
 def _knee_margin(gait: Sensitivity) -> Graded:
@@ -100,7 +98,7 @@ def _clearance(gait: Sensitivity) -> Graded:
         times = walkers.apply(points, slopes).knee_times if corner else np.full(len(points), time)
         states = walkers.sample(points, slopes, times[:, None]).states[:, 0]
         body = walkers.system.Body(*walkers.walkers.constants[:, 0].T)
-        return walkers.system.foot_clearance(body, State(*states.T))
+        return walkers.system.foot_clearance(body, walkers.system.State(*states.T))
 
     sizes = [size_of(name, walker, slope) for name in gait.by]
     height = lowest.value / units.length, change_along(gait, sizes, look)

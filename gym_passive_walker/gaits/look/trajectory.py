@@ -30,6 +30,7 @@ from gym_passive_walker.gaits.terrain import (
     terrain_from,
 )
 from gym_passive_walker.models.equations.hybrid import Outcome
+from gym_passive_walker.models.model import check_heights_only
 from gym_passive_walker.models.walkers import name_of
 
 COARSEST_SAMPLES = 1e-4
@@ -211,6 +212,7 @@ def simulate(
     footholds = strides_of.terrain if terrain is None else terrain_from(terrain)
     seen_ahead = strides_of.terrain_lookahead
     ground = ground_of(footholds, terrain_seed, strides + seen_ahead)
+    check_heights_only(walker, ground[:, [0, 2]])
     ahead = np.array([ground[k : k + seen_ahead, 1:].ravel() for k in range(strides)])
     rises = ground[:strides, 1] * walker.leg_length
     starts, walks = [state], []

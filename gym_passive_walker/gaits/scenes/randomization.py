@@ -280,6 +280,8 @@ def checked_randomization(scene: Any) -> dict[str, Any]:
         if key == CURRICULUM:
             continue
         entry = _entry(", ".join(keys[key]), value, check=True)
+        if DELAY in entry.names:
+            _check_delay(entry)
         _check_units(entry, scene.walker)
         found[entry.key] = _plain(value)
         for name in entry.names:
@@ -391,23 +393,19 @@ def _checked_entry(names: tuple[str, ...], given: Mapping[str, Any], title: str)
             f'{where} must be factors from 0 on, not {numbers}: "operation": "abs" draws '
             'values and "add" what is added'
         )
-    if DELAY in names:
-        _check_delay(names, kind, operation, (*numbers, *clip), title)
     return Distribution(names, kind, numbers, operation, (low, high))
 
 
-def _check_delay(
-    names: tuple[str, ...], kind: str, operation: str, numbers: tuple[float, ...], title: str
-) -> None:
+def _check_delay(entry: Distribution) -> None:
     """Check that a delay is drawn as a whole number."""
-    whole_numbers = all(each == math.floor(each) for each in numbers)
-    if len(names) > 1 or operation == "scale" or kind not in ("uniform", "choices"):
+    _, kind, numbers, operation, _ = entry
+    if len(entry.names) > 1 or operation == "scale" or kind not in ("uniform", "choices"):
         raise SceneError(
-            f'{title}: a delay is a whole number of control steps, which "uniform" or '
+            f'{entry.title}: a delay is a whole number of control steps, which "uniform" or '
             '"choices" draw with "operation": "abs" or "add", for this parameter alone'
         )
-    if not whole_numbers:
-        raise SceneError(f"{title} must have whole numbers of control steps, not {numbers}")
+    if any(each != math.floor(each) for each in numbers):
+        raise SceneError(f"{entry.title} must have whole numbers of control steps, not {numbers}")
 
 
 def _check_units(entry: Distribution, walker: Any) -> None:
