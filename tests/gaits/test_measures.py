@@ -11,7 +11,9 @@ from gym_passive_walker import (
     find_gait,
     foot_velocity,
     lab_walker_from_parts,
+    stairs,
     stride,
+    stride_map,
     tune,
 )
 from gym_passive_walker.gaits.find.search import at_heelstrike
@@ -144,3 +146,10 @@ def test_a_stride_ends_with_the_loss_that_its_foot_velocity_tells():
     velocity = np.array(foot_velocity("lab", verge))
     loss = 0.5 * velocity @ collision_matrix("lab", end.state[0]) @ velocity
     assert loss == pytest.approx(float(end.heelstrike_loss), rel=1e-7)
+
+
+@pytest.mark.parametrize("measure", [collision_matrix, foot_velocity])
+def test_a_gait_on_a_terrain_has_no_collision_on_smooth_ground(measure):
+    gait = find_gait(stride_map("lab", 0.036, terrain=stairs(-0.002)))
+    with pytest.raises(ValueError, match=r"smooth ground.*on a terrain.*simulate\(gait\)\.strikes"):
+        measure(gait)

@@ -11,10 +11,13 @@ from examples.rimless_wheel import RIMLESS_WHEEL
 from examples.torso import TORSO
 from gym_passive_walker.engine.own.system import _registered
 from gym_passive_walker.gaits.look.dense_stride import dense_phases
-from gym_passive_walker.gaits.look.forces import forces
+from gym_passive_walker.gaits.look.forces import borne as loads
+from gym_passive_walker.gaits.look.forces import forces, struck
 from gym_passive_walker.models.equations.hybrid import Outcome, Stage, Watch
+from gym_passive_walker.models.equations.systems import SYSTEMS as EQUATIONS
 from tests.own.oracle import Independent
 from tests.own.statements import COMPASS, DRIVEN, STRAIGHT
+from tests.own.test_equations import dimensionless, hip
 
 SYSTEMS = {DRIVEN_TORSO: 0.03, FIVE_LINKS: 0.05, RIMLESS_WHEEL: 0.08, TORSO: 0.03}
 
@@ -177,3 +180,26 @@ def test_the_collision_matrix_times_the_velocity_is_the_impulse_of_a_heelstrike(
 def test_a_collision_matrix_needs_a_state_just_after_heelstrike():
     with pytest.raises(ValueError, match="the state must be 4 finite numbers, coordinates"):
         gpw.collision_matrix(COMPASS, 0.2)
+
+
+def test_the_reality_check_of_knees_that_a_system_states_is_that_of_the_package_s_own():
+    """A motion that jumps as the knee locks; here forces are Newton's and Euler's, as there."""
+    kneed = EQUATIONS["kneed"]
+
+    def momentum(body, state):
+        back, up, *_ = struck(body, state[:3], state[3:], (0.0, 0.0))
+        return -back, up
+
+    def ground_force(body, state, turns, ground):
+        back, up, *_ = loads(body, state, turns, kneed.Control(0.0, 0.0), ground)
+        return -back, up
+
+    gait = gpw.find_gait("lab", 0.036)
+    given = kneed._replace(momentum=momentum, ground_force=ground_force)
+    start = dimensionless("kneed", gait.state)
+    system = gpw.System.of(given, gait.walker.body, centre=hip, start=start)
+    own, package = gpw.reality_check(system, 0.036, start), gpw.reality_check(gait)
+    scaled = {each.quantity: each.extreme.value / each.unit for each in package.readings}
+    for each in own.readings:
+        found = each.extreme.value / each.unit
+        assert found == pytest.approx(scaled[each.quantity], rel=1e-8, abs=1e-9)

@@ -261,9 +261,9 @@ def dense_phases(
         return np.column_stack([states, flexion, clearance, *ground, *knees])
 
     duration = float(end.duration)
-    knee = float(end.kneestrike_time) if walker.knees else duration
-    shortest = _SHORTEST * duration
-    if walker.knees and duration - knee < shortest:
+    shortest, locks = _SHORTEST * duration, bool(end.kneestrike_time > 0.0)
+    knee = float(end.kneestrike_time) if locks else duration
+    if locks and duration - knee < shortest:
         raise NoStride("kneestrike and heelstrike coincide: the swing leg is never straight")
     instants = {0.0, knee, duration}
     hold = stride_map.hold * own.time

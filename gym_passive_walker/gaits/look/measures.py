@@ -45,15 +45,15 @@ def foot_velocity(walker: WalkerLike | Gait, state: ArrayLike | None = None) -> 
             the swing angle its opposite. That at the end of a gait's first stride when None.
 
     Raises:
-        ValueError: if a state is not just before heelstrike.
+        ValueError: if a state is not just before heelstrike, or the gait is on a terrain.
     """
-    if isinstance(walker, Gait):
-        gait, walker = walker, walker.walker
-        if state is None:
-            duration = float(gait.stride.duration) / walker.units.time
-            point = gait.point.values[0]
-            state = walker.units.to_own(gait.stride_map.before_strike(point, gait.slope, duration))
-    walker = check_supports(as_walker(walker), "McGeer's parameters")
+    gait = walker if isinstance(walker, Gait) else None
+    walker = check_supports(as_walker(gait.walker if gait else walker), "McGeer's parameters")
+    if gait and state is None:
+        _check_smooth(gait, "foot_velocity")
+        duration = float(gait.stride.duration) / walker.units.time
+        point = gait.point.values[0]
+        state = walker.units.to_own(gait.stride_map.before_strike(point, gait.slope, duration))
     states = check_state(state)  # type: ignore[arg-type]
     swing = states[..., 1 : 3 if walker.knees else 2]
     if np.any(states[..., 0] > 0.0) or np.any(np.abs(swing + states[..., :1]) > OFF):
@@ -88,12 +88,15 @@ def collision_matrix(
         (downhill, away from the ground). Its error is about the rounding of the total mass.
 
     Raises:
-        ValueError: if equations of a system were given without `mass_matrix` and `momentum`.
+        ValueError: if equations of a system were given without `mass_matrix` and `momentum`; or
+            if the gait of a `Walker` is on a terrain.
     """
     if isinstance(walker, Gait):
         gait, walker = walker, walker.walker
         if stance_angle is None:
             own = "McGeer's parameters" in walker.supports
+            if own:
+                _check_smooth(gait, "collision_matrix")
             stance_angle = gait.stance_angle if own else gait.state
     walker = as_walker(walker)
     if "McGeer's parameters" not in walker.supports:
@@ -117,6 +120,15 @@ def collision_matrix(
     back, up, *_ = struck(walker.body, angles.T, jumps.T * units.time, (0.0, 0.0))
     momentum = np.stack([-back, up]) * units.force * units.time
     return _at_foot(walker, mass, momentum)
+
+
+def _check_smooth(gait: Gait, what: str) -> None:
+    """Refuse a gait on a terrain, where legs do not mirror each other as feet land."""
+    if gait.stride_map.terrain is not None:
+        raise ValueError(
+            f"{what} is of a heelstrike on smooth ground, and this gait is on a terrain: give a "
+            "gait of smooth ground; simulate(gait).strikes has the impulses of this one"
+        )
 
 
 def _stated_matrix(system: Any, state: ArrayLike) -> NDArray[np.float64]:
