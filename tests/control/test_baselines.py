@@ -1,5 +1,6 @@
 """Agents that learn nothing."""
 
+from dataclasses import replace
 from itertools import islice
 
 import gymnasium
@@ -192,6 +193,12 @@ def test_a_constant_torque_is_that_of_the_hip_alone():
     scene = make_scene({"actions": ("push_off", "hip"), "max_push_off": 0.1})
     (action,), _ = ConstantTorque(0.01, scene).predict(np.zeros((1, 8)))
     np.testing.assert_allclose(action, [0.0, 0.01 / scene.largest("hip")], rtol=1e-6)
+    with pytest.raises(ValueError, match="needs a largest torque above 0"):
+        ConstantTorque(0.01, {"max_hip_torque": 0.0})
+    heavy = replace(DRIVEN, body=DRIVEN.body._replace(hip=4.0))
+    scene = make_scene(system=heavy, control="stride")
+    action, _ = ConstantTorque(0.01, scene).predict(np.zeros(5))
+    np.testing.assert_allclose(action * scene.largest("hip"), 0.01 * heavy.weight, rtol=1e-6)
     with pytest.raises(ValueError, match="a hip torque is none of"):
         ConstantTorque(0.01, {"actions": ("push_off",), "max_push_off": 0.1})
 
@@ -232,6 +239,7 @@ def test_feedback_walks_as_far_in_the_environment_as_by_its_stride_map():
     [
         ({"actions": ("hip", "push_off")}, "works the hip alone, not hip, push_off"),
         ({"max_hip_torque": 0.0}, "needs a control, and the scene a largest torque above 0"),
+        ({"max_hip_torque": 0.001, "slope": 0.0}, "feedback holds needs 0.0024.* choose a scene"),
         ({"system": DRIVEN}, "system 'compass' chooses controls once a stride"),
     ],
 )

@@ -400,6 +400,13 @@ def test_optima_of_a_system_are_kept_by_its_start_and_its_mass():
     assert len({optimal._cache_name(scene, 0.2) for scene in scenes}) == 4
 
 
+def test_the_optimal_policy_takes_the_stored_gaits_of_a_scene_however_it_is_named():
+    named, made = (Optimal(scene) for scene in ("pushed", make_scene("pushed")))
+    assert named.actions.tobytes() == made.actions.tobytes()
+    with pytest.raises(ValueError, match=r"the optimal gait needs .*: choose a scene"):
+        Optimal(make_scene("level", max_hip_torque=0.001), made.gait)
+
+
 def test_a_push_off_s_work_is_net_work_too():
     """All of it is work done, so what is charged in full and what is net are the same."""
     policy = gpw.load_policy("push-off-ppo")

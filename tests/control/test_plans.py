@@ -400,6 +400,9 @@ def test_a_schedule_plays_hip_ankle_and_push_off_each_to_its_own_motor():
     expected = [[0.25, 0.1, 0.01 / largest], [0.25, 0.2, -0.02 / largest]]
     np.testing.assert_allclose(played.actions, expected)
     assert not played.rows.any() and played.name == "schedule"
+    for less in ({"actions": ("push_off", "hip")}, {"max_push_off": 0.01}):
+        with pytest.raises(ValueError, match=r"optimal gait needs 0\.0.*: choose a scene"):
+            Schedule(make_scene(scene, **less), gait)
 
 
 def test_controllers_are_found_in_each_form_with_their_scene():

@@ -1,10 +1,13 @@
 """A user's own system walks under a controller as the environment has it walk."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from gym_passive_walker.gaits.control.maps import acting_as
 from gym_passive_walker.gaits.map_result import Change
 from tests.own import statements
 from tests.own.statements import DRIVEN
@@ -126,3 +129,11 @@ def test_held_controls_are_a_controller_of_a_system():
         gpw.stride_map(DRIVEN, SLOPE, controller={"hip": "much"})
     with pytest.raises(ValueError, match="play shows gaits"):
         gpw.play(gait, seconds=0.1)
+
+
+def test_a_map_of_another_walker_has_the_scene_in_which_it_acts():
+    heavier = replace(DRIVEN, body=DRIVEN.body._replace(hip=1.0))
+    strides = gpw.stride_map(DRIVEN, SLOPE, controller={"hip": 0.01}).with_walker(heavier)
+    _, scene = acting_as(strides, SLOPE)
+    assert strides.scene.walker is scene.walker is heavier
+    assert scene.largest("hip") == pytest.approx(0.01, rel=1e-14)

@@ -27,7 +27,7 @@ from gym_passive_walker.gaits.control.policy import Policy, StridePlan
 from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.scenes.rules import CHANNELS
-from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
+from gym_passive_walker.gaits.scenes.scene import Scene, make_scene, recorded_weight
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import describe, name_of
@@ -37,8 +37,11 @@ class ConstantTorque:
     """A constant torque.
 
     Args:
-        torque: Torque in units of m g l.
+        torque: Torque in units of m g l; at most the scene's largest is applied.
         scene: A scene in a form that `make_scene` takes; gives what action 1 stands for.
+
+    Raises:
+        ValueError: if the scene has no hip torque.
     """
 
     name = "constant torque"
@@ -47,8 +50,12 @@ class ConstantTorque:
         scene = make_scene(scene)
         if torque and "hip" not in scene.actions:
             raise ValueError(f"a hip torque is none of this scene's actions {scene.actions}")
-        self.torque = float(torque)
-        self.scale = scene.largest("hip") if torque else scene.max_hip_torque
+        largest = scene.largest("hip") if torque else 1.0
+        if not largest:
+            raise ValueError(
+                "a constant torque needs a largest torque above 0: give the scene a max_hip_torque"
+            )
+        self.torque, self.scale = float(torque), largest / recorded_weight(scene)
         self.acts = np.array([name == "hip" for name in scene.actions])
 
     def predict(
@@ -60,7 +67,7 @@ class ConstantTorque:
     ) -> tuple[NDArray[np.float32], Any]:
         """The action, whatever is observed."""
         shape = np.shape(observation)[:-1]
-        action = 0.0 if self.torque == 0.0 else np.clip(self.torque / self.scale, -1.0, 1.0)
+        action = np.clip(self.torque / self.scale, -1.0, 1.0)
         return np.full((*shape, len(self.acts)), action * self.acts, np.float32), state
 
 
@@ -129,16 +136,26 @@ class Held(StrideFeedback):
     ) -> None:
         scene = make_scene(scene)
         given = _channels(scene.walker, held)
-        largest = {name: scene.largest(name) for name in scene.actions}
-        for name, value in given.items():
-            if abs(value) > (1.0 + 1e-12) * largest.get(name, 0.0):
-                raise ValueError(
-                    f"{held} needs {abs(value):.6g} of the action {name!r}, and the scene's "
-                    f"largest is {largest.get(name, 0.0):.6g}: choose a scene with more"
-                )
-        shares = [given.get(name, 0.0) / (most or 1.0) for name, most in largest.items()]
         point = np.zeros(scene.walker.chart.dimension)
-        super().__init__(str(held), scene, point, np.array([shares]))
+        super().__init__(str(held), scene, point, _shares(str(held), scene, given))
+
+
+def _shares(name: str, scene: Scene, given: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
+    """Return dimensionless controls by action as shares of the scene's largest, (N, actions).
+
+    Raises:
+        ValueError: if the scene permits less.
+    """
+    largest = {action: scene.largest(action) for action in scene.actions}
+    for action, values in given.items():
+        needed, most = np.abs(values).max(), largest.get(action, 0.0)
+        if needed > (1.0 + 1e-12) * most:
+            raise ValueError(
+                f"{name} needs {needed:.6g} of the action {action!r}, and the scene's largest is "
+                f"{most:.6g}: choose a scene with more"
+            )
+    rows = [np.ravel(given.get(x, 0.0)) / (most or 1.0) for x, most in largest.items()]
+    return np.stack(np.broadcast_arrays(*rows), axis=1)
 
 
 def held_by(walker: Any, held: Actuation | Mapping[str, float] | None) -> Actuation | Mapping:
@@ -188,14 +205,15 @@ class Schedule(StrideFeedback):
     Args:
         scene: A scene in a form that `make_scene` takes; the one that the gait is of.
         gait: The gait.
+
+    Raises:
+        ValueError: if the scene permits less than the gait needs.
     """
 
     def __init__(self, scene: Scene | str | dict[str, Any], gait: OptimalGait) -> None:
         scene = make_scene(scene)
-        held = gait.held
-        actions = np.array([held[name] for name in scene.actions], dtype=float).T
-        largest = np.array([scene.largest(name) for name in scene.actions])
-        super().__init__("schedule", scene, gait.point.values[0], actions / largest)
+        actions = _shares("the optimal gait", scene, gait.held)
+        super().__init__("schedule", scene, gait.point.values[0], actions)
 
 
 class LinearFeedback(StrideFeedback):
@@ -216,7 +234,8 @@ class LinearFeedback(StrideFeedback):
 
     Raises:
         GaitNotFound: if there is no gait to hold.
-        ValueError: if the number of pieces or the method is none.
+        ValueError: if the number of pieces or the method is none, or the scene permits less
+            torque than the gait needs.
     """
 
     def __init__(
@@ -256,7 +275,8 @@ class LinearFeedback(StrideFeedback):
             walked = ticked_stride(walker, slope, point, torques, tick=scene.tick)
             # Which ticks belong to which piece.
             held = np.eye(pieces)[np.arange(count) * pieces // count]
-            by_point, by_held, plan = walked.by_point, walked.by_torque @ held, torques / scale
+            by_point, by_held = walked.by_point, walked.by_torque @ held
+            plan = _shares("the gait that the feedback holds", scene, {"hip": torques})
         else:
             if scene.control != "stride":
                 raise ValueError(
@@ -283,7 +303,9 @@ class Optimal(StrideFeedback):
 
     Args:
         scene: A scene in a form that `make_scene` takes.
-        gait: The gait; None is the stored one that earns the scene's reward fastest.
+        gait: The gait; None is the stored one that earns distance less the price of energy
+            fastest. A `reward` and a `command` of the scene are not read: for these, give
+            `optimal_gait(scene)`.
         torque_weight: See `feedback.gains`.
 
     Attributes:
@@ -291,7 +313,8 @@ class Optimal(StrideFeedback):
         closed_loop: Derivative of the stride map under the feedback, dimensionless, (m, m).
 
     Raises:
-        ValueError: if no gaits of the scene are stored, or actuators other than the hip's work.
+        ValueError: if no gaits of the scene are stored, actuators other than the hip's work, or
+            the scene permits less torque than the gait needs.
     """
 
     def __init__(
@@ -301,7 +324,7 @@ class Optimal(StrideFeedback):
         *,
         torque_weight: float = 10.0,
     ) -> None:
-        given, scene = scene, make_scene(scene)
+        scene = make_scene(scene)
         check_supports(scene.walker, "actuation")
         others = {} if gait is None else {name: x for name, x in gait.held.items() if np.any(x)}
         if scene.actions != ("hip",) or others.keys() - {"hip"}:
@@ -310,9 +333,9 @@ class Optimal(StrideFeedback):
                 "and a gait of it"
             )
         if gait is None:
-            known = optimal.load(given if isinstance(given, str) else optimal.stored_name(scene))
             gait = max(
-                known, key=lambda g: g.froude_speed * (1.0 - scene.energy_weight * g.hip_cost)
+                optimal.load(optimal.stored_name(scene)),
+                key=lambda g: g.froude_speed * (1.0 - scene.energy_weight * g.hip_cost),
             )
         self.gait = gait
         point, torques = gait.point.values[0], gait.dimensionless.controller.hip_torque
@@ -320,8 +343,8 @@ class Optimal(StrideFeedback):
         walked = ticked_stride(scene.walker, gait.slope, point, torques, tick=tick)
         rows = gains(walked.by_point, walked.by_torque, torque_weight=torque_weight)
         self.closed_loop = walked.by_point - walked.by_torque @ rows
-        scale = scene.largest("hip")
-        super().__init__("optimal", scene, point, torques / scale, rows / scale)
+        plan, scale = _shares("the optimal gait", scene, {"hip": torques}), scene.largest("hip")
+        super().__init__("optimal", scene, point, plan, rows / scale)
 
 
 CONSTANT_TORQUE = 0.0025

@@ -36,13 +36,13 @@ from gym_passive_walker.gaits.flow import (
 from gym_passive_walker.gaits.map_result import imbalance, product
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.rules import bounds_of
-from gym_passive_walker.gaits.scenes.scene import Scene
+from gym_passive_walker.gaits.scenes.scene import Scene, make_scene, recorded_weight
 from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.gaits.stride import Stride, account, reported_as
 from gym_passive_walker.gaits.stride_map import Samples, Seeds, StrideMap
 from gym_passive_walker.models.equations.hybrid import Outcome, State
 from gym_passive_walker.models.units import proportions
-from gym_passive_walker.models.walkers.walker import varied
+from gym_passive_walker.models.walkers.walker import Walker, varied
 
 _STATE = len(State._fields)
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
@@ -178,6 +178,14 @@ class ControlledMap(StrideMap):
     def swapped(self) -> Self:
         """This map of walkers with the legs exchanged; itself if they are alike."""
         return self if self.walker.legs_alike else replace(super().swapped, turned=not self.turned)
+
+    def with_walker(self, walker: Walker) -> Self:
+        """Return the map of another walker, with the same largest controls."""
+        if walker is self.walker:
+            return self
+        there = make_scene(self.scene, walker=walker)
+        most = there.max_hip_torque * (recorded_weight(self.scene) / recorded_weight(there))
+        return replace(self, walker=walker, scene=make_scene(there, max_hip_torque=most))
 
     @cached_property
     def _seen_body(self) -> list[Any]:
