@@ -18,6 +18,7 @@ from gym_passive_walker.gaits.control.baselines import ConstantTorque, LinearFee
 from gym_passive_walker.gaits.control.optimum import Problem
 from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.measures import cost_of_transport
+from gym_passive_walker.gaits.scenes.checks import SceneError
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.section import Section
 from tests.own.statements import COMPASS, DRIVEN, STRAIGHT
@@ -296,6 +297,17 @@ def test_stored_gaits_belong_to_a_scene_however_it_is_named():
 def test_what_has_no_optimum_is_refused(arguments, words):
     with pytest.raises(ValueError, match=words):
         optimal.optimal_gait(*arguments)
+
+
+def test_a_reward_without_weights_is_refused_as_by_a_scene():
+    with pytest.raises(SceneError, match="reward must have weights of some of distance"):
+        optimal.optimal_gait({"slope": 0.03, "control": "stride"}, reward={})
+
+
+def test_where_the_gait_that_a_search_begins_with_needs_more_than_the_scene_permits_none_is_found():
+    scene = {"slope": -0.03, "control": "stride", "max_hip_torque": 0.001}
+    with pytest.raises(gpw.GaitNotFound, match=r"scene permits .*hip_torque=.*: try larger motors"):
+        optimal.optimal_gait(scene, 0.1)
 
 
 def test_a_speed_out_of_reach_is_said_to_be():

@@ -28,6 +28,7 @@ from gym_passive_walker.gaits.control.stride_reward import StrideReward, own_rew
 from gym_passive_walker.gaits.control.ticks import ticked_stride
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
+from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene
 from gym_passive_walker.gaits.scenes.transition import Transition
 from gym_passive_walker.models.model import check_supports
@@ -114,7 +115,8 @@ def optimal_gait(
         instance(start, OptimalGait, "start", "gpw.optimal_gait returns")
     rewarded = None
     if reward is not None or speed is None:
-        rewarded = StrideReward(scene, reward or scene.reward or own_reward)
+        given = scene.reward if reward is None else reward
+        rewarded = StrideReward(scene, own_reward if given is None else given)
     near = start or _at_hand(scene, speed, rewarded)
     begun = near or constant_gait(scene)
     spare = 1.0 if rewarded else _SPARE
@@ -344,7 +346,13 @@ def constant_gait(scene: Scene) -> OptimalGait:
     walked = ticked_stride(walker, slope, point, torques, tick=math.inf, push_off=push_off)
     ticks = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)
     problem = Problem(scene, float(walked.length / walked.duration), ticks, len(point))
-    return problem.measured(problem.begun(point, held))
+    try:
+        return problem.measured(problem.begun(point, held))
+    except NoStride as error:
+        raise GaitNotFound(
+            f"with what the scene permits of the constant {gait.stride_map.controller} from which "
+            f"the search begins, {error}: try larger motors, or another slope"
+        ) from None
 
 
 def _driven(scene: Scene) -> Gait:
