@@ -103,9 +103,7 @@ def stride_map(
     changes: dict[str, Any] = {} if walker is None else {"walker": as_walker(walker)}
     if slope is not None:
         changes["slope"] = one_slope(slope)  # feedback is made for this slope
-    agent, there = acting(  # type: ignore[arg-type]
-        controller, scene, usual="level", calmed=calm, **changes
-    )
+    agent, there = acting(controller, scene, usual="level", calmed=calm, **changes)  # type: ignore[arg-type]
     check_heights_only(there.walker, heights_only)
     return ControlledMap(
         walker=there.walker, slope=there.slope if of_slope else None,  # type: ignore[arg-type]

@@ -48,7 +48,8 @@ def foot_velocity(walker: WalkerLike | Gait, state: ArrayLike | None = None) -> 
         ValueError: if a state is not just before heelstrike, or the gait is on a terrain.
     """
     gait = walker if isinstance(walker, Gait) else None
-    walker = check_supports(as_walker(gait.walker if gait else walker), "McGeer's parameters")
+    own = walker.walker if isinstance(walker, Gait) else walker
+    walker = check_supports(as_walker(own), "McGeer's parameters")
     if gait and state is None:
         _check_smooth(gait, "foot_velocity")
         duration = float(gait.stride.duration) / walker.units.time
