@@ -55,7 +55,7 @@ class ConstantTorque:
             raise ValueError(
                 "a constant torque needs a largest torque above 0: give the scene a max_hip_torque"
             )
-        self.torque, self.scale = float(torque), largest / recorded_weight(scene)
+        self.torque, self.scale = float(torque), largest / recorded_weight(scene.walker)
         self.acts = np.array([name == "hip" for name in scene.actions])
 
     def predict(

@@ -183,9 +183,10 @@ class ControlledMap(StrideMap):
         """Return the map of another walker, with the same largest controls."""
         if walker is self.walker:
             return self
-        there = make_scene(self.scene, walker=walker)
-        most = there.max_hip_torque * (recorded_weight(self.scene) / recorded_weight(there))
-        return replace(self, walker=walker, scene=make_scene(there, max_hip_torque=most))
+        lighter = recorded_weight(self.scene.walker) / recorded_weight(walker)
+        most = self.scene.max_hip_torque * lighter
+        there = make_scene(self.scene, walker=walker, max_hip_torque=most)
+        return replace(self, walker=walker, scene=there)
 
     @cached_property
     def _seen_body(self) -> list[Any]:
