@@ -382,7 +382,7 @@ def test_measures_are_of_the_middle_of_a_range_of_slopes_and_of_nothing_else_ran
         "lab", slope=(0.03, 0.042), observation_noise=0.1, action_noise=0.2,
         domain_randomization={"foot_radius": 0.1}, constraints={"friction": "end"},
     )  # fmt: skip
-    alone = make_scene(scene, **measures._alone(scene))
+    alone = measures._alone(scene)
     assert alone.slope == pytest.approx(0.036)
     plain = make_scene("lab", slope=alone.slope, reset_noise_scale=0.0)
     for name in ("observation_noise", "action_noise", "domain_randomization", "constraints"):

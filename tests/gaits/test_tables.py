@@ -78,7 +78,14 @@ def test_facts_of_a_diagram():
     angles = np.array([[1.0, 2.0, 1.0, 2.0], [1.0] * 4, [np.nan] * 4, [3.0, 4.0, 5.0, 6.0]])
     slopes, periods = np.array([0.02, 0.03, 0.01, 0.05]), np.array([2, 1, 0, 0])
     diagram = BifurcationDiagram(
-        WALKERS["C"], "slope", slopes, slopes, angles, periods, np.zeros((4, 6))
+        WALKERS["C"],
+        "slope",
+        slopes,
+        slopes,
+        angles,
+        periods,
+        np.zeros((4, 6)),
+        WALKERS["C"].units,
     )
     assert diagram.walks.tolist() == [True, True, False, True]
     assert diagram.facts() == {

@@ -163,7 +163,10 @@ def test_what_a_system_does_not_have_is_refused(said):
 def test_systems_of_other_equations_are_not_of_one_batch():
     with pytest.raises(SceneError, match="one system"):
         gym.make_vec("PassiveWalker-v0", num_envs=2, walkers=[COMPASS, TORSO])
-    bodies = [DRIVEN, DRIVEN.vary(hip=0.8)]
+    with pytest.raises(SceneError, match="must have one weight"):
+        gym.make_vec("PassiveWalker-v0", num_envs=2, walkers=[DRIVEN, DRIVEN.vary(hip=0.8)])
+    whole = DRIVEN.total_mass
+    bodies = [DRIVEN, DRIVEN.vary(hip=0.8, leg=0.5 * (whole - 0.8))]
     env = gym.make_vec("PassiveWalker-v0", num_envs=2, walkers=bodies, slope=SLOPE)
     env.reset(seed=0, options={"state": np.array(DRIVEN.start)})
     env.step(np.zeros((2, 1)))
