@@ -674,3 +674,17 @@ def test_each_part_is_checked_for_mass_and_inertia():
         with pytest.raises(WalkerError, match="mass and inertia of a part must not be negative"):
             combine([Part(1.0, 0.1), bad])
     assert combine([Part(0.0, 9.0), Part(1.0, 0.1)]) == Part(1.0, 0.1)
+
+
+def test_a_walker_without_a_title_has_the_name_of_its_preset_or_its_kind_and_sizes():
+    for name, preset in WALKERS.items():
+        assert name_of(replace(preset)) == name and describe(replace(preset)) == f"walker {name!r}"
+    assert name_of(replace(gpw.tune("C"))) == "C (tuned)"
+    sizes = "leg length 1.1, mass 2.5"
+    for parts, kind in (
+        ({"shank_mass": 0.25, "shank_com": 0.2, "knees": True}, "kneed"),
+        ({"shank_mass": 0.25, "knees": False}, "straight-legged"),
+        ({"thigh_mass": 0.0, "shank_mass": 0.0, "hip_mass": 2.5, "knees": False}, "simplest"),
+    ):
+        shared = {"thigh_length": 0.6, "shank_length": 0.5, "thigh_mass": 0.5, "hip_mass": 1.0}
+        assert name_of(Walker(**shared | parts)) == f"{kind}, {sizes}"

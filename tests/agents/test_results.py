@@ -381,7 +381,8 @@ def test_a_score_has_its_unit_and_what_its_training_took(tmp_path, monkeypatch):
     found = benchmark.measure(tmp_path, unit, 0.5)
     assert found == {
         "scene": "steep", "agent": "sac", "seed": 3, "of": "steep", "budget": 0.5,
-        "learning_steps": 4096, "learning_seconds": 12.5, "steps_to_hundred": 512, "seconds_to_hundred": 2.5,
+        "learning_steps": 4096, "learning_seconds": 12.5, "steps_to_hundred": 512,
+        "seconds_to_hundred": 2.5,
     }  # fmt: skip
     config, folder = made[0]
     whole = configure("sac", "steep", seed=3)

@@ -233,10 +233,10 @@ def test_equations_that_contradict_each_other_are_refused_by_name(wrong):
     assert "\n" not in str(raised.value) and "system 'straight'" in str(raised.value)
 
 
-def given(body=DRIVEN.body, **changes):
+def given(body=DRIVEN.body, mass=1.0, **changes):
     """The compass with a motor as a system with given equations, and changes of them."""
     return gpw.System.of(
-        DRIVEN.hybrid._replace(**changes), body, name="given", start=DRIVEN.start,
+        DRIVEN.hybrid._replace(**changes), body, name="given", start=DRIVEN.start, mass=mass,
         centre=lambda body, state: DRIVEN._centre(body, state)[1:],
     )  # fmt: skip
 
@@ -287,6 +287,24 @@ def test_the_impacts_within_a_stride_lose_their_energies_together(places):
     lost = stride.kneestrike_loss + stride.heelstrike_loss
     assert stride.gravity_work - lost == pytest.approx(energies[1] - energies[0], abs=1e-9)
     assert stride.kneestrike_loss > 1e-4
+
+
+def test_losses_of_control_steps_add_up_to_that_of_the_stride_over_weight():
+    phase, slowed = braked(0.0)
+    struck = phase._replace(resets={Outcome.KNEESTRIKE: hybrid.Reset(slowed, 1)})
+    heavy = Legs(*(3.0 * mass for mass in Legs()))
+    system = given(heavy, 3.0, phases=(struck, *DRIVEN.hybrid.phases))
+    stride = gpw.stride(system, 0.06, DRIVEN.start)
+    env = gym.make(
+        "PassiveWalker-v0", system=system, slope=0.06, reward=lambda step: step.collision_loss
+    )  # fmt: skip
+    env.reset(options={"state": DRIVEN.start})
+    lost, strides = 0.0, 0
+    while strides == 0:
+        _, reward, *_, info = env.step(np.zeros(env.action_space.shape, np.float32))
+        lost, strides = lost + reward, info["strides"]
+    expected = (stride.kneestrike_loss + stride.heelstrike_loss) / system.weight
+    assert lost == pytest.approx(expected, rel=1e-6) and stride.kneestrike_loss > 1e-4
 
 
 def test_what_is_absent_from_equations_cannot_be_set():
