@@ -238,8 +238,11 @@ class Measured:
         on_line = self.of_line(mutant.file, mutant.line)
         own = f"test_{Path(mutant.file).name}"  # of a module that is all compiled
         module = self.of([mutant.file]) | {x for x in self.seconds if f"/{own}::" in x}
+        # What nothing imports is run in another process, by a module of its folder.
+        folder = (ROOT / mutant.file).parent
+        beside = [path.relative_to(ROOT).as_posix() for path in folder.glob("*.py")]
         chosen: list[str] = []
-        for pool in (on_line, module, self.of(importers(mutant.file))):
+        for pool in (on_line, module, self.of(importers(mutant.file) or beside)):
             room = MOST - sum(self.seconds[test] for test in chosen)
             rest = sorted((self.seconds.keys() & pool).difference(chosen))
             rest.sort(key=self.seconds.__getitem__)

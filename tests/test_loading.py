@@ -31,6 +31,13 @@ def test_each_format_is_read_by_its_ending(suffix, capitals, tmp_path):
     assert is_file(path) and is_file(str(path))
 
 
+def test_a_yaml_file_without_its_library_is_to_be_written_as_json(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "yaml", None)
+    (tmp_path / "walker.yaml").write_text(CONTENT[".yaml"], encoding="utf-8")
+    with pytest.raises(ImportError, match=r"walker\.yaml needs pyyaml, which is not installed"):
+        read_content(tmp_path / "walker.yaml")
+
+
 def test_text_with_another_ending_names_no_file_but_every_path_does():
     assert set(SUFFIXES) == set(CONTENT)
     assert is_file("a.json") and is_file(Path("lab")) and is_file("a/b.c/d.YML")

@@ -173,7 +173,6 @@ class Remembers:
     [
         (Remembers(), "lab", "Remembers remembers"),
         ("lab-ppo", {"walker": "lab", "slope": SLOPE, "action_delay": 1}, "action_delay=1"),
-        ("commanded-ppo", None, "commands vary"),
     ],
 )
 def test_a_stride_must_depend_on_its_beginning_alone(controller, scene, match):

@@ -260,7 +260,7 @@ OPTIONS = {
             low=0.0184,
             high=0.0196,
             start=To(
-                Later(lambda: gait("D", 0.0185).state), dict(strides=1, walkers=1, accuracy=1e-6)
+                Later(lambda: gait("D", 0.0185).state), dict(strides=40, walkers=1, accuracy=1e-6)
             ),
             strides=50,
             walkers=To(64, dict(strides=50, accuracy=1e-6)),
