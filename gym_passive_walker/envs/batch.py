@@ -511,9 +511,8 @@ class Batch:
 
     @property
     def _stepped(self) -> NDArray[np.bool_]:
-        """Whether each walker has made the last step, (count,): time of its episode has passed."""
-        now = self.records[:, 0]
-        return (self.ledger["clock"] + now["time"] != 0.0) & (now["outcome"] != RESTING)
+        """Whether each walker has made the last step, (count,): it is one of its episode."""
+        return (self.ledger["steps"] > 0) & (self.records["outcome"][:, 0] != RESTING)
 
     @property
     def _accounts(self) -> tuple[NDArray, ...]:

@@ -399,9 +399,8 @@ class StrideMap(Section):
         actuations, ground, first = self._actuations(lanes[walking]), self.ground, {}
         if self.terrain is not None:
             first = {"rises": ground[0, 1], "turns": ground[0, 2]}
-        heavy, moving = "units" not in self.walker.supports, {}
-        chosen = along is not None or self.terrain is not None
-        if by and (heavy or chosen):
+        moving, chosen = {}, along is not None or self.terrain is not None
+        if by and (chosen or "units" not in self.walker.supports):
             seeds = self.seeds(len(walking), by, None if along is None else along[walking])
             moving = seeds.moving
             if chosen:
@@ -421,8 +420,7 @@ class StrideMap(Section):
                     slopes = slopes[on]
                     uneven = self.terrain is not None
                     walked = walked.next_stride(on, (slopes + tilt, *foothold) if uneven else None)
-                own = (lanes[walking], moving) if heavy else None
-                self._add(totals, walked, own, stride % len(ground))
+                self._add(totals, walked, lanes[walking], moving, stride % len(ground))
                 if (stride + 1) % len(ground) == 0:
                     taken()
                 # A stride that only ran out of time counts as STALLED.
@@ -444,8 +442,15 @@ class StrideMap(Section):
         results[:, :, walking] = rows
         return results, outcomes
 
+    @property
+    def weights(self) -> float | NDArray[np.float64]:
+        """The walkers' weights over the unit of force: a number, or (n,)."""
+        return 1.0 if "units" in self.walker.supports else self.walker.mass_with(**self.varied)
+
     def weighted(self, work: NDArray, lanes: NDArray, moving: dict[str, int]) -> NDArray:
         """Return gravity's work on walkers of weight 1 as that on these walkers, (n, 1 + k)."""
+        if "units" in self.walker.supports:
+            return work
         own, weights = {name: x[lanes] for name, x in self.varied.items()}, np.zeros_like(work)
         weights[:, 0] = self.walker.mass_with(**own)
         for name in moving.keys() & self.walker.parameters.keys():
@@ -456,7 +461,7 @@ class StrideMap(Section):
         return product(weights, work)
 
     def _add(
-        self, totals: NDArray, walked: Flow, heavy: tuple[NDArray, dict] | None, place: int
+        self, totals: NDArray, walked: Flow, lanes: NDArray, moving: dict[str, int], place: int
     ) -> None:
         """Add the measures of one stride each to the totals of the strides before, in place."""
         durations, lengths, lost, supplied, braked, knee_times = totals
@@ -472,10 +477,8 @@ class StrideMap(Section):
             cosine = cosine * math.cos(slope_change) + sine * math.sin(slope_change)
             sine = turned
             heights = self._heights(walked.bodies, records.shape, place)
-            raised = product(cosine, heights)
-            supplied -= raised if heavy is None else self.weighted(raised, *heavy)
-        fallen = product(sine, length)
-        supplied += fallen if heavy is None else self.weighted(fallen, *heavy)
+            supplied -= self.weighted(product(cosine, heights), lanes, moving)
+        supplied += self.weighted(product(sine, length), lanes, moving)
         supplied += records["push_work"]
         knee_times[:] = records["knee_time"]
         works = np.array(walked.system.works)  # no work of the hip on feet without mass

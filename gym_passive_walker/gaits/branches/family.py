@@ -291,8 +291,6 @@ def _family(
     along = down.points[:0:-1] + up.points
     there, points, slopes, values = curve.gaits_at(along)
     passage, units = there.apply(points, slopes, strides=period), there.units
-    walkers = [axis.setting(curve.stride_map, value)[0].walker for value in values.tolist()]
-    weights = np.array([walker.weight / walker.units.force for walker in walkers])
     strides = period * len(stride_map.ground)
     # The losses keep their digits at small slopes.
     spent = passage.lost if there.passive else passage.supplied + passage.braked
@@ -306,7 +304,7 @@ def _family(
         stance_angle=points[:, 0],
         step_period=passage.durations / strides * units.time,
         step_length=passage.lengths / strides * units.length,
-        cost_of_transport=spent / (weights * passage.lengths),
+        cost_of_transport=spent / (there.weights * passage.lengths),
         multipliers=np.array([multipliers_of(point.map) for point in along]),
         folds=tuple(sorted(down.folds + up.folds)),
         period_doublings=tuple(sorted(down.doublings + up.doublings)),

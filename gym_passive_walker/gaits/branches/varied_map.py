@@ -101,6 +101,11 @@ class VariedMap(StrideMap):
         return self.maps[0].controlled
 
     @property
+    def weights(self) -> NDArray[np.float64]:
+        """The walkers' weights over the unit of force, (n,)."""
+        return np.array([each.weights for each in self.maps])
+
+    @property
     def hold(self) -> float:
         """Time for which torques are held, as in the first map."""
         return self.maps[0].hold

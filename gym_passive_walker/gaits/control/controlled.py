@@ -371,9 +371,7 @@ class ControlledMap(StrideMap):
             ground[:, 1 + moving["slope"]] = ground_changes(ground[:, 0], np.ones(1))[:, 0]
         sine, cosine = np.moveaxis(ground, 2, 0)
         fallen = product(sine[there], ended[:, at["step_length"]])
-        heavy = "units" not in self.walker.supports
-        if heavy:
-            fallen = self.weighted(fallen, lanes[there], moving)
+        fallen = self.weighted(fallen, lanes[there], moving)
         supplied[there] += fallen + ended[:, at["push_work"]]
         if self.terrain is not None:
             heights = np.zeros((len(there), 1 + width))
@@ -381,7 +379,7 @@ class ControlledMap(StrideMap):
             bodies = self.walkers.bodies(tuple(moving), lanes[there])
             heights[:, columns] = self._heights(bodies, (len(there), len(columns)), place)
             raised = product(cosine[there], heights)
-            supplied[there] -= self.weighted(raised, lanes[there], moving) if heavy else raised
+            supplied[there] -= self.weighted(raised, lanes[there], moving)
         results[outcomes != _STRUCK] = np.nan
         if not self.walker.knees:
             results[:, m + 5] = np.nan

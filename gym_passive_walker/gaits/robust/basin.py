@@ -48,7 +48,6 @@ _FINEST_PUSH = 1e-15  # relative to the gait's stance angular velocity
 _FINEST = 10_000  # angles, and angular velocities
 _ROUGHLY = 1e-8  # tolerance of a first survey
 _LONGEST_PERIOD = 12
-_SAME = 1e-6  # distance below which two gaits are one
 _SETTLING = 500  # transient strides before the period is measured
 _WALKED = 1e-9  # tolerance of such walks
 _SPAN = 2.2  # upper end of a default slice over the gait's angle and angular velocity
@@ -187,6 +186,11 @@ def walk_until_settled(
     return settled, outcome, strides, here
 
 
+def _close(stride_map: StrideMap) -> float:
+    """Return the distance at which a walk is on a gait, or two gaits are one."""
+    return 1e-5 if stride_map.exact else 1e-3
+
+
 def other_attractors(
     stride_map: StrideMap, slope: float, points: NDArray, known: list[Gait]
 ) -> list[Gait]:
@@ -223,7 +227,7 @@ def other_attractors(
             gaits = find_gaits(stride_map, slope, period=period, guess=guess)[:1]
             if not gaits:
                 break
-            there = Attractors(stride_map, known + found, _SAME)
+            there = Attractors(stride_map, known + found, _close(stride_map))
             new = (x for x in gaits if x.stable and there.of(x.point.values)[0] == UNSETTLED)
             found += new
             left = left[Attractors(stride_map, gaits, 1e-2).of(left) == UNSETTLED]
@@ -436,8 +440,7 @@ def largest_push(
     if gait is None:
         gait = walker if isinstance(walker, Gait) else find_gait(stride_map, slope)
     instance(gait, Gait, "gait", "gpw.find_gait returns")
-    atol = 1e-5 if stride_map.exact else 1e-3
-    attractors = Attractors(stride_map, [gait] if gait.stable else [], atol)
+    attractors = Attractors(stride_map, [gait] if gait.stable else [], _close(stride_map))
     start = stride_map.points_at(gait.state)
     rate = stride_map.chart.coordinates.index(stride_map.size // 2)  # the stance leg's
     size = abs(float(start[0, rate]))
