@@ -356,7 +356,7 @@ class Batch:
         The terms of their last rewards are still those of that step, unless the scene is new.
         """
         walked = lanes[self._stepped[lanes]]
-        last = walked, *(rows[walked] for rows in self._accounts)
+        last = walked, *(rows.take(walked) for rows in self._accounts)
         self.start(lanes, observations)
         self._last = last
 
