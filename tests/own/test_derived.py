@@ -137,3 +137,14 @@ def test_a_compass_stated_by_its_masses_has_the_basin_of_the_package_s_own():
     np.testing.assert_array_equal(own.settled, package.settled)
     np.testing.assert_array_equal(own.outcome, package.outcome)
     assert own.plot().get_xlabel()
+
+
+def test_a_strike_is_found_with_derivatives_where_its_time_is_rounding():
+    """The foot of a small step sinks so slowly that its height is rounding for some time."""
+    gait, slopes = gpw.find_gait(COMPASS, 1e-4), np.full(300, 1e-4)
+    near = 1.0 + 0.02 * np.random.default_rng(1).normal(size=(300, 4))
+    points = near * gait.point.values[0]
+    there, _ = gait.stride_map.linearize(points, slopes)
+    assert (there.outcomes == gpw.Outcome.HEELSTRIKE).all()
+    plain = gait.stride_map.apply(points, slopes)
+    np.testing.assert_allclose(there.ends, plain.ends, rtol=0.0, atol=1e-9)
