@@ -6,7 +6,9 @@ shape and a slope of its own: results do not depend on its place in the batch.
 
 from __future__ import annotations
 
+import json
 from functools import lru_cache
+from itertools import cycle
 
 import gymnasium
 import numpy as np
@@ -19,12 +21,23 @@ from gym_passive_walker.envs.task import EVERY_STEP, EVERY_STRIDE
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.scenes.scene import SCENES as NAMED
 from gym_passive_walker.gaits.scenes.scene import SceneError, make_scene
-from tests.conformance.scenes import COUNT, SCENES, SEEDS, name_time_limits
+from tests.conformance.pairs import DRAWN, PAIRS, draw
+from tests.conformance.scenes import COUNT, SEEDS, name_time_limits
+from tests.conformance.scenes import SCENES as WRITTEN
 from tests.gpu.reference import Reference
 
 LIMIT, STEPS = 25, 60
 LATER = [5, None, 7, 8, None]
 MODES = ("NextStep", "SameStep", "Disabled")
+SCENES = WRITTEN | PAIRS
+EVERY = [*WRITTEN, *(pytest.param(name, marks=pytest.mark.slow) for name in PAIRS)]
+IN_MODES = [
+    *((name, mode) for name in WRITTEN for mode in MODES),
+    *(
+        pytest.param(name, mode, marks=pytest.mark.slow)
+        for name, mode in zip(PAIRS, cycle(MODES), strict=False)
+    ),
+]
 
 
 def scene_of(name):
@@ -84,8 +97,13 @@ def ends(name):
     return sum(int((step[2] | step[3]).sum()) for step in expected(name, "SameStep")[0][1:])
 
 
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.slow
+def test_each_two_options_that_can_be_together_are_in_a_scene():
+    drawn = [[*chosen.values()] for chosen in draw(0)]
+    assert json.loads(DRAWN.read_text("utf-8")) == drawn
+
+
+@pytest.mark.parametrize(("name", "mode"), IN_MODES)
 def test_vector_environment(name, mode, assert_same):
     envs = PassiveWalkerVectorEnv(
         COUNT, max_episode_steps=LIMIT, autoreset_mode=mode, **SCENES[name]
@@ -128,8 +146,7 @@ def test_large_batch_on_any_number_of_threads(name, copies, threads):
     np.testing.assert_array_equal(states, np.broadcast_to([x[0] for x in last], states.shape))
 
 
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(("name", "mode"), IN_MODES)
 def test_tensors(name, mode):
     torch = pytest.importorskip("torch")
     from gym_passive_walker.torch import PassiveWalkerTorchEnv
@@ -196,7 +213,7 @@ def of_one(infos, i):
     }
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", WRITTEN)
 def test_stable_baselines3(name):
     pytest.importorskip("stable_baselines3")
     from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
@@ -238,7 +255,7 @@ def same_spaces(envs, name):
     assert envs.observation_space == env.observation_space
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", WRITTEN)
 def test_rsl_rl(name):
     torch = pytest.importorskip("torch")
     pytest.importorskip("rsl_rl")
@@ -258,7 +275,7 @@ def test_rsl_rl(name):
         np.testing.assert_array_equal(extras["time_outs"], late & ~fell)
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", WRITTEN)
 def test_skrl(name):
     torch = pytest.importorskip("torch")
     pytest.importorskip("skrl")
@@ -277,7 +294,7 @@ def test_skrl(name):
             np.testing.assert_array_equal(column[:, 0], values.astype(column.numpy().dtype))
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", WRITTEN)
 def test_torchrl(name):
     torch = pytest.importorskip("torch")
     pytest.importorskip("torchrl")
@@ -326,7 +343,7 @@ def differentiable(name):
     return "walkers" not in SCENES[name]
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", EVERY)
 def test_rollout_with_gradients(name):
     torch = pytest.importorskip("torch")
     from gym_passive_walker.torch import rollout
@@ -356,7 +373,7 @@ def test_rollout_with_gradients(name):
     np.testing.assert_array_equal(walked.end.going, going)
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", EVERY)
 def test_gpu(name):
     """In numba's simulator; the reference draws the random numbers of the GPU."""
     torch = pytest.importorskip("torch")
