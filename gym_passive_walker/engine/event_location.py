@@ -313,7 +313,7 @@ def approach_event(tiles, histories, phase, lane, options):
         predict_impact(tiles, histories, phase, lane, options)
     correction, speed, close = correction_to(history, event, phase.strike, h, options)
     narrow = high - low <= 4e-16 * high
-    # Where the guard rises or touches zero, Newton's method finds the wrong root or none. Between two
+    # Where the guard rises or touches zero, Newton's method finds the wrong root or none. Between
     # neighbours with signs of rounding it goes back and forth: a bound is not tried again.
     inside = speed < 0.0 and (low < h + correction < high or close)
     close = close and speed < 0.0
