@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples.rimless_wheel import RIMLESS_WHEEL
 from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, simulate_episodes
 from gym_passive_walker.gaits.actuation import to_own
 from gym_passive_walker.gaits.control import optimal
@@ -200,6 +201,10 @@ def test_what_cannot_act_is_refused_and_torch_is_not_loaded(monkeypatch):
     for name in ("nobody", "no/folder"):
         with pytest.raises(gpw.PolicyError, match=r"level-ppo.*\.onnx.*\.zip"):
             gpw.gauntlet(name, "level")
+    for idle in (linear, "constant"):
+        with pytest.raises(ValueError, match="rimless wheel' has no actuator|none of this scene's"):
+            gpw.stride_map(RIMLESS_WHEEL, 0.08, controller=idle)
+    assert gpw.find_gait(gpw.stride_map(RIMLESS_WHEEL, 0.08, controller="passive")).stable
     monkeypatch.delitem(sys.modules, "torch", raising=False)
     assert not is_module(linear) and "torch" not in sys.modules
     policy, _ = acting(linear, "level")
