@@ -202,7 +202,7 @@ def test_what_cannot_act_is_refused_and_torch_is_not_loaded(monkeypatch):
         with pytest.raises(gpw.PolicyError, match=r"level-ppo.*\.onnx.*\.zip"):
             gpw.gauntlet(name, "level")
     for idle in (linear, "constant"):
-        with pytest.raises(ValueError, match=r"rimless wheel' has no actuator|none of this scene's"):
+        with pytest.raises(ValueError, match=r"has no actuator|is none of this scene's actions"):
             gpw.stride_map(RIMLESS_WHEEL, 0.08, controller=idle)
     assert gpw.find_gait(gpw.stride_map(RIMLESS_WHEEL, 0.08, controller="passive")).stable
     monkeypatch.delitem(sys.modules, "torch", raising=False)
