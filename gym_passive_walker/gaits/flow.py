@@ -8,9 +8,9 @@ carried beside the values through the motion, the impacts and the moments at whi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +27,7 @@ from gym_passive_walker.engine.run import (
 from gym_passive_walker.gaits.actuation import USES
 from gym_passive_walker.gaits.measures import RECORDED
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.models.equations.hybrid import Ground, Outcome, Phase, State, System
+from gym_passive_walker.models.equations.hybrid import Ground, Guard, Outcome, Phase, State, System
 from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 from gym_passive_walker.models.equations.systems import UNEVEN
 from gym_passive_walker.models.model import bodies, constants_by
@@ -339,9 +339,15 @@ class Flow:
             (self.struck, "time", Outcome.HEELSTRIKE),
         ):
             lanes = np.flatnonzero(struck & ~fell)
-            if len(lanes):
-                rates = self._rate_of_fall(lanes, self.records[time][lanes, 0], outcome)
-                margins[lanes] = np.minimum(margins[lanes], -rates)
+            for on, verge, phase, falls in self._verges(lanes, time, outcome):
+                record, states = verge.records[:, 0], verge.states
+                bodies, ground = verge.bodies[:, 0], Ground(*record["ground"].T)
+                turns = accelerations_at(
+                    self.system, phase, bodies, states, record["control"], ground
+                )
+                moving = np.concatenate([np.split(states, 2, axis=1)[1], turns], axis=1)
+                rates = step_derivative(falls(complex_step(states, moving)))
+                margins[on] = np.minimum(margins[on], -rates)
         return margins
 
     @property
@@ -351,45 +357,52 @@ class Flow:
         The cosine between the motion and the steepest descent of the guard, in the space of the
         coordinates; NaN where a stride has no heelstrike.
         """
-        found, lanes = np.full(len(self.records), np.nan), np.flatnonzero(self.struck)
-        if len(lanes) == 0:
-            return found
-        verge, falls = self._verge(lanes, self.records["time"][lanes, 0], Outcome.HEELSTRIKE)
-        states, half = verge.states, self.system.coordinates
-        by = [step_derivative(falls(complex_step(states, way))) for way in np.eye(2 * half)[:half]]
-        steepest = np.stack(np.broadcast_arrays(*by), axis=-1) / np.linalg.norm(by, axis=0)[:, None]
-        rates = states[:, half:]
-        found[lanes] = -(steepest * rates).sum(axis=1) / np.linalg.norm(rates, axis=1)
+        found, half = np.full(len(self.records), np.nan), self.system.coordinates
+        lanes = np.flatnonzero(self.struck)
+        for on, verge, _, falls in self._verges(lanes, "time", Outcome.HEELSTRIKE):
+            states, ways = verge.states, np.eye(2 * half)[:half]
+            by = [step_derivative(falls(complex_step(states, way))) for way in ways]
+            steepest = np.stack(np.broadcast_arrays(*by), axis=-1)
+            steepest = steepest / np.linalg.norm(by, axis=0)[:, None]
+            rates = states[:, half:]
+            found[on] = -(steepest * rates).sum(axis=1) / np.linalg.norm(rates, axis=1)
         return found
 
-    def _rate_of_fall(
-        self, lanes: NDArray, times: NDArray, outcome: Outcome
-    ) -> NDArray[np.float64]:
-        """Return the rate of a strike's guard just before it, for some walkers, (lanes,)."""
-        verge, falls = self._verge(lanes, times, outcome)
-        record, states = verge.records[:, 0], verge.states
-        phase, ground = self.system.phases[record["phase"][0]], Ground(*record["ground"].T)
-        turns = accelerations_at(
-            self.system, phase, verge.bodies[:, 0], states, record["control"], ground
-        )
-        moving = np.concatenate([np.split(states, 2, axis=1)[1], turns], axis=1)
-        return step_derivative(falls(complex_step(states, moving)))
+    def _verges(
+        self, lanes: NDArray, time: str, outcome: Outcome
+    ) -> Iterator[tuple[NDArray, Flow, Phase, Callable[[NDArray], NDArray]]]:
+        """Yield some walkers just before a strike, for each phase that it ends.
 
-    def _verge(
-        self, lanes: NDArray, times: NDArray, outcome: Outcome
-    ) -> tuple[Flow, Callable[[NDArray], NDArray]]:
-        """Return some walkers just before a strike, and its guard as a function of states."""
-        way = times - self.before["time"][lanes, 0]
-        share = np.full(len(lanes), RATE_BEFORE)
-        verge = self.again(lanes, times - share * way)
-        while (struck := verge.outcomes != Outcome.RUNNING).any():
-            share[struck] *= 10.0  # a way so short that the strike's error is as long
+        Args:
+            lanes: The walkers.
+            time: Name of the strike's time in their records.
+            outcome: The strike.
+
+        Yields:
+            Its walkers, and just before the strike; the phase, and its guard of states.
+        """
+        if len(lanes) == 0:
+            return
+        times, system = self.records[time][lanes, 0], self.system
+        way, share = times - self.before["time"][lanes, 0], np.full(len(lanes), RATE_BEFORE)
+        guards = [{guard.outcome: guard for guard in phase.guards} for phase in system.phases]
+        ahead = np.array([outcome in each for each in guards]) | (outcome == Outcome.HEELSTRIKE)
+        while True:
             verge = self.again(lanes, times - share * way)
-        record, system = verge.records[:, 0], self.system
-        body, ground = system.Body(*verge.bodies[:, 0].T), Ground(*record["ground"].T)
-        guards = system.phases[record["phase"][0]].guards
-        guard = next(guard for guard in guards if guard.outcome == outcome)
-        return verge, lambda states: guard.falls(body, system.State(*states.T), ground)
+            phases = verge.records["phase"][:, 0]
+            early = (verge.outcomes != Outcome.RUNNING) | ~ahead[phases]
+            if not early.any():
+                break
+            share[early] *= 10.0  # a way so short that the strike's error is as long
+        for number in np.unique(phases):
+            if outcome not in guards[number]:  # a kneestrike comes between
+                continue
+            on, phase, there = phases == number, system.phases[number], verge
+            if not on.all():
+                there = self.again(lanes[on], (times - share * way)[on])
+            body, ground = there.bodies[:, 0], there.records["ground"][:, 0]
+            here = guards[number][outcome], system.Body(*body.T), Ground(*ground.T)
+            yield lanes[on], there, phase, partial(_height, system, *here)
 
     def next_stride(
         self, on: NDArray[np.bool_], ground: tuple[NDArray, float, float] | None = None
@@ -585,6 +598,13 @@ def accelerations_at(
     held = system.Control(*controls.T[: len(system.Control._fields)])  # type: ignore[attr-defined]
     links = phase.accelerations(system.Body(*bodies.T), system.State(*states.T), held, ground)
     return np.stack([links[min(i, phase.links - 1)] for i in range(system.coordinates)], axis=-1)
+
+
+def _height(
+    system: System, guard: Guard, body: Any, ground: Ground, states: NDArray
+) -> NDArray[np.float64]:
+    """Return a guard of states (n, 6)."""
+    return guard.falls(body, system.State(*states.T), ground)
 
 
 def hip_places(system: System, bodies: NDArray, states: NDArray) -> NDArray:

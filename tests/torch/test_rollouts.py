@@ -67,6 +67,18 @@ def test_gradients_go_through_hundreds_of_ticks_and_strikes():
         assert difference == pytest.approx(float(gradient @ direction), rel=1e-5)
 
 
+def test_margins_are_those_of_strikes_whatever_the_tolerance():
+    margins = [
+        rollout(
+            lambda seen: torch.full((len(seen), 1), 0.5, dtype=torch.float64),
+            {"walker": "lab", "slope": 0.036, "control": "stride", "tolerance": tolerance},
+            3, count=50, seed=0,
+        ).margins
+        for tolerance in (1e-8, 1e-4)
+    ]  # fmt: skip
+    np.testing.assert_allclose(*margins, rtol=1e-4)
+
+
 def test_a_stride_that_falls_is_worth_nothing_and_has_no_gradient():
     """Distance alone counts here; the walkers dive in their first stride."""
     share = torch.tensor(-1.0, dtype=torch.float64, requires_grad=True)
