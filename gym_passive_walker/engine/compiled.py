@@ -47,7 +47,7 @@ PHASE = np.dtype(
         ("strike", "i8"),  # number of the guard of the impact, from 1 on; 0 if there is none
         ("outcomes", "i8", (MOST_GUARDS,)),
         ("watch", "i8", (MOST_GUARDS,)),
-        ("between", "i8", (MOST_GUARDS,)),  # number of checks within a step
+        ("bends", "i8", (MOST_GUARDS,)),  # whether guards may fall and rise within a step
         # Rows of a `HISTORY` with the conditions under which each guard counts: first row, number.
         ("first_where", "i8", (MOST_GUARDS,)),
         ("wheres", "i8", (MOST_GUARDS,)),
@@ -151,7 +151,7 @@ def phases_of(system: System, code: Any, lanes: int = 1) -> NDArray:
         entry["strike"] = 0 if phase.strike is None else phase.strike + 1
         entry["outcomes"][: len(phase.guards)] = [guard.outcome for guard in phase.guards]
         entry["watch"][: len(phase.guards)] = [guard.watch for guard in phase.guards]
-        entry["between"][: len(phase.guards)] = [guard.between for guard in phase.guards]
+        entry["bends"][: len(phase.guards)] = [guard.bends for guard in phase.guards]
         for number, guard in enumerate(phase.guards):
             entry["first_where"][number] = first_where(system, phase, number)
             entry["wheres"][number] = len(guard.where)

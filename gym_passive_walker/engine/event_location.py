@@ -35,6 +35,9 @@ _BRINK = 1e-6
 """Share of a step near its ends in which an extremum cannot hide two crossings: its depth is within
 rounding."""
 
+_TOUCH = 1e-4
+"""Share of a step within which a guard that falls and rises only touches zero."""
+
 _TOGETHER = 1e-14
 """Distance of a guard from zero at which the first of two events is decided; where both guards are
 as near, either event may be chosen."""
@@ -180,20 +183,41 @@ def hidden_crossings(history, i, h):
     return fraction if unsure and _BRINK < fraction < 1.0 - _BRINK else -1.0
 
 
-def first_crossing(history, i, h, between):
+def most_zeros(p, low, high):
+    """Return how many zeros a quintic has between two places at most.
+
+    It has none or one if the result is so, since it has no more zeros than its Bernstein
+    coefficients have changes of sign, and fewer by an even number.
+    """
+    rate, fifth = derivative(p), 0.2 * (high - low)
+    bend, square = derivative(rate), 1.25 * fifth * fifth
+    g0, v0, b0 = value(p, low), fifth * value(rate, low), square * value(bend, low)
+    g1, v1, b1 = value(p, high), fifth * value(rate, high), square * value(bend, high)
+    changes, before = 0, g0 > 0.0
+    for bound in (g0 + v0, g0 + 2.0 * v0 + b0, g1 - 2.0 * v1 + b1, g1 - v1, g1):
+        if (bound > 0.0) != before:
+            changes, before = changes + 1, not before
+    return changes
+
+
+@jitted
+def first_of_several(phase, history, i, h):
     """Return the fraction of the step after a guard's first of several crossings; or -1.
 
-    The guard is evaluated at `between` places within the step and at the end.
+    It is -1 too if no fall among them may count.
     """
     p = quintic(history, i, h)
-    positive, passed, first = p[0] > 0.0, 0, -1.0
-    for k in range(1, between + 2):
-        x = k / (between + 1)
-        if (value(p, x) > 0.0) != positive:
-            positive, passed = not positive, passed + 1
-            if first < 0.0:
-                first = x
-    return first if passed > 1 else -1.0
+    low, high, first, several, counts = 0.0, 1.0, -1.0, False, False
+    while low < 1.0:
+        zeros = most_zeros(p, low, high)
+        if zeros > 1 and high - low > _TOUCH:
+            high = 0.5 * (low + high)
+            continue
+        if zeros == 1:
+            several, first = several or first > 0.0, first if first > 0.0 else high
+            counts = counts or (value(p, low) > 0.0 and may_count(phase, history, i, h, high))
+        low, high = high, 1.0
+    return first if several and counts else -1.0
 
 
 def out_of_reach(history, i, h):
@@ -219,8 +243,8 @@ def earliest(phase, history, h, scuff, but):
         if i + 1 == but or out_of_reach(history, i, h):
             continue
         fraction, found = -1.0, -1
-        if phase.between[i] > 0:
-            fraction = first_crossing(history, i, h, phase.between[i])
+        if phase.bends[i] and (scuff or phase.watch[i] != _SCUFF):
+            fraction = first_of_several(phase, history, i, h)
         if fraction < 0.0:
             fraction, found = crossing(phase, history, i, h, scuff, 0.0), i + 1
         if fraction < 0.0 and phase.watch[i] != _SCUFF:

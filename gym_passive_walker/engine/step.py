@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial, reduce
 from itertools import pairwise
-from operator import and_
+from operator import and_, or_
 
 from gym_passive_walker.engine.equations import Equations, sum_of, weighted
 from gym_passive_walker.engine.native import Memory
@@ -246,13 +246,8 @@ class StepCode(Equations):
 
         The coefficients are of ascending powers of the time since the step's end, over its length.
         """
-        i, h = self.phase.strike, tile["h"]
-        assert i is not None
-        first, last = (self.bends(tile, stage) for stage in (0, self.pair.stages))
-        falls = self.guard(i, tile)
-        g0, v0, b0 = self.along(falls, self.state(tile), first)
-        g1, v1, b1 = self.along(falls, self.state(tile, "new_"), last)
-        v0, v1, b0, b1 = h * v0, h * v1, h * h * b0, h * h * b1
+        assert self.phase.strike is not None
+        (g0, v0, b0), (g1, v1, b1) = self._ends(self.phase.strike, tile)
         rise, turn, bend = g1 - g0 - v1 + 0.5 * b1, v1 - v0 - b1, b1 - b0
         return [
             g1,
@@ -263,15 +258,34 @@ class StepCode(Equations):
             6.0 * rise + 3.0 * turn + 0.5 * bend,
         ]
 
-    def _between(self, guard: Guard, tile: Memory) -> list[Expression]:
-        """Return the impact's guard at equally spaced times within a step."""
-        powers, count = self._path_of_strike(tile), guard.between + 1
-        one = powers[0].number(1.0)
-        return [polynomial(powers, one * (k / count - 1.0)) for k in range(1, count)]
+    def _ends(self, number: int, tile: Memory) -> list[tuple[Expression, ...]]:
+        """Return a guard at both ends of a step, with derivatives by its share of the step."""
+        h, falls, ends = tile["h"], self.guard(number, tile), []
+        for prefix, stage in (("", 0), ("new_", self.pair.stages)):
+            g, v, b = self.along(falls, self.state(tile, prefix), self.bends(tile, stage))
+            ends.append((g, h * v, h * h * b))
+        return ends
+
+    def _bounds(self, number: int, tile: Memory) -> list[Expression]:
+        """Return Bernstein coefficients of a guard's quintic in a step, from its start to its end.
+
+        The quintic has at most as many zeros as they have changes of sign.
+        """
+        (g0, v0, b0), (g1, v1, b1) = self._ends(number, tile)
+        v0, v1, b0, b1 = 0.2 * v0, 0.2 * v1, 0.05 * b0, 0.05 * b1
+        return [g0, g0 + v0, g0 + 2.0 * v0 + b0, g1 - 2.0 * v1 + b1, g1 - v1, g1]
 
     def _may_count(self, guard: Guard, tile: Memory) -> Expression:
-        """Return whether a guard's crossing would count at the step's start, middle or end."""
+        """Return whether a guard's crossing may count at the step's start, middle or end."""
         before, after = self.state(tile), self.state(tile, "new_")
+        if guard.bends:  # each condition for itself, somewhere
+            third, every = tile["h"] / 3.0, []
+            for where in self.wheres(guard, tile):
+                g0, v0, _ = self.along(where, before, [None] * self.system.coordinates)
+                g1, v1, _ = self.along(where, after, [None] * self.system.coordinates)
+                bounds = [g0, g0 + third * v0, g1 - third * v1, g1]
+                every.append(reduce(or_, [bound > 0.0 for bound in bounds]))
+            return reduce(and_, every)
         start, middle, end = [], [], []
         for where in self.wheres(guard, tile):
             g0, v0, _ = self.along(where, before, [None] * self.system.coordinates)
@@ -292,21 +306,21 @@ class StepCode(Equations):
             falls = self.guard(number, tile)
             g0, v0, _ = self.along(falls, before, none)
             g1, v1, _ = self.along(falls, after, none)
+            path = self._bounds(number, tile) if guard.bends else [g0, g1]
+            drops = reduce(or_, [(here > 0.0) & (then <= 0.0) for here, then in pairwise(path)])
             if guard.watch == Watch.STRIKE:
                 drop = tile["h"] * v1
                 down = (g0 > 0.0) & (drop < 0.0) & (g1 + NEAR * drop <= 0.0)
-                path = [g0, *self._between(guard, tile), g1]
-                for sooner, later in pairwise(path):
-                    down |= (sooner > 0.0) & (later <= 0.0)
+                down |= drops
                 if guard.where:  # excludes feet that pass each other at midstance
                     down &= self._may_count(guard, tile) | (v0 > 0.0)
                 found = down | ((g0 > 0.0) & (v0 < 0.0) & (v1 > 0.0))
                 found |= (g0 <= 0.0) & (g1 <= 0.0) & (v0 > 0.0) & (v1 < 0.0)
             elif guard.watch == Watch.BOUND:
                 sway = tile["h"] * larger(abs(v0), abs(v1))
-                found = g1 <= choose(v0 * v1 < 0.0, sway, 0.0)
+                found = (g1 <= choose(v0 * v1 < 0.0, sway, 0.0)) | drops
             else:
-                found = (g0 > 0.0) & (g1 <= 0.0) & (tile.argument(1) > 0.0)
+                found = drops & (tile.argument(1) > 0.0)
             alert = found if alert is None else alert | found
         assert alert is not None
         for i in self.controls:

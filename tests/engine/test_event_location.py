@@ -6,7 +6,8 @@ import numba
 import numpy as np
 import pytest
 
-from gym_passive_walker import WALKERS, Outcome, find_gait
+from examples.unequal_legs import PROSTHESIS
+from gym_passive_walker import WALKERS, Outcome, find_gait, stride_map
 from gym_passive_walker.engine import event_location
 from gym_passive_walker.engine.compiler import linker
 from gym_passive_walker.engine.layout import HISTORY
@@ -14,9 +15,17 @@ from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.models.model import bodies
 from tests.equations.examples import LONG_GAITS
 
-QUINTIC, VALUE, DERIVATIVE, ROOT, HIDDEN_CROSSINGS, EXTRAPOLATED = (
+QUINTIC, VALUE, DERIVATIVE, ROOT, HIDDEN_CROSSINGS, EXTRAPOLATED, MOST_ZEROS = (
     linker()(getattr(event_location, name))
-    for name in ("quintic", "value", "derivative", "root", "hidden_crossings", "extrapolated")
+    for name in (
+        "quintic",
+        "value",
+        "derivative",
+        "root",
+        "hidden_crossings",
+        "extrapolated",
+        "most_zeros",
+    )
 )
 
 
@@ -43,6 +52,11 @@ def _root(p):
 @numba.njit
 def _hidden_crossings(histories, i, h):
     return HIDDEN_CROSSINGS(histories[0], i, h)
+
+
+@numba.njit
+def _most_zeros(p, low, high):
+    return MOST_ZEROS(p, low, high)
 
 
 @numba.njit
@@ -101,6 +115,34 @@ def along(function, h: float):
     """A step of length h over which a guard is a polynomial of the time since its start."""
     p = np.polynomial.Polynomial(function)
     return history([q(t) for t in (0.0, h) for q in (p, p.deriv(), p.deriv(2))])
+
+
+def test_a_quintic_has_at_most_the_stated_number_of_zeros():
+    """It has as many, or fewer by an even number; in a short part without a pair, as many."""
+    rng = np.random.default_rng(3)
+    for roots in rng.uniform(-1.0, 2.0, (500, 5)):
+        p = tuple(np.polynomial.polynomial.polyfromroots(roots))
+        for low, high in ((0.0, 1.0), (0.2, 0.6), (0.5, 0.51)):
+            inside = np.sum((low < roots) & (roots < high))
+            more = _most_zeros(p, low, high) - inside
+            assert more in (0, 2, 4)
+            near = (abs(roots - low) < 0.1).sum()
+            assert more == 0 or high - low > 0.1 or near > 1
+
+
+@pytest.mark.parametrize(
+    ("walker", "slope", "terrain"),
+    [(PROSTHESIS, 0.0523, None), ("A", 0.01, {"stairs": {"rise": 0.001}})],
+)
+def test_how_a_stride_ends_does_not_depend_on_where_its_steps_end(walker, slope, terrain):
+    """Also where a foot falls, rises and falls again within a step, as legs pass each other."""
+    point = find_gait(walker, slope).point.values[0]
+    points = point * (1.0 + 0.5 * np.random.default_rng(0).normal(size=(4000, len(point))))
+    exact, fast = (
+        stride_map(walker, slope, terrain=terrain, tolerance=tolerance).apply(points).outcomes
+        for tolerance in (1e-12, 1e-6)
+    )
+    np.testing.assert_array_equal(fast, exact)
 
 
 def test_a_guard_that_dips_to_zero_and_back_hides_two_falls():

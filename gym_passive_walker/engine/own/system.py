@@ -36,7 +36,6 @@ _FUNCTIONS = (
     "links", "landing", "relabel", "falls", "counts", "potential", "dissipation", "forces",
     "travel", "pose", "centre",
 )  # fmt: skip
-_BETWEEN = 7  # looks at a guard within a step; a foot may dip and rise between its ends
 _ITERATIONS, _CLOSE = 30, 1e-9  # of Newton's method, and its largest error
 
 
@@ -522,7 +521,7 @@ class System(Model):
             Outcome.HEELSTRIKE,
             Watch.STRIKE,
             tuple(_on_ground(counts) for counts in self.counts),
-            _BETWEEN,
+            bends=True,
         )
         falls = tuple(
             Guard(_on_ground(function), Outcome[name.upper()])

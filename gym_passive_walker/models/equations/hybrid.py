@@ -117,7 +117,7 @@ class Watch(IntEnum):
     BOUND = 1
     """A bound: positive during the phase. A phase that begins beyond it ends at once."""
     SCUFF = 2
-    """Applies only with `end_on_toe_stub`; checked at the ends of each step."""
+    """Applies only with `end_on_toe_stub`; within a step it is checked only if it bends."""
 
 
 class Guard(NamedTuple):
@@ -128,16 +128,15 @@ class Guard(NamedTuple):
         outcome: Outcome of the phase.
         watch: How the guard is checked.
         where: Functions of the same arguments. The event counts only where all are positive.
-        between: Number of places within an integration step at which the guard of an impact is
-            checked too. A guard that is far from linear in the angles may fall and rise within a
-            step.
+        bends: Whether the guard is far from linear in the angles, so that it may fall and rise
+            within an integration step; it is then searched for such crossings.
     """
 
     falls: Callable[[Any, State, Ground], Number]
     outcome: Outcome
     watch: Watch = Watch.BOUND
     where: tuple[Callable[[Any, State, Ground], Number], ...] = ()
-    between: int = 0
+    bends: bool = False
 
 
 class Refusal(NamedTuple):

@@ -231,7 +231,7 @@ SYSTEM = System(
                     lambda body, state, ground: state.thigh - state.shank,
                     Outcome.KNEESTRIKE,
                     Watch.STRIKE,
-                    between=3,
+                    bends=True,
                 ),
                 *legs.STANCE_FALLS,
                 *legs.THIGH_OVER_THE_TOP,

@@ -289,13 +289,14 @@ HEELSTRIKE = Guard(  # the swing foot comes down on the next foothold
         lambda body, state, ground: -state.stance,
         lambda body, state, ground: state.thigh - state.stance - NARROWEST,
     ),
-    between=7,
+    bends=True,
 )
 SCUFF = Guard(  # a straight leg that meets the ground anywhere but in front
     lambda body, state, ground: clearance(body, state.stance, state.thigh) - lower(ground),
     Outcome.STUBBED_TOE,
     Watch.SCUFF,
     where=(lambda body, state, ground: larger(state.stance, state.stance - state.thigh),),
+    bends=True,
 )
 STANCE_FALLS = (
     Guard(lambda body, state, ground: state.stance + 0.5 * pi, Outcome.FELL_FORWARD),
@@ -332,5 +333,5 @@ def on_smooth_ground(phase: Phase) -> Phase:
     They seldom fall and rise again within a step, so they are checked at its ends alone.
     """
     each = (_ON_SMOOTH_GROUND.get(guard, (guard,)) for guard in phase.guards)
-    guards = (guard._replace(between=0) for guards in each for guard in guards)
+    guards = (guard._replace(bends=False) for guards in each for guard in guards)
     return phase._replace(guards=tuple(guards))
