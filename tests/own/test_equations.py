@@ -90,6 +90,17 @@ def test_a_walker_with_knees_is_an_environment_by_the_same_means():
     assert found[4]["strides"] == expected[4]["strides"] >= 2
 
 
+@pytest.mark.parametrize(("asked", "outcome"), [(None, "stubbed_toe"), (False, "fell_backward")])
+def test_a_guard_of_stubbed_toes_ends_episodes_as_those_of_the_package(asked, outcome):
+    start = dimensionless("kneed", gpw.find_gait("lab", 0.036).state) * [1, 1, 1, 0.8, 1, 1]
+    system, scene = stated("kneed"), {"slope": 0.036, "control": "stride", "actions": ("hip",)}
+    env = gym.make("PassiveWalker-v0", system=system, end_on_toe_stub=asked, **scene).unwrapped
+    env.reset(seed=0, options={"state": start, "slope": 0.036})
+    assert env.step(np.zeros(1))[4]["outcome"] == outcome
+    with pytest.raises(ValueError, match="guard of it"):
+        make_scene(scene, system=stated("straight"), end_on_toe_stub=True)
+
+
 def changed(kind, phase=-1, **parts):
     """The equations of a kind with other functions."""
     equations = SYSTEMS[kind]

@@ -165,6 +165,7 @@ def check_given(system: Any, equations: hybrid.System) -> None:
             )
 
 
+@np.errstate(all="ignore")  # of values that `where` does not choose
 def check(system: Any) -> None:
     """Refuse functions that do not fit each other.
 
@@ -258,6 +259,19 @@ def _check_links(checks: Checks, state: Any) -> None:
         if plain.mass < 0.0 or plain.inertia < 0.0:
             raise checks.error("links", f"must have no negative mass or inertia, as {plain} has")
 
+    def changes(body: Any, state: Any) -> tuple:
+        links = checks.system.links(body, state)
+        return tuple(tuple(rates_by(x, state)) for link in links for x in Link(*link))
+
+    by_state = np.array(checks.tried("links", Derived(changes), checks.body, state), dtype=float)
+    by_state = by_state.reshape(-1, len(Link._fields), len(state))
+    if np.any(by_state[:, [0, 3]]):
+        raise checks.error(
+            "links", "must have masses and moments of inertia that do not depend on the state"
+        )
+    if np.any(by_state[:, :, checks.count :]):
+        raise checks.error("links", "must have places and angles that do not depend on the rates")
+
 
 def _check_functions(checks: Checks, state: Any) -> None:
     system, body = checks.system, checks.body
@@ -272,6 +286,13 @@ def _check_functions(checks: Checks, state: Any) -> None:
     ):
         if function is not None:
             checks.agree(name, function, size, body, state)
+    for number in (0, 1):
+
+        def place(body: Any, state: Any, number: int = number) -> Any:
+            return system.landing(body, state)[number]
+
+        if np.any(_slopes(checks, "landing", place, state, checks.count)):
+            raise checks.error("landing", "must not depend on the rates of the coordinates")
     for function in system.falls.values():
         if not np.any(_slopes(checks, "falls", function, state, 0)):
             raise checks.error("falls", "never falls: it does not depend on the coordinates")

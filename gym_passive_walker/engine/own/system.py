@@ -353,6 +353,12 @@ class System(Model):
         return dict.fromkeys(self.falls, "a rule of the system's falls")
 
     @property
+    def toe_stubs(self) -> bool:
+        """Whether given equations have a guard that a stubbed toe passes."""
+        phases = () if self.given is None else self.given.phases
+        return any(guard.watch == Watch.SCUFF for phase in phases for guard in phase.guards)
+
+    @property
     def parameters(self) -> dict[str, float]:
         """Fields of `body` by name, but for those that are absent from its equations."""
         fields = self.body._asdict().items()

@@ -282,6 +282,11 @@ class Walker(Shown, Model):
         return Mirrored(bool(self.knees))
 
     @property
+    def toe_stubs(self) -> bool:
+        """Whether a locked swing leg below the ground can end its strides."""
+        return bool(self.knees)
+
+    @property
     def parts(self) -> tuple[str, ...]:
         """Names of its coordinates in pictures."""
         return _ANGLES if self.knees else ("stance leg", "swing leg")
