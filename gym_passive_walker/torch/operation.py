@@ -235,12 +235,7 @@ def _walked(
     outcomes[going], margins[going] = _DIVERGED, np.nan
     if len(lanes) == 0:
         return values, jacobians, after, outcomes, margins
-    last = len(walker.equations().phases) - 1
-    if strange := set(phases[lanes].tolist()) - set(range(last + 1)):
-        raise ValueError(
-            f"phase must be 0{f' to {last}' if last else ''}, as strides of {describe(walker)} "
-            f"have no other, not {min(strange)}"
-        )
+    check_phases(walker, phases[lanes])
     own = inputs[lanes]
     if options.parameters:
         walker.check_values(options.parameters, own[:, columns.width :])
@@ -346,6 +341,20 @@ def as_tensor(value: Any, name: str) -> Tensor:
     if value.device.type != "cpu":
         raise TypeError(f"{name} is on {value.device}: move it to the CPU, as walkers are there")
     return value
+
+
+def check_phases(walker: Walker, phases: NDArray) -> None:
+    """Check that strides of a walker have phases of these indices, (n,).
+
+    Raises:
+        ValueError: if they have not.
+    """
+    last = len(walker.equations().phases) - 1
+    if strange := set(phases.tolist()) - set(range(last + 1)):
+        raise ValueError(
+            f"phase must be 0{f' to {last}' if last else ''}, as strides of {describe(walker)} "
+            f"have no other, not {min(strange)}"
+        )
 
 
 def check_parameters(walker: Walker, parameters: Mapping[str, Any] | None) -> dict[str, Tensor]:

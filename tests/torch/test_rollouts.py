@@ -177,6 +177,18 @@ def test_policies_of_other_numbers_are_refused():
         rollout(network(), "level", 0)
 
 
+def test_a_rollout_begins_with_walkers_of_its_scene():
+    scene = {"walker": "C", "slope": 0.03}
+    late = scene | {"action_delay": 2}
+    with pytest.raises(ValueError, match=r"its pending have shape \('n', 0, 1\)"):
+        rollout(network(), late, 3, start=initial_state(scene, 2))
+    with pytest.raises(ValueError, match=r"foot_radius must be a number or \(2,\), not \(3,\)"):
+        initial_state(scene, 2, parameters={"foot_radius": [0.1, 0.2, 0.3]})
+    locked = initial_state(scene, 2)._replace(phases=torch.tensor([1, 0]))
+    with pytest.raises(ValueError, match="phase must be 0, as strides of"):
+        rollout(network(), {"walker": "E", "slope": 0.01}, 3, start=locked)
+
+
 DRIVEN = {
     "walker": "E", "slope": 0.009, "actions": ("hip", "ankle", "push_off"), "tick": 0.4,
     "tolerance": 1e-13, "reset_noise_scale": 0.003, "energy": "positive", "max_push_off": 0.02,
