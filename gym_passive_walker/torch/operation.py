@@ -343,6 +343,15 @@ def as_tensor(value: Any, name: str) -> Tensor:
     return value
 
 
+def array_of(values: Tensor) -> NDArray:
+    """Return the numbers of a tensor."""
+    try:
+        return values.numpy(force=True)
+    except RuntimeError:  # it has no memory within `torch.func.grad` and its like
+        kind = str(values.dtype).removeprefix("torch.")
+        return np.array(values.tolist(), kind).reshape(values.shape)
+
+
 def check_phases(walker: Walker, phases: NDArray) -> None:
     """Check that strides of a walker have phases of these indices, (n,).
 

@@ -32,7 +32,13 @@ from gym_passive_walker.models.model import check_heights_only
 from gym_passive_walker.models.units import proportions
 from gym_passive_walker.models.walkers.walker import varied
 from gym_passive_walker.torch.counting import applied, check_alone
-from gym_passive_walker.torch.operation import as_tensor, check_parameters, check_phases, columns_of
+from gym_passive_walker.torch.operation import (
+    array_of,
+    as_tensor,
+    check_parameters,
+    check_phases,
+    columns_of,
+)
 from gym_passive_walker.torch.steps import (
     RolloutState,
     drawn,
@@ -131,7 +137,7 @@ def initial_state(
         raise ValueError(
             f"footholds must have shape (k, 2) or (k, {count}, 2), not {tuple(changes.shape)}"
         )
-    check_heights_only(scene.walker, changes[:, :, 1].numpy(force=True))
+    check_heights_only(scene.walker, array_of(changes[:, :, 1]))
     zeros, none = torch.zeros(count, dtype=torch.float64), torch.zeros(count, dtype=torch.int64)
     states = torch.from_numpy(states_in(batch.records[:, 0], coordinates).copy())
     here = RolloutState(
@@ -265,7 +271,7 @@ def _checked(scene: Scene, start: RolloutState) -> RolloutState:
                 f"start is of another scene: its {name} have shape {('n', *found)}, and those of "
                 f"this scene {('n', *shape)}; begin with initial_state of this scene"
             )
-    check_phases(scene.walker, start.phases.numpy())
+    check_phases(scene.walker, array_of(start.phases))
     return start
 
 
