@@ -252,6 +252,17 @@ def given(body=DRIVEN.body, mass=1.0, **changes):
     )  # fmt: skip
 
 
+def test_the_mass_of_given_equations_may_be_a_function_of_the_body():
+    """The weight is then that of the body that walks, as that of a system of links is."""
+    system = given(mass=lambda body: body.hip + 2.0 * body.leg)
+    assert system.vary(hip=2.0).weight == pytest.approx(DRIVEN.vary(hip=2.0).weight)
+    assert system.mass_with(hip=np.array([1.0, 2.0])) == pytest.approx(4.0 / 3.0 + np.array([0, 1]))
+    with pytest.raises(gpw.StatementError, match=r"its mass is 1$"):
+        given().vary(hip=2.0)
+    with pytest.raises(gpw.StatementError, match="mass of system 'given' must be positive"):
+        given(mass=lambda body: -body.hip)
+
+
 def test_equations_use_as_many_constants_as_a_phase_has_room_for():
     (phase,) = DRIVEN.hybrid.phases
 

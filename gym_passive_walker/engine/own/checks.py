@@ -200,8 +200,12 @@ def check(system: Any) -> None:
     if system.given is not None:
         if system.centre is None:
             raise checks.error("centre", "is missing: give x and y of the centre of mass")
-        if not checks.numbers("mass", [system.mass])[0] > 0.0:
-            raise checks.error("mass", f"must be positive, not {system.mass!r}")
+        mass = system.mass
+        if callable(mass):
+            checks.agree("mass", mass, None, checks.body)
+            mass = mass(checks.body)
+        if not checks.numbers("mass", [mass])[0] > 0.0:
+            raise checks.error("mass", f"must be positive, not {mass!r}")
         _check_statement(checks, system.given)
         return
     if system.centre is not None or system.mass != 1.0:
@@ -556,7 +560,7 @@ def _check_phase(checks: Checks, equations: hybrid.System, phase: Phase, state: 
             for p in equations.momentum(body, state)  # type: ignore[misc]
         ]
         back, up = equations.ground_force(body, state, bends, _SLOPING)  # type: ignore[misc]
-        weight = checks.system.mass
+        weight = checks.system.total_mass
         return (*changes, back + weight * _SLOPING.sine, up - weight * _SLOPING.cosine)
 
     if equations.momentum is not None:
@@ -564,7 +568,8 @@ def _check_phase(checks: Checks, equations: hybrid.System, phase: Phase, state: 
         if np.abs(each[:2] - each[2:]).max() > _CLOSE * np.abs(each).max():
             raise checks.error(
                 "ground_force", f"and weight change the momentum by {each[2:].tolist()} in "
-                f"{name}, and `momentum` itself changes by {each[:2].tolist()}"
+                f"{name}, and `momentum` itself changes by {each[:2].tolist()}; its mass is "
+                f"{checks.system.total_mass:.6g}"
             )  # fmt: skip
     each = checks.numbers(name, checks.tried(name, Derived(powers), body, state))
     if abs(each.sum()) > _CLOSE * np.abs(each).sum():
