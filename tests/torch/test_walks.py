@@ -442,6 +442,11 @@ def test_what_makes_no_sense_is_refused():
         stride("lab", slope, states, parameters={"knee": number(0.3)})
     with pytest.raises(gpw.models.walkers.WalkerError, match="foot_radius must lie from 0"):
         stride("lab", slope, states, parameters={"foot_radius": number(3.0)})
+    simplest, start = gait("D")
+    with pytest.raises(ValueError, match=r"a leg has mass with shank_mass = 0\.1"):
+        stride("D", simplest, start, parameters={"shank_mass": [0.0, 0.1]})
+    with pytest.raises(ValueError, match="a leg has no mass with thigh_mass, shank_mass, hip_mass"):
+        stride("E", slope, states, parameters={"thigh_mass": 0.0, "shank_mass": 0.0, "hip_mass": 1})
     with pytest.raises(ValueError, match=r"state must have shape \(6,\) or \(n, 6\)"):
         stride("lab", slope, states[:, :4])
     with pytest.raises(ValueError, match=r"state is \(2, 6\), and slope \(3,\)$"):
