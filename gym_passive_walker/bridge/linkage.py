@@ -47,25 +47,29 @@ class Linkage:
         points = [self._arm(lambda q, i=i: self._point(i, q)) for i in range(len(links))]
         foot = self._arm(self._landing, self._rolling(self._landing))
         ground = (0,) * self.size
-        self.radius = points[0].pop(ground, 0j).imag
-        for point in points[1:]:
+        self.radius = points[0].get(ground, 0j).imag
+        for point in points:
             if abs(point.pop(ground, 0j) - 1j * self.radius) > _SMALL:
                 raise self._refuse("a part of it is fixed to the ground")
-        foot.pop(ground, None)
+        landed = foot.pop(ground, 0j)
         self._order = self._sorted([*points, foot])
         self.bodies: dict[Turn, list[tuple[Link, complex]]] = {turn: [] for turn in self._order}
         self.joints: dict[Turn, Arm] = {}
         for i, (link, point) in enumerate(zip(links, points, strict=True)):
-            turn = self._own_turn(point)
+            turn = self._own_turn(point) if point else self._order[0]  # a mass at the foot
             self._attach(turn, point)
             if link.inertia and not self._turns(i, turn):
                 raise self._refuse(
                     f"the moment of inertia of link {i} of `links` turns otherwise than "
                     f"{self.name(turn)}, on which its mass lies"
                 )
-            self.bodies[turn].append((link, point[turn]))
+            self.bodies[turn].append((link, point.get(turn, 0j)))
         self.landing = self._own_turn(foot), foot
         self._attach(*self.landing)
+        self.swing_radius = self.radius - landed.imag
+        self._check_rolling("stance", -self._slopes, self.radius, self._order[0])
+        rolled = self._rolling(self._landing) - self._slopes
+        self._check_rolling("swing", rolled, self.swing_radius, self.landing[0])
 
     def _refuse(self, reason: str) -> ValueError:
         return ValueError(
@@ -123,9 +127,19 @@ class Linkage:
         return sorted(turns, key=lambda turn: (depth[turn], turn[::-1]))
 
     def _own_turn(self, point: Arm) -> Turn:
-        if not point:
-            raise self._refuse("a mass does not move")
         return max(point, key=self._order.index)
+
+    def _check_rolling(self, foot: str, rolled: NDArray, radius: float, turn: Turn) -> None:
+        """Refuse a foot that moves otherwise than a circle that rolls, or a point that stands.
+
+        Args:
+            foot: Its name.
+            rolled: How far it rolls per angle of each coordinate, (m,).
+            radius: Its radius.
+            turn: How its body turns.
+        """
+        if radius < -_SMALL or np.abs(rolled - radius * np.array(turn)).max() > _SMALL:
+            raise self._refuse(f"the {foot} foot does not roll as a circle of radius {radius:.6g}")
 
     def _turns(self, i: int, turn: Turn) -> bool:
         """Whether the angle of a link changes with the coordinates as a body turns."""
@@ -180,9 +194,9 @@ class Linkage:
                 raise self._refuse(f"{self.name(turn)} has no mass")
             com = complex(sum(m * at for m, at, _ in parts)) / total
             spin = float(sum(i + m * abs(at - com) ** 2 for m, at, i in parts))
-            feet = [0j] * (parent is None)
+            feet = [(0j, self.radius)] * (parent is None)
             if self.landing[0] == turn:
-                feet.append(self.landing[1][turn])
+                feet.append((self.landing[1][turn], self.swing_radius))
             name = self.name(turn)
             bodies.append(
                 Body(
@@ -193,8 +207,8 @@ class Linkage:
                     mass=total * mass,
                     com=_pair(com * length),
                     inertia=spin * mass * length**2,
-                    feet=tuple(Foot(_pair(at * length), self.radius * length) for at in feet),
-                    end=_pair((feet[-1] if feet and feet[-1] else com) * length),
+                    feet=tuple(Foot(_pair(at * length), max(0.0, r) * length) for at, r in feet),
+                    end=_pair((feet[-1][0] if feet and feet[-1][0] else com) * length),
                 )
             )  # fmt: skip
         return Tree(

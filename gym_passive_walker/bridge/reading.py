@@ -118,8 +118,15 @@ def read_mjcf(path: str | PathLike[str]) -> Walker:
     # A joint's angle in the file's own pose is `ref`; stops and springs count from 0.
     data.qpos[model.jnt_qposadr[model.jnt_type >= _SLIDE]] = 0.0
     mujoco.mj_kinematics(model, data)
-    gravity = float(np.linalg.norm(model.opt.gravity))
-    return _Reader(name, _parts_of_model(model, data), gravity).walker()
+    weightless = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    gravity = np.zeros(3) if weightless else model.opt.gravity
+    reader = _Reader(name, _parts_of_model(model, data), float(np.linalg.norm(gravity)))
+    if more := _more_of_model(model):
+        reader.refuse(f"{more[0]} acts on it")
+    walker = reader.walker()
+    if abs(reader.axis @ gravity) > _CLOSE * walker.gravity:
+        reader.refuse("gravity acts across its plane")
+    return walker
 
 
 def read_urdf(path: str | PathLike[str], gravity: float = _GRAVITY) -> Walker:
@@ -203,6 +210,18 @@ def _more_of(model: Any, j: int) -> tuple[str, ...]:
         "damping of several numbers": getattr(model, "dof_dampingpoly", {freedom: 0.0})[freedom],
     }
     return tuple(name for name, value in found.items() if np.any(value))
+
+
+def _more_of_model(model: Any) -> list[str]:
+    """Return what acts on the bodies of a model and on no `Walker`."""
+    tendons = model.tendon_stiffness, model.tendon_damping, model.tendon_frictionloss
+    found = {
+        "an equality constraint": model.eq_active0,
+        "a tendon": [*tendons, model.tendon_limited],
+        "gravcomp": model.body_gravcomp,
+        "a fluid": [model.opt.density, model.opt.viscosity],
+    }
+    return [what for what, given in found.items() if np.any(given)]
 
 
 _SLIDE = 2  # of mujoco.mjtJoint; angles and lengths from it on
@@ -301,9 +320,10 @@ def _joints_of(joint: Any, turn: Vector, place: Vector) -> list[Joint]:
         limits = float(limit.get("lower")), float(limit.get("upper"))
     given = {} if dynamics is None else dynamics.attrib
     damping, rubbing = (float(given.get(each, 0.0)) for each in ("damping", "friction"))
+    more = ("friction",) * (rubbing != 0.0) + ("mimic",) * (joint.find("mimic") is not None)
     made = Joint(
         joint.attrib["name"], kinds.get(kind, "free"), turn @ along / np.linalg.norm(along), place,
-        limits, 0.0, damping, ("friction",) * (rubbing != 0.0),
+        limits, 0.0, damping, more,
     )  # fmt: skip
     return [made]
 

@@ -98,8 +98,15 @@ def to_own(units: Units, actuation: Actuation) -> Actuation:
     return Actuation(*map(mul, actuation, actuation_units(units)))
 
 
-def check_actuation(walker: Walker, actuation: Actuation) -> Actuation:
+def check_actuation(
+    walker: Walker, actuation: Actuation, *, foot_radii: NDArray | None = None
+) -> Actuation:
     """Check that an actuation has numbers or arrays as parts, and that the walker permits it.
+
+    Args:
+        walker: The walker.
+        actuation: The actuation.
+        foot_radii: Radii of the feet of walkers that differ in it, (n,); None for the walker's own.
 
     Raises:
         ValueError: if a check fails; the message says what is allowed.
@@ -124,10 +131,11 @@ def check_actuation(walker: Walker, actuation: Actuation) -> Actuation:
         real_array(part, name, allowed)
         for name, part in zip(Actuation._fields, actuation, strict=True)
     )
-    if walker.foot_radius != 0.0 and np.any(ankle):
+    radii = np.asarray(walker.foot_radius if foot_radii is None else foot_radii)
+    if np.any((radii != 0.0) & (ankle != 0.0)):
         raise ValueError(
             "ankle_torque needs point feet: a round foot rolls, and the ground under it bears no "
-            f"torque; foot_radius of this walker is {walker.foot_radius:g}"
+            f"torque; foot_radius of this walker is {radii.max():g}"
         )
     if np.any(np.less(push, 0.0)):
         raise ValueError("push_off must not be negative: the ground cannot pull")

@@ -145,6 +145,7 @@ class Model:
         observed: Name and unit of each number of the environments' own observation: the state
             first, then others, the slope last.
         endings: Outcomes by which an episode ends in a fall, and when.
+        toe_stubs: Whether its equations have a guard that a stubbed toe passes (`Watch.SCUFF`).
 
     Methods:
         with_parameters: Return a model with other values of some parameters.
@@ -184,9 +185,21 @@ class Model:
 
 
 @lru_cache(maxsize=4096)
-def check_row(model: Any, names: tuple[str, ...], row: tuple[float, ...]) -> None:
-    """Check that a model may have these values of parameters, once."""
-    model.with_parameters(**dict(zip(names, row, strict=True)))
+def check_row(model: Checked, names: tuple[str, ...], row: tuple[float, ...]) -> Checked:
+    """Return a model with these values of parameters, after a check, which is made once.
+
+    Raises:
+        ValueError: if it may not have them, or other equations are those of such a model.
+    """
+    made = model.with_parameters(**dict(zip(names, row, strict=True)))
+    if made.massless_legs != model.massless_legs:
+        masses = "has mass" if model.massless_legs else "has no mass"
+        raise ValueError(
+            f"a leg {masses} with {', '.join(names)} = {', '.join(f'{x:g}' for x in row)}, so that "
+            "its equations are not those of this walker: give a walker that has"
+            f"{'' if model.massless_legs else ' no'} such mass"
+        )
+    return made
 
 
 def constants_from(body: Any) -> NDArray[Any]:

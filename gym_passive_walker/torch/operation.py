@@ -26,7 +26,7 @@ from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 from gym_passive_walker.models.equations.systems import UNEVEN
 from gym_passive_walker.models.model import check_supports
-from gym_passive_walker.models.walkers import Walker, WalkerError
+from gym_passive_walker.models.walkers import Walker, WalkerError, describe
 
 
 class Columns(NamedTuple):
@@ -141,7 +141,7 @@ def carry_on(inputs: Tensor, phases: Tensor, going: Tensor, options: FlowOptions
         options: Options.
 
     Raises:
-        ValueError: if the walker's feet do not permit an actuation.
+        ValueError: if the walker's feet do not permit an actuation, or a stride has no such phase.
         WalkerError: if the parameters describe no walker.
     """
     moved = _CarryOn.apply(inputs, phases, going, options)
@@ -235,16 +235,18 @@ def _walked(
     outcomes[going], margins[going] = _DIVERGED, np.nan
     if len(lanes) == 0:
         return values, jacobians, after, outcomes, margins
+    check_phases(walker, phases[lanes])
     own = inputs[lanes]
     if options.parameters:
         walker.check_values(options.parameters, own[:, columns.width :])
     held = {name: own[:, places[0]] for name, places in names.items()}
     states, begun = own[:, :size].copy(), own[:, names["start"]]
+    parameters = dict(zip(options.parameters, own[:, columns.width :].T, strict=True))
     if "actuation" in walker.supports:
-        check_actuation(walker, Actuation(*(held[name] for name in columns.controls)))
+        actuation = Actuation(*(held[name] for name in columns.controls))
+        check_actuation(walker, actuation, foot_radii=parameters.get("foot_radius"))
     begun = begun @ walker.chart.starts
     walker.chart.straighten(states)
-    parameters = dict(zip(options.parameters, own[:, columns.width :].T, strict=True))
     walkers = Walkers(
         walker=walker, parameters=parameters, tolerance=options.tolerance,
         end_on_toe_stub=options.end_on_toe_stub,
@@ -339,6 +341,29 @@ def as_tensor(value: Any, name: str) -> Tensor:
     if value.device.type != "cpu":
         raise TypeError(f"{name} is on {value.device}: move it to the CPU, as walkers are there")
     return value
+
+
+def array_of(values: Tensor) -> NDArray:
+    """Return the numbers of a tensor."""
+    try:
+        return values.numpy(force=True)
+    except RuntimeError:  # it has no memory within `torch.func.grad` and its like
+        kind = str(values.dtype).removeprefix("torch.")
+        return np.array(values.tolist(), kind).reshape(values.shape)
+
+
+def check_phases(walker: Walker, phases: NDArray) -> None:
+    """Check that strides of a walker have phases of these indices, (n,).
+
+    Raises:
+        ValueError: if they have not.
+    """
+    last = len(walker.equations().phases) - 1
+    if strange := set(phases.tolist()) - set(range(last + 1)):
+        raise ValueError(
+            f"phase must be 0{f' to {last}' if last else ''}, as strides of {describe(walker)} "
+            f"have no other, not {min(strange)}"
+        )
 
 
 def check_parameters(walker: Walker, parameters: Mapping[str, Any] | None) -> dict[str, Tensor]:

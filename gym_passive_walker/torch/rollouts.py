@@ -32,7 +32,13 @@ from gym_passive_walker.models.model import check_heights_only
 from gym_passive_walker.models.units import proportions
 from gym_passive_walker.models.walkers.walker import varied
 from gym_passive_walker.torch.counting import applied, check_alone
-from gym_passive_walker.torch.operation import as_tensor, check_parameters, columns_of
+from gym_passive_walker.torch.operation import (
+    array_of,
+    as_tensor,
+    check_parameters,
+    check_phases,
+    columns_of,
+)
 from gym_passive_walker.torch.steps import (
     RolloutState,
     drawn,
@@ -95,7 +101,8 @@ def initial_state(
 
     Raises:
         SceneError: if feasibility constraints end episodes of the scene.
-        ValueError: if `footholds` have another shape, or slopes that a `System` does not support.
+        ValueError: if `footholds` or parameters have another shape, or `footholds` have slopes that
+            a `System` does not support.
         WalkerError: if a walker has no such parameter.
     """
     scene, count = _differentiable(make_scene(scene)), whole(count, "count")
@@ -118,6 +125,9 @@ def initial_state(
         if name in parameters_of[0]
     }
     given = check_parameters(scene.walker, parameters)
+    for name, value in given.items():
+        if value.shape not in ((), (count,)):
+            raise ValueError(f"{name} must be a number or ({count},), not {tuple(value.shape)}")
     changes = torch.zeros((0, 2), dtype=torch.float64)
     if footholds is not None:
         changes = as_tensor(footholds, "footholds")
@@ -127,7 +137,7 @@ def initial_state(
         raise ValueError(
             f"footholds must have shape (k, 2) or (k, {count}, 2), not {tuple(changes.shape)}"
         )
-    check_heights_only(scene.walker, changes[:, :, 1].numpy(force=True))
+    check_heights_only(scene.walker, array_of(changes[:, :, 1]))
     zeros, none = torch.zeros(count, dtype=torch.float64), torch.zeros(count, dtype=torch.int64)
     states = torch.from_numpy(states_in(batch.records[:, 0], coordinates).copy())
     here = RolloutState(
@@ -206,7 +216,8 @@ def rollout(
 
     Raises:
         TypeError: if the actions are not float64 tensors on the CPU.
-        ValueError: if the actions or `pushes` have another shape.
+        ValueError: if the actions or `pushes` have another shape, or `start` is of a scene with
+            other states, phases, actions or delays.
         SceneError: if feasibility constraints end episodes of the scene, or a function of its own
             mixes walkers.
     """
@@ -216,7 +227,7 @@ def rollout(
             f"actions, not {shown(policy)}: robustness and gauntlet take other controllers"
         )
     scene, horizon = _differentiable(make_scene(scene)), whole(horizon, "horizon")
-    here = initial_state(scene, count, seed=seed) if start is None else start
+    here = initial_state(scene, count, seed=seed) if start is None else _checked(scene, start)
     impulses = None
     if pushes is not None:
         size = len(here.slopes)
@@ -240,6 +251,28 @@ def rollout(
             check_alone(scene, here.last)
     results = [torch.stack(columns) for columns in zip(*ticks, strict=True)]
     return Rollout._make([results[0].sum(0), *results, here])
+
+
+def _checked(scene: Scene, start: RolloutState) -> RolloutState:
+    """Return states after a check that they are as those of a scene.
+
+    Raises:
+        ValueError: if arrays have other sizes.
+    """
+    actions = len(scene.actions)
+    wanted = {
+        "states": (scene.walker.size,), "strengths": (actions,),
+        "pending": (int(scene.ends("action_delay")[1]), actions),
+    }  # fmt: skip
+    for name, shape in wanted.items():
+        found = tuple(getattr(start, name).shape[1:])
+        if found != shape:
+            raise ValueError(
+                f"start is of another scene: its {name} have shape {('n', *found)}, and those of "
+                f"this scene {('n', *shape)}; begin with initial_state of this scene"
+            )
+    check_phases(scene.walker, array_of(start.phases))
+    return start
 
 
 def _observed(scene: Scene, here: RolloutState) -> Tensor:

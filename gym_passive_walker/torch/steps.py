@@ -28,7 +28,13 @@ from gym_passive_walker.gaits.scenes.transition import Transition
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.systems import UNEVEN
 from gym_passive_walker.torch.counting import applied, each_tensor
-from gym_passive_walker.torch.operation import FlowOptions, FlowResult, carry_on, columns_of
+from gym_passive_walker.torch.operation import (
+    FlowOptions,
+    FlowResult,
+    array_of,
+    carry_on,
+    columns_of,
+)
 
 _RUNNING, _STRUCK = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE))
 
@@ -276,10 +282,10 @@ def _taken(scene: Scene, keys: Tensor, met: _Pushes, ready: Tensor, now: Tensor)
     """Return pushes after those that are due at a time, (n,), of the walkers that are ready."""
     settings = settings_of(scene).view(np.recarray)[0]
     waits, impulses = np.zeros((2, len(ready)))
-    counts, due = met.pushes.numpy().copy(), met.due.detach().numpy()
-    for i in np.flatnonzero(ready.numpy()):
+    counts, due, ends = array_of(met.pushes).copy(), array_of(met.due), array_of(now)
+    for i in np.flatnonzero(array_of(ready)):
         walker = SimpleNamespace(key=int(keys[i]) % 2**64, pushes=int(counts[i]))
-        while due[i] + waits[i] <= float(now[i].detach()) + kernels.INSTANT:
+        while due[i] + waits[i] <= ends[i] + kernels.INSTANT:
             impulses[i] += kernels.drawn_impulse(walker, settings)
             walker.pushes += 1
             waits[i] += kernels.time_to_push(walker, settings)
@@ -330,7 +336,7 @@ def drawn(
         size: Number of entries in all.
         entries: Indices of those that have noise.
     """
-    pairs = zip((here.keys.numpy().view(np.uint64)).tolist(), here.steps.tolist(), strict=True)
+    pairs = zip(array_of(here.keys).view(np.uint64).tolist(), here.steps.tolist(), strict=True)
     rows = [[draw(key, step, size, k) for k in entries] for key, step in pairs]
     return torch.tensor(rows, dtype=torch.float64).reshape(len(rows), len(entries))
 
@@ -347,8 +353,8 @@ def footing_of(scene: Scene, here: RolloutState, ahead: int = 0) -> Tensor:
     if scene.terrain is None:
         ground = torch.zeros((len(here.slopes), 3), dtype=torch.float64)
     else:
-        keys = here.keys.numpy().view(np.uint64)
-        ground = torch.from_numpy(scene.terrain.ground(keys, places.numpy()))
+        keys = array_of(here.keys).view(np.uint64)
+        ground = torch.from_numpy(scene.terrain.ground(keys, array_of(places)))
     if count == 0:
         return ground
     level = torch.zeros_like(here.footholds[:1])

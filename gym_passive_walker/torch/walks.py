@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gym_passive_walker._tools.arguments import check_tolerance, unknown
+from gym_passive_walker._tools.arguments import check_tolerance, shown, unknown
 from gym_passive_walker.gaits.actuation import Actuation, actuation_units
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE
 from gym_passive_walker.gaits.measures import RECORDED
@@ -218,7 +218,8 @@ def tick(
 
     Raises:
         TypeError: if a tensor is not float64 or not on the CPU.
-        ValueError: if shapes do not match, or the walker's feet do not permit an actuation.
+        ValueError: if shapes do not match, the walker's feet do not permit an actuation, or a
+            stride of it has no such phase.
         WalkerError: if the parameters describe no walker.
     """
     return _walk(
@@ -261,14 +262,18 @@ def _found(
     nothing = torch.zeros(len(time), dtype=torch.float64)
     done = {"hip": (nothing, nothing), "ankle": (nothing, nothing)}
     for j, work in enumerate(works):
-        # All controls of a `System` count as the hip's. The gradient is zero after a fall.
+        # All controls of a `System` count as the hip's.
         name = "ankle" if j and "actuation" in walker.supports else "hip"
-        torque = torch.where(moved.walks, held[:, j], held[:, j].detach()) * work
-        net, absolute = work_of(torque, moved.result("moved", j), moved.result("turned", j))
+        angles = moved.result("moved", j), moved.result("turned", j)
+        net, absolute = work_of(held[:, j] * work, *angles)
         done[name] = done[name][0] + net, done[name][1] + absolute
     for name, (net, absolute) in done.items():
         found[f"{name}_work"] = net * units.energy
         found[f"{name}_work_absolute"] = absolute * units.energy
+    fell = ~moved.walks  # then nothing has a gradient, neither by torques nor through the units
+    for name, x in found.items():
+        if x.is_floating_point():
+            found[name] = torch.where(fell[:, None] if x.ndim > 1 else fell, x.detach(), x)
     return kind._make(found[name] for name in kind._fields)
 
 
@@ -293,7 +298,9 @@ def _walk(
     walker = as_walker(walker)
     given = check_parameters(walker, parameters)
     units = walker.units_with(**given) if given else walker.units
-    states, phases = as_tensor(state, "state"), torch.as_tensor(phase, dtype=torch.int64)
+    states, phases = as_tensor(state, "state"), torch.as_tensor(phase)
+    if phases.is_floating_point():
+        raise ValueError(f"phase must be a whole number or (n,) of them, not {shown(phase)}")
     columns, wanted = columns_of(walker), _controls(walker, actuation, met, controls)
     starts, size = columns.inputs["start"], columns.report.size
     names = (*columns.controls, *UNEVEN, "push", *("start",) * len(starts))
@@ -326,7 +333,7 @@ def _walk(
     count = math.prod(shape)
     time = torch.as_tensor(units.time, dtype=torch.float64).expand(shape).reshape(count, 1)
     states = states.expand(*shape, size).reshape(count, size)
-    phases = phases.expand(shape).reshape(count)
+    phases = phases.long().expand(shape).reshape(count)
     rest = torch.stack([x.expand(shape).reshape(count) for x in held], 1)
     inputs = torch.cat([states[:, : size // 2], states[:, size // 2 :] * time, rest], 1)
     asked = dict(zip(names, given_held, strict=True))

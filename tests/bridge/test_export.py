@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -13,6 +14,7 @@ from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
 from gym_passive_walker.bridge.linkage import Linkage
 from gym_passive_walker.bridge.rigid import tree_of_walker
+from gym_passive_walker.math import cos, sin
 from tests.bridge.models import (
     LENGTH,
     MASS,
@@ -147,12 +149,73 @@ def _with(links):
             "link 3 of `links` turns otherwise than torso",
         ),
         (_turning(lambda state: 2.0 * state.torso), "link 3 of `links` turns otherwise than torso"),
+        (None, "the stance foot does not roll as a circle of radius 0.3"),
     ],
-    ids=["stretched", "the legs' angle", "twice its angle"],
+    ids=["stretched", "the legs' angle", "twice its angle", "an ankle over a flat foot"],
 )
 def test_a_system_that_is_no_tree_of_hinges_has_no_file(links, said, tmp_path):
+    system = _compass(rolls=0.0) if links is None else _with(links)
     with pytest.raises(ValueError, match=said):
-        gpw.export(_with(links), tmp_path / "walker.xml", unit_length=1.0, unit_mass=1.0)
+        gpw.export(system, tmp_path / "walker.xml", unit_length=1.0, unit_mass=1.0)
+
+
+class _Feet(NamedTuple):
+    """Radii of the feet of a compass, and whether they roll."""
+
+    stance_radius: float = 0.3
+    swing_radius: float = 0.2
+    rolls: float = 1.0
+
+
+class _Legs(NamedTuple):
+    """Angles of the legs of a compass, and their rates."""
+
+    stance: float
+    swing: float
+    stance_rate: float
+    swing_rate: float
+
+
+def _joints(body, state):
+    """Stance foot, hip and swing foot: centres of circles."""
+    x, y = -body.rolls * body.stance_radius * state.stance, body.stance_radius
+    one, other = 1.0 - body.stance_radius, 1.0 - body.swing_radius
+    hip_x, hip_y = x - one * sin(state.stance), y + one * cos(state.stance)
+    return (
+        (x, y),
+        (hip_x, hip_y),
+        (hip_x + other * sin(state.swing), hip_y - other * cos(state.swing)),
+    )
+
+
+def _landing(body, state):
+    *_, (x, y) = _joints(body, state)
+    return x + body.rolls * body.swing_radius * state.swing, y - body.swing_radius
+
+
+def _compass(**feet):
+    """Walker E or B as a system, with feet of its own."""
+    return gpw.System(
+        name="compass", body=_Feet(**feet), State=_Legs, landing=_landing,
+        links=lambda body, state: [
+            gpw.Link(mass, *place)
+            for mass, place in zip((0.1, 0.8, 0.1), _joints(body, state), strict=True)
+        ],
+        relabel=lambda body, state: (state.swing, state.stance),
+        exchange={"stance_radius": "swing_radius"},
+        falls={"fell_forward": lambda body, state: state.stance + 1.5},
+        counts=(lambda body, state: -state.stance,),
+    )  # fmt: skip
+
+
+def test_a_foot_has_its_own_radius_and_may_bear_a_mass(tmp_path):
+    feet = [foot for body in Linkage(_compass()).tree(2.0, 1.0).bodies for foot in body.feet]
+    assert [foot.radius for foot in feet] == pytest.approx([0.6, 0.4])
+    points = _compass(stance_radius=0.0, swing_radius=0.0)
+    gpw.export(points, tmp_path / "walker.xml", unit_length=1.0, unit_mass=1.0)
+    read = gpw.Walker.from_mjcf(tmp_path / "walker.xml")
+    found = read.hip_mass, read.thigh_mass, read.thigh_com, read.leg_length
+    assert found == pytest.approx((0.8, 0.1, 1.0, 1.0))
 
 
 def test_the_angle_of_a_link_counts_in_either_sense_and_from_anywhere():

@@ -292,6 +292,40 @@ def test_properties_of_all_joints_in_a_file_of_mujoco_count(joint, attributes, s
         changed(joint, **attributes)
 
 
+_TENDON = '<tendon><fixed stiffness="9"><joint joint="right_hip" coef="1"/></fixed></tendon>'
+_GRAVITY = 'gravity="0.0 0.0 -9.81"'
+
+
+@pytest.mark.parametrize(
+    ("usual", "changed", "said"),
+    [
+        ('active="false"', 'active="true"', "an equality constraint acts on it"),
+        ("<equality>", f"{_TENDON}<equality>", "a tendon acts on it"),
+        ('<body name="left_shank"', '<body gravcomp="1" name="left_shank"', "gravcomp acts on it"),
+        ("<option", '<option density="1000"', "a fluid acts on it"),
+        (_GRAVITY, 'gravity="0 -9.81 0"', "gravity acts across its plane"),
+        ("<option", '<option><flag gravity="disable"/></option><option', "gravity must be posit"),
+    ],
+)
+def test_what_else_acts_in_a_file_of_mujoco_is_refused(usual, changed, said, tmp_path):
+    pytest.importorskip("mujoco")
+    path = tmp_path / "lab.xml"
+    gpw.export("lab", path)
+    path.write_text(path.read_text("utf-8").replace(usual, changed, 1), "utf-8")
+    with pytest.raises(gpw.WalkerError, match=said):
+        gpw.Walker.from_mjcf(path)
+
+
+def test_a_joint_of_a_urdf_that_mimics_another_is_refused(tmp_path):
+    path = tmp_path / "lab.urdf"
+    gpw.export("lab", path)
+    head, hip, rest = path.read_text("utf-8").partition('<joint name="right_hip"')
+    rest = rest.replace("<dynamics", '<mimic joint="left_knee" /><dynamics', 1)
+    path.write_text(head + hip + rest, "utf-8")
+    with pytest.raises(gpw.WalkerError, match="right_hip has mimic"):
+        gpw.Walker.from_urdf(path)
+
+
 def test_the_angle_of_a_hinge_in_the_file_does_not_change_the_walker(changed):
     """`ref` is the angle between the legs in the file; a spring would have to be at rest at 0."""
     usual, apart = (changed("right_hip", stiffness="0", ref=ref) for ref in ("0", "0.3"))

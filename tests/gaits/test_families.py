@@ -277,6 +277,16 @@ def test_a_senseless_parameter_is_refused(arguments, message):
         parameter_family("E", *arguments, slope=0.01)
 
 
+def test_legs_without_mass_have_no_family_over_their_mass():
+    """Legs with mass have other equations."""
+    for analysis in (
+        lambda: parameter_family("D", "shank_mass", 0.0, 0.1, slope=0.009),
+        lambda: gpw.bifurcation_diagram("D", [0.05, 0.1], parameter="shank_mass", slope=0.009),
+    ):
+        with pytest.raises(ValueError, match="a leg has mass with shank_mass"):
+            analysis()
+
+
 def test_a_range_without_gaits_says_so():
     with pytest.raises(GaitNotFound, match="at any of 16 slopes"):
         gait_family("lab", 0.001, 0.002)

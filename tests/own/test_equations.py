@@ -90,6 +90,17 @@ def test_a_walker_with_knees_is_an_environment_by_the_same_means():
     assert found[4]["strides"] == expected[4]["strides"] >= 2
 
 
+@pytest.mark.parametrize(("asked", "outcome"), [(None, "stubbed_toe"), (False, "fell_backward")])
+def test_a_guard_of_stubbed_toes_ends_episodes_as_those_of_the_package(asked, outcome):
+    start = dimensionless("kneed", gpw.find_gait("lab", 0.036).state) * [1, 1, 1, 0.8, 1, 1]
+    system, scene = stated("kneed"), {"slope": 0.036, "control": "stride", "actions": ("hip",)}
+    env = gym.make("PassiveWalker-v0", system=system, end_on_toe_stub=asked, **scene).unwrapped
+    env.reset(seed=0, options={"state": start, "slope": 0.036})
+    assert env.step(np.zeros(1))[4]["outcome"] == outcome
+    with pytest.raises(ValueError, match="guard of it"):
+        make_scene(scene, system=stated("straight"), end_on_toe_stub=True)
+
+
 def changed(kind, phase=-1, **parts):
     """The equations of a kind with other functions."""
     equations = SYSTEMS[kind]
@@ -239,6 +250,17 @@ def given(body=DRIVEN.body, mass=1.0, **changes):
         DRIVEN.hybrid._replace(**changes), body, name="given", start=DRIVEN.start, mass=mass,
         centre=lambda body, state: DRIVEN._centre(body, state)[1:],
     )  # fmt: skip
+
+
+def test_the_mass_of_given_equations_may_be_a_function_of_the_body():
+    """The weight is then that of the body that walks, as that of a system of links is."""
+    system = given(mass=lambda body: body.hip + 2.0 * body.leg)
+    assert system.vary(hip=2.0).weight == pytest.approx(DRIVEN.vary(hip=2.0).weight)
+    assert system.mass_with(hip=np.array([1.0, 2.0])) == pytest.approx(4.0 / 3.0 + np.array([0, 1]))
+    with pytest.raises(gpw.StatementError, match=r"its mass is 1$"):
+        given().vary(hip=2.0)
+    with pytest.raises(gpw.StatementError, match="mass of system 'given' must be positive"):
+        given(mass=lambda body: -body.hip)
 
 
 def test_equations_use_as_many_constants_as_a_phase_has_room_for():

@@ -17,7 +17,7 @@ import pytest
 import gym_passive_walker as gpw
 from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
-from gym_passive_walker.models.math import cos, sin
+from gym_passive_walker.models.math import cos, sin, sqrt, where
 from tests.numbers import alike
 from tests.own.statements import COMPASS, DRIVEN, Hip, links
 
@@ -86,6 +86,14 @@ WRONG = {
         "not a number": (lambda b, s: [gpw.Link(1.0, math.nan, s.stance)], "finite"),
         "a number": (lambda b, s: 1.0, "list of gpw.Link"),
         "a leg without mass": (lambda b, s: links(b, s)[:2], "without inertia"),
+        "a mass that grows": (
+            lambda b, s: [*links(b, s)[:2], links(b, s)[2]._replace(mass=0.2 + s.swing**2)],
+            "masses and moments of inertia that do not depend on the state",
+        ),
+        "a place by a rate": (
+            lambda b, s: [*links(b, s), gpw.Link(0.1, 0.1 * s.stance_rate, 1.0)],
+            "places and angles that do not depend on the rates",
+        ),
     },
     "landing": {
         "a foot that never falls": (lambda b, s: (sin(s.swing), 1.0), "never falls"),
@@ -99,6 +107,10 @@ WRONG = {
         ),
         "no return": (forgotten, "add its return"),
         "a text": (lambda b, s: ("1.5", "2.5"), "must give numbers"),
+        "a place by a rate": (
+            lambda b, s: (s.swing - s.stance + s.stance_rate, cos(s.stance) - cos(s.swing)),
+            "must not depend on the rates",
+        ),
     },
     "relabel": {
         "another each time": (lambda b, s: (s.swing, s.stance + anything(b, s)), "each time"),
@@ -244,6 +256,14 @@ def test_a_control_that_cannot_work_is_refused(travel, said):
 
 def test_a_body_without_dampers_may_have_a_dissipation():
     assert FIVE_LINKS.vary(damping=0.0).total_mass == pytest.approx(FIVE_LINKS.total_mass)
+
+
+def test_a_spring_may_have_a_value_that_is_not_chosen_where_it_has_no_root_or_quotient():
+    def potential(body, state):
+        opened = (state.swing - state.stance) ** 2
+        return where(opened > 0.5, sqrt(opened - 0.5) + 0.001 / opened, 0.0)
+
+    assert replace(COMPASS, potential=potential).total_mass == COMPASS.total_mass
 
 
 def test_equations_that_differ_have_names_that_differ():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from gym_passive_walker import footholds
+from gym_passive_walker import footholds, rough
 from gym_passive_walker.envs.interface import OUTCOMES
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.control.feedback import powered_gait
@@ -187,6 +187,35 @@ def test_policies_of_other_numbers_are_refused():
         rollout(lambda seen: seen[:, :2], "level", 1)
     with pytest.raises(ValueError, match="horizon must be a whole number"):
         rollout(network(), "level", 0)
+
+
+def test_functional_derivatives_go_through_rollouts_with_all_that_is_drawn():
+    scene = {"walker": "C", "slope": 0.03, "terrain": rough(0.002), "action_delay": 1}
+    scene |= {"pushes": {"rate": 0.3, "impulse": (-0.05, 0.05)}, "observation_noise": 0.01}
+    scene["reward"] = lambda step: step.distance - step.hip_work_absolute
+
+    def walked(weights):
+        def policy(seen):
+            return torch.tanh(seen[:, :8] @ weights)[:, None]
+
+        return rollout(policy, scene, 8, count=3, seed=1).returns.sum()
+
+    weights = torch.full((8,), 0.1, dtype=torch.float64, requires_grad=True)
+    (expected,) = torch.autograd.grad(walked(weights), weights)
+    for derivative in (torch.func.grad, torch.func.jacfwd):
+        torch.testing.assert_close(derivative(walked)(weights.detach()), expected)
+
+
+def test_a_rollout_begins_with_walkers_of_its_scene():
+    scene = {"walker": "C", "slope": 0.03}
+    late = scene | {"action_delay": 2}
+    with pytest.raises(ValueError, match=r"its pending have shape \('n', 0, 1\)"):
+        rollout(network(), late, 3, start=initial_state(scene, 2))
+    with pytest.raises(ValueError, match=r"foot_radius must be a number or \(2,\), not \(3,\)"):
+        initial_state(scene, 2, parameters={"foot_radius": [0.1, 0.2, 0.3]})
+    locked = initial_state(scene, 2)._replace(phases=torch.tensor([1, 0]))
+    with pytest.raises(ValueError, match="phase must be 0, as strides of"):
+        rollout(network(), {"walker": "E", "slope": 0.01}, 3, start=locked)
 
 
 DRIVEN = {

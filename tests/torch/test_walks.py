@@ -208,6 +208,12 @@ def test_round_feet_bear_no_ankle_torque_in_torch_either():
         stride("lab", slope, states, ankle_torque=number(0.1))
     with pytest.raises(ValueError, match="push_off must not be negative"):
         stride("lab", slope, states, push_off=number(-0.1))
+    slope, states = gait("B")  # its feet count as the parameters say
+    point, half = {"foot_radius": number(0.0)}, {"foot_radius": number([0.0, 0.2])}
+    walked = stride("B", slope, states, ankle_torque=1e-4, parameters=point)
+    assert (walked.ankle_work != 0.0).all()
+    with pytest.raises(ValueError, match=r"foot_radius of this walker is 0\.2"):
+        stride("E", slope, states, ankle_torque=1e-4, parameters=half)
 
 
 @pytest.mark.parametrize("name", gpw.WALKERS)
@@ -356,6 +362,11 @@ def test_a_control_step_that_ends_in_a_fall_has_no_gradient():
     for values in (moved.distance, moved.state.sum(dim=1)):
         (grad,) = torch.autograd.grad(values.sum(), states, retain_graph=True)
         assert (grad[0] != 0.0).any() and (grad[1] == 0.0).all()
+    gravity = number([9.81, 9.81])  # it changes the units
+    moved = tick("lab", slope, states, 0.01, duration=6.0, parameters={"gravity": gravity})
+    for values in (moved.distance, moved.duration, moved.state.sum(dim=1), moved.hip_work):
+        (grad,) = torch.autograd.grad(values.sum(), gravity, retain_graph=True)
+        assert grad[0] != 0.0 and grad[1] == 0.0
 
 
 def test_strides_that_are_given_up_or_have_no_start_have_no_gradient():
@@ -431,9 +442,17 @@ def test_what_makes_no_sense_is_refused():
         stride("lab", slope, states, parameters={"knee": number(0.3)})
     with pytest.raises(gpw.models.walkers.WalkerError, match="foot_radius must lie from 0"):
         stride("lab", slope, states, parameters={"foot_radius": number(3.0)})
+    simplest, start = gait("D")
+    with pytest.raises(ValueError, match=r"a leg has mass with shank_mass = 0\.1"):
+        stride("D", simplest, start, parameters={"shank_mass": [0.0, 0.1]})
+    with pytest.raises(ValueError, match="a leg has no mass with thigh_mass, shank_mass, hip_mass"):
+        stride("E", slope, states, parameters={"thigh_mass": 0.0, "shank_mass": 0.0, "hip_mass": 1})
     with pytest.raises(ValueError, match=r"state must have shape \(6,\) or \(n, 6\)"):
         stride("lab", slope, states[:, :4])
     with pytest.raises(ValueError, match=r"state is \(2, 6\), and slope \(3,\)$"):
         stride("lab", number([0.03] * 3), states)
     with pytest.raises(ValueError, match="tolerance must be"):
         stride("lab", slope, states, tolerance=0.0)
+    for phase, said in ((2, "0 to 1, .* 'lab' .* not 2"), (-1, "not -1"), (0.5, "whole number")):
+        with pytest.raises(ValueError, match=f"phase must be .*{said}"):
+            tick("lab", slope, states, duration=0.1, phase=phase)

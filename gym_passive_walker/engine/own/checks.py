@@ -165,6 +165,7 @@ def check_given(system: Any, equations: hybrid.System) -> None:
             )
 
 
+@np.errstate(all="ignore")  # of values that `where` does not choose
 def check(system: Any) -> None:
     """Refuse functions that do not fit each other.
 
@@ -199,8 +200,12 @@ def check(system: Any) -> None:
     if system.given is not None:
         if system.centre is None:
             raise checks.error("centre", "is missing: give x and y of the centre of mass")
-        if not checks.numbers("mass", [system.mass])[0] > 0.0:
-            raise checks.error("mass", f"must be positive, not {system.mass!r}")
+        mass = system.mass
+        if callable(mass):
+            checks.agree("mass", mass, None, checks.body)
+            mass = mass(checks.body)
+        if not checks.numbers("mass", [mass])[0] > 0.0:
+            raise checks.error("mass", f"must be positive, not {mass!r}")
         _check_statement(checks, system.given)
         return
     if system.centre is not None or system.mass != 1.0:
@@ -258,6 +263,19 @@ def _check_links(checks: Checks, state: Any) -> None:
         if plain.mass < 0.0 or plain.inertia < 0.0:
             raise checks.error("links", f"must have no negative mass or inertia, as {plain} has")
 
+    def changes(body: Any, state: Any) -> tuple:
+        links = checks.system.links(body, state)
+        return tuple(tuple(rates_by(x, state)) for link in links for x in Link(*link))
+
+    by_state = np.array(checks.tried("links", Derived(changes), checks.body, state), dtype=float)
+    by_state = by_state.reshape(-1, len(Link._fields), len(state))
+    if np.any(by_state[:, [0, 3]]):
+        raise checks.error(
+            "links", "must have masses and moments of inertia that do not depend on the state"
+        )
+    if np.any(by_state[:, :, checks.count :]):
+        raise checks.error("links", "must have places and angles that do not depend on the rates")
+
 
 def _check_functions(checks: Checks, state: Any) -> None:
     system, body = checks.system, checks.body
@@ -272,6 +290,13 @@ def _check_functions(checks: Checks, state: Any) -> None:
     ):
         if function is not None:
             checks.agree(name, function, size, body, state)
+    for number in (0, 1):
+
+        def place(body: Any, state: Any, number: int = number) -> Any:
+            return system.landing(body, state)[number]
+
+        if np.any(_slopes(checks, "landing", place, state, checks.count)):
+            raise checks.error("landing", "must not depend on the rates of the coordinates")
     for function in system.falls.values():
         if not np.any(_slopes(checks, "falls", function, state, 0)):
             raise checks.error("falls", "never falls: it does not depend on the coordinates")
@@ -535,7 +560,7 @@ def _check_phase(checks: Checks, equations: hybrid.System, phase: Phase, state: 
             for p in equations.momentum(body, state)  # type: ignore[misc]
         ]
         back, up = equations.ground_force(body, state, bends, _SLOPING)  # type: ignore[misc]
-        weight = checks.system.mass
+        weight = checks.system.total_mass
         return (*changes, back + weight * _SLOPING.sine, up - weight * _SLOPING.cosine)
 
     if equations.momentum is not None:
@@ -543,7 +568,8 @@ def _check_phase(checks: Checks, equations: hybrid.System, phase: Phase, state: 
         if np.abs(each[:2] - each[2:]).max() > _CLOSE * np.abs(each).max():
             raise checks.error(
                 "ground_force", f"and weight change the momentum by {each[2:].tolist()} in "
-                f"{name}, and `momentum` itself changes by {each[:2].tolist()}"
+                f"{name}, and `momentum` itself changes by {each[:2].tolist()}; its mass is "
+                f"{checks.system.total_mass:.6g}"
             )  # fmt: skip
     each = checks.numbers(name, checks.tried(name, Derived(powers), body, state))
     if abs(each.sum()) > _CLOSE * np.abs(each).sum():

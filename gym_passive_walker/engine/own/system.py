@@ -34,7 +34,7 @@ from gym_passive_walker.models.units import Units
 
 _FUNCTIONS = (
     "links", "landing", "relabel", "falls", "counts", "potential", "dissipation", "forces",
-    "travel", "pose", "centre",
+    "travel", "pose", "centre", "mass",
 )  # fmt: skip
 _ITERATIONS, _CLOSE = 30, 1e-9  # of Newton's method, and its largest error
 
@@ -105,7 +105,7 @@ class System(Model):
             line from the foot to each mass, or to the centre of mass.
         given: The hybrid system that was given to `of`; None otherwise. `State`, `Control`,
             `travel` and `falls` are then those of the equations.
-        mass: Its total mass, as given to `of`.
+        mass: Its total mass, a number or a function of body, as given to `of`.
         centre: Function of body and state: x and y of its centre of mass, as given to `of`.
 
     Raises:
@@ -129,7 +129,7 @@ class System(Model):
     limits: Mapping[str, float] = field(default_factory=dict)
     pose: Callable[[Any, Any], Sequence[Sequence[tuple[Any, Any]]]] | None = None
     given: hybrid.System | None = None
-    mass: float = 1.0
+    mass: float | Callable[[Any], Any] = 1.0
     centre: Any = None
     exchange: Mapping[str, str] = field(default_factory=dict)
     _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
@@ -165,7 +165,7 @@ class System(Model):
         body: Any,
         *,
         centre: Callable[[Any, Any], tuple[Any, Any]],
-        mass: float = 1.0,
+        mass: float | Callable[[Any], Any] = 1.0,
         **rest: Any,
     ) -> System:
         """A system with given equations: accelerations, guards, resets and energies.
@@ -178,7 +178,7 @@ class System(Model):
                 `push` that a phase lacks follows from the mass matrix.
             body: Its parameters, of the type `equations.Body`.
             centre: Function of body and state: x and y of the centre of mass from the stance foot.
-            mass: Its total mass.
+            mass: Its total mass; a function of body where fields of the body change it.
             **rest: `name`, `start`, `limits`, `pose`, `exchange`, as in the class.
 
         Raises:
@@ -350,6 +350,12 @@ class System(Model):
     def endings(self) -> dict[str, str]:
         """Outcomes by which an episode ends in a fall, and when."""
         return dict.fromkeys(self.falls, "a rule of the system's falls")
+
+    @property
+    def toe_stubs(self) -> bool:
+        """Whether given equations have a guard that a stubbed toe passes."""
+        phases = () if self.given is None else self.given.phases
+        return any(guard.watch == Watch.SCUFF for phase in phases for guard in phase.guards)
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -624,7 +630,8 @@ class System(Model):
         """The whole mass, and its first moments along x and y."""
         if self.given is not None:
             x, y = self.centre(body, state)
-            return self.mass, self.mass * x, self.mass * y
+            mass = self.mass(body) if callable(self.mass) else self.mass
+            return mass, mass * x, mass * y
         mass: Any = 0.0
         x: Any = 0.0
         y: Any = 0.0

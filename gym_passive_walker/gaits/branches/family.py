@@ -43,6 +43,7 @@ from gym_passive_walker.gaits.gait import (
 )
 from gym_passive_walker.gaits.measures import InUnits, StrideQuantities
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
+from gym_passive_walker.models.model import check_row
 from gym_passive_walker.models.units import Units
 from gym_passive_walker.models.walkers import Walker, describe, name_of
 
@@ -519,7 +520,7 @@ def axis_of(
     for value in (low, high):
         try:
             if own:
-                there = stride_map.walker.with_parameters(**{parameter: value})
+                there = check_row(stride_map.walker, (parameter,), (value,))
                 if isinstance(stride_map.controller, Actuation):
                     one_actuation(there, stride_map.controller)
             else:

@@ -249,7 +249,7 @@ class ControlledMap(StrideMap):
         return Walkers(
             walker=self.walker, using=using, tolerance=self.tolerance,
             parameters=self.varied,
-            end_on_toe_stub=bool(self.scene.end_on_toe_stub and self.walker.knees),
+            end_on_toe_stub=bool(self.scene.end_on_toe_stub and self.walker.toe_stubs),
         )  # fmt: skip
 
     def beginning(self, slopes: ArrayLike) -> NDArray[np.float64]:

@@ -194,7 +194,7 @@ def map_in(scene: Scene, policy: Policy | None) -> StrideMap:
     if policy is None:
         return StrideMap.of(
             scene.walker, slope=slope, tolerance=scene.tolerance,
-            end_on_toe_stub=bool(scene.end_on_toe_stub and scene.walker.knees),
+            end_on_toe_stub=bool(scene.end_on_toe_stub and scene.walker.toe_stubs),
         )  # fmt: skip
     depends = "a stride must depend on the state in which it begins, and "
     if scene.action_delay:

@@ -441,7 +441,7 @@ class Problem:
 
     def _stubs(self, z: NDArray) -> bool:
         """Return whether the toe would stub."""
-        if not self.scene.walker.knees:
+        if not self.scene.walker.toe_stubs:
             return False
         try:
             self.walk(z, end_on_toe_stub=True)

@@ -97,7 +97,8 @@ class Scene:
         energy_weight: Price of a unit of energy, in leg lengths of distance.
         energy: Actuator work that the reward subtracts: "absolute", "positive" or "net".
         end_on_toe_stub: Whether a locked swing leg below the ground ends the episode. None is True
-            for walkers with knees; straight legs always pass through the ground.
+            for walkers with knees, and for a `System` with such a guard; straight legs always pass
+            through the ground.
         reset_noise_scale: Largest relative change of the initial angle and angular velocities; of
             a system, of its rates alone. None is 0.10 for ticks and 0.05 for strides.
         domain_randomization: What each reset draws of the walker's parameters and of some
@@ -202,12 +203,13 @@ class Scene:
         if self.reset_noise_scale is None:
             put("reset_noise_scale", _PERTURBATION[self.control])
         if self.end_on_toe_stub is None:
-            put("end_on_toe_stub", bool(self.walker.knees))
+            put("end_on_toe_stub", self.walker.toe_stubs)
         for name in ("end_on_toe_stub", "reward_terms"):
             put(name, checked(boolean, getattr(self, name), name))
-        if self.end_on_toe_stub and not self.walker.knees:
+        if self.end_on_toe_stub and not self.walker.toe_stubs:
             raise SceneError(
                 "end_on_toe_stub is a rule for walkers with knees: straight legs always scuff"
+                " (equations of a System may have a guard of it)"
             )
         bound("tick", 1e-3, 1e3)
         for name in ("max_hip_torque", "max_ankle_torque", "max_push_off"):

@@ -211,8 +211,8 @@ class Walker(Shown, Model):
         Bodies that are welded together are summed. Each leg has one link, or two with a knee that
         stops at angle 0; its last link has a foot, a sphere or a cylinder across the plane. A
         body between the hips is a point mass; springs and friction of two hinges there act in
-        series, as one. Units are those of the file. Contacts, actuators and what lies across the
-        plane are ignored.
+        series, as one. Units are those of the file. Contacts, actuators, stops of the hips and what
+        lies across the plane are ignored.
 
         Args:
             path: The file. MuJoCo reads it.
@@ -280,6 +280,11 @@ class Walker(Shown, Model):
     def chart(self) -> Mirrored:
         """Coordinates of its states just after heelstrike."""
         return Mirrored(bool(self.knees))
+
+    @property
+    def toe_stubs(self) -> bool:
+        """Whether a locked swing leg below the ground can end its strides."""
+        return bool(self.knees)
 
     @property
     def parts(self) -> tuple[str, ...]:
