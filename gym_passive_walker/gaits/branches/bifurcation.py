@@ -402,6 +402,7 @@ def crisis(
             ("0 < low < high" if downhill else "low < high") if steep else "low and another high"
         )
         raise ValueError(f"{'slopes' if steep else 'values'} must be {allowed}, not {low}, {high}")
+    axis_of(walker, parameter, *sorted((low, high)), slope, tolerance=tolerance)  # refuses a range
     walks = _Walks.of(walker, parameter, [low], slope, tolerance)
     strides, walkers = whole(strides, "strides"), whole(walkers, "walkers", 1, KEPT)
     accuracy = number(accuracy, "accuracy", least=_FINEST, most=1.0 if steep else abs(high - low))
