@@ -521,6 +521,12 @@ def axis_of(
         try:
             if own:
                 there = stride_map.walker.with_parameters(**{parameter: value})
+                if there.kind != stride_map.walker.kind:
+                    raise ValueError(
+                        f"with {parameter}={value:g} the walker has other equations of motion, "
+                        f"those of {there.kind!r} and not of {stride_map.walker.kind!r}; choose one "
+                        "in which they are the same"
+                    )
                 if isinstance(stride_map.controller, Actuation):
                     one_actuation(there, stride_map.controller)
             else:
