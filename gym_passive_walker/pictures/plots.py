@@ -470,9 +470,7 @@ def _torques(ax: Axes, walk: Trajectory, gait: Gait, optimum: Any) -> None:
     if optimum is not None:
         best = np.array([*optimum.held.values()])[: len(walker.controls)]
         period = optimum.dimensionless.step_period
-        edges = np.minimum(
-            min(gait.stride_map.hold, period) * np.arange(best.shape[1] + 1), period
-        )
+        edges = np.minimum(min(gait.stride_map.hold, period) * np.arange(best.shape[1] + 1), period)
         said = f"optimal at speed {optimum.dimensionless.speed:.3f} √(g l)"
     own = "actuation" not in walker.supports
     acts = np.any(held, axis=0) | np.any(best, axis=1) | own

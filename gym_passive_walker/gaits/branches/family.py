@@ -524,8 +524,8 @@ def axis_of(
                 if there.kind != stride_map.walker.kind:
                     raise ValueError(
                         f"with {parameter}={value:g} the walker has other equations of motion, "
-                        f"those of {there.kind!r} and not of {stride_map.walker.kind!r}; choose one "
-                        "in which they are the same"
+                        f"those of {there.kind!r} and not of {stride_map.walker.kind!r}; choose "
+                        "one in which they are the same"
                     )
                 if isinstance(stride_map.controller, Actuation):
                     one_actuation(there, stride_map.controller)
