@@ -119,7 +119,7 @@ REFUSALS = [
     (gpw.Terrain, {}, "height_std", (*NO_NUMBERS, nan, inf, -1.0, 1e9)),
     (gpw.Terrain, {}, "slope_std", (*NO_NUMBERS, nan, inf, -1.0, 2.0)),
     (gpw.waves, {"height": 0.01, "strides": 5}, "height", (*NO_NUMBERS, nan, inf, 1e9)),
-    (gpw.waves, {"height": 0.01, "strides": 5}, "strides", (*NO_COUNTS, 1, 10**9)),
+    (gpw.waves, {"height": 0.01, "strides": 5}, "strides", (*NO_COUNTS, 1, 2, 10**9)),
     (gpw.closed_loop_gait, PASSIVE, "policy", NO_OBJECTS),
     (gpw.closed_loop_gait, PASSIVE, "guess", (nan, "no", [nan] * 6, [1.0] * 5, {}, object())),
     (gpw.closed_loop_gait, PASSIVE, "period", (*NO_COUNTS, 0)),

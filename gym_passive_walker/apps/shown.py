@@ -18,7 +18,7 @@ from gym_passive_walker.gaits.control.maps import stride_map
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.given import GaitLike, walk_of
-from gym_passive_walker.gaits.scenes.scene import SceneError
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.scenes.starts import REFERENCE_SLOPES, Start
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.walkers import Walker
@@ -93,6 +93,13 @@ class Setup(NamedTuple):
             slope = _gentle_slope(walker) if policy is None else float(np.mean(policy.scene.slope))
         setup = cls(walker, one_slope(slope), controller, start)
         setup.first_state()
+        if strides is not None:
+            there: Any = setup.stride_map()
+            if there.scene != make_scene(strides.scene, slope=setup.slope):
+                raise ValueError(
+                    "play shows a trained policy in its own scene, and this gait is of another: "
+                    "give a gait of stride_map(walker, slope, controller=policy)"
+                )
         return setup
 
     def first_state(self) -> Start | None:
@@ -176,6 +183,6 @@ def _gentle_slope(walker: Walker) -> float:
         try:
             if find_gait(walker, slope).stable:
                 return slope
-        except (GaitNotFound, SceneError):
+        except (GaitNotFound, ValueError):  # or a system without a start of its own
             pass
     return REFERENCE_SLOPES[0]

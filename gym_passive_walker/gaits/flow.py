@@ -247,8 +247,8 @@ class Flow:
             (n, 1 + k).
         began: Gives the records from which they came; None for strides after the first.
         on_section: Whether a stride began there.
-        instants: Of each of n walkers there are so many in a row, followed to a time each; None
-            where there is one.
+        instants: Number n of walkers, and number k of records in a row for each, followed to a time
+            each; None where there is one.
     """
 
     walkers: Walkers
@@ -258,7 +258,7 @@ class Flow:
     records: NDArray
     began: Callable[[], NDArray] | None
     on_section: bool
-    instants: int | None = None
+    instants: tuple[int, int] | None = None
 
     @cached_property
     def before(self) -> NDArray:
@@ -300,7 +300,7 @@ class Flow:
         return self._shaped(stages[self.records["phase"][:, 0]])
 
     def _shaped(self, each: NDArray) -> NDArray:
-        return each if self.instants is None else each.reshape(-1, self.instants, *each.shape[1:])
+        return each if self.instants is None else each.reshape(*self.instants, *each.shape[1:])
 
     @property
     def rows(self) -> NDArray[np.float64]:
@@ -490,10 +490,10 @@ def flow(
     """
     instants = None
     if save_at is not None:
-        count, instants = save_at.shape
-        until, lanes = save_at.ravel(), np.repeat(np.arange(count)[lanes], instants)
+        instants = count, each = save_at.shape
+        until, lanes = save_at.ravel(), np.repeat(np.arange(count)[lanes], each)
         states, slopes, controls, push_offs, rises, turns = (
-            np.repeat(x, instants, axis=0) if np.ndim(x) else x  # type: ignore[arg-type]
+            np.repeat(x, each, axis=0) if np.ndim(x) else x  # type: ignore[arg-type]
             for x in (states, slopes, controls, push_offs, rises, turns)
         )
     uneven = rises is not None or turns is not None

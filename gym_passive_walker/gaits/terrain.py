@@ -125,8 +125,8 @@ def stairs(rise: float) -> Terrain:
 
 
 def waves(height: float, strides: int) -> Terrain:
-    """Return footholds on a sine of amplitude `height` (leg lengths) and period `strides`."""
-    count = whole(strides, "strides", 2, _LONGEST)
+    """Return footholds on a sine of amplitude `height` (leg lengths) and period `strides`, >= 3."""
+    count = whole(strides, "strides", 3, _LONGEST)  # of two, a sine is zero
     heights = number(height, "height", least=-_HIGHEST, most=_HIGHEST) * np.sin(
         2.0 * math.pi / count * np.arange(count + 1)
     )

@@ -463,30 +463,32 @@ def _gait(gait: Gait, ax: Axes | None = None, optimum: Any = None) -> Axes | NDA
 
 
 def _torques(ax: Axes, walk: Trajectory, gait: Gait, optimum: Any) -> None:
-    """Draw the hip torque over the first stride, beside that of an optimal gait."""
-    units, first = walk.walker.units, walk.stride_index == 0
-    times, name = walk.times[first] / units.time, gait.stride_map.controller_name
-    if "actuation" not in walk.walker.supports:
-        for (label, colour, dash), torque in zip(
-            parts_of(walk.walker.controls), walk.torques[first].T, strict=True
-        ):
-            ax.step(times, torque, where="pre", color=colour, linestyle=dash, label=label)
-        ax.set(xlabel=TIME, ylabel="control")
-        legend(ax, columns=2)
-        return
-    torques = walk.torques[first, 0] / units.torque
-    ax.step(times, torques, where="pre", color=BLUE, label=name)
+    """Draw the torques that act over the first stride, beside those of an optimal gait."""
+    walker, first = walk.walker, walk.stride_index == 0
+    times, held = walk.times[first] / walk.units.time, walk.torques[first] / walker.control_units
+    best = np.zeros((len(walker.controls), 1))
     if optimum is not None:
-        best = optimum.dimensionless
-        held = np.append(best.controller.hip_torque, best.controller.hip_torque[-1])
-        hold = min(gait.stride_map.hold, best.step_period)
-        edges = np.minimum(hold * np.arange(len(held)), best.step_period)
-        label = f"optimal at speed {best.speed:.3f} √(g l)"
-        ax.step(edges, held, where="post", color=BLACK, linestyle="--", label=label)
+        best = np.array([*optimum.held.values()])[: len(walker.controls)]
+        period = optimum.dimensionless.step_period
+        edges = np.minimum(min(gait.stride_map.hold, period) * np.arange(best.shape[1] + 1), period)
+        said = f"optimal at speed {optimum.dimensionless.speed:.3f} √(g l)"
+    own = "actuation" not in walker.supports
+    acts = np.any(held, axis=0) | np.any(best, axis=1) | own
+    acting = np.flatnonzero(acts) if acts.any() else np.arange(1)
+    several = own or acting.tolist() != [0]
+    parts = parts_of([walker.controls[j] for j in acting])
+    for j, (part, colour, dash) in zip(acting, parts, strict=True):
+        label = part if several else gait.stride_map.controller_name
+        ax.step(times, held[:, j], where="pre", color=colour, linestyle=dash, label=label)
+        if optimum is not None:
+            style = {"color": colour if several else BLACK, "linestyle": (0, (3, 1))}
+            steps = np.append(best[j], best[j, -1])
+            ax.step(edges, steps, where="post", label=f"{part}, " * several + said, **style)
     ax.axhline(0.0, color=GREY, linewidth=0.4)
     if np.ptp(ax.get_ylim()) < _NO_TORQUE:  # no picture of rounding
         ax.set_ylim(-_NO_TORQUE, _NO_TORQUE)
-    ax.set(xlabel=TIME, ylabel="hip torque τ / (m g l)")
+    torque = "torque τ / (m g l)" if several else "hip torque τ / (m g l)"
+    ax.set(xlabel=TIME, ylabel="control" if own else torque)
     legend(ax, columns=2)
 
 

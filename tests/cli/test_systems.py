@@ -36,6 +36,7 @@ def test_a_gait_of_a_system_is_that_of_find_gait_in_its_own_units(capsys):
         "basin {} 0.02 --resolution 5 --strides 5",
         "check {} 0.02",
         "simulate {} 0.02 --strides 2",
+        "simulate {} 0.02 --strides 2 --state 0.2 -0.2 -0.3 -0.2",
         "strobe {} 0.02 --strides 1 --out walk.png",
         "robustness {} --slope 0.02 --walkers 8 --strides 4",
         "evaluate passive --walker {} --slope 0.02 --episodes 1",

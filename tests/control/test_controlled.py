@@ -247,6 +247,16 @@ def test_a_crisis_is_found_from_level_ground_on():
     assert 0.0 < found < 0.1
 
 
+@pytest.mark.parametrize("controller", [None, "lqr"])
+def test_no_walkers_and_no_instants_have_no_samples(controller):
+    strides = gpw.stride_map("lab", 0.036, controller=controller)
+    point = strides.points_at(gpw.find_gait("lab", 0.036).state)
+    for points, instants in ((point[:0], 3), (point, 0)):
+        seen = strides.sample(points, 0.036, np.zeros((len(points), instants)))
+        assert seen.states.shape == (len(points), instants, 6)
+        assert seen.controls.shape == (len(points), instants, 3)
+
+
 @pytest.mark.parametrize("name", ["level-ppo", "rolling-ppo", "push-off-ppo"])
 def test_samples_and_ledgers_are_of_the_stride_that_the_map_takes(name):
     """Inside a stride and at its end, alone and in a batch."""

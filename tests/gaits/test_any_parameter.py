@@ -9,6 +9,11 @@ from examples.potential_shaping import COMPASS
 COMPASSES = COMPASS.with_parameters(gravity=9.81)
 """Goswami's walker: legs of 5 kg with their masses in the middle."""
 
+SIMPLEST = COMPASS.with_parameters(
+    thigh_mass=0.0, shank_mass=0.0, shank_com=0.5, hip_mass=1.0, gravity=1.0
+)
+"""Legs without mass, with a place for it."""
+
 FIRST_DOUBLINGS = {2.5: 0.093312534155095, 10.0: 0.076635631575613, 50.0: 0.064101717681918}
 """Slope by the mass of the hip, from an independent program."""
 
@@ -67,6 +72,33 @@ def test_settled_walks_and_exponents_are_those_of_each_walker(walker):
     assert list(diagram.columns())[:2] == [over["parameter"], "slope"]
 
 
+def test_walks_of_a_function_may_begin_on_level_ground_and_go_on_on_stairs():
+    def down(drop):
+        return gpw.stride_map("lab", 0.036, terrain=gpw.stairs(-drop))
+
+    drops, asked = [0.0, 0.003], {"n_transient": 30}
+    found = gpw.bifurcation_diagram(down, drops, parameter="drop", **asked, n_recorded=33)
+    exponents = gpw.lyapunov_exponents(down, drops, parameter="drop", **asked, strides=30)
+    for i, drop in enumerate(drops):
+        gait = gpw.find_gait(down(drop))
+        np.testing.assert_allclose(found.state[i], gait.state, rtol=1e-6)
+        assert exponents[i, 0] == pytest.approx(np.log(np.abs(gait.multipliers[0])), abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("held", "parameter", "high", "said"),
+    [
+        ({"push_off": 0.15}, "push_off", -0.1, "push_off must not be negative"),
+        ({"push_off": 0.15}, "ankle_torque", 1e9, "high is too far from low"),
+        ({"ankle_torque": 0.01}, "foot_radius", 0.3, "ankle_torque needs point feet"),
+    ],
+)
+def test_a_crisis_is_sought_among_walkers_that_can_be(held, parameter, high, said):
+    strides = gpw.stride_map(COMPASSES, 0.02, controller=gpw.Actuation(**held))
+    with pytest.raises(ValueError, match=said):
+        gpw.crisis(strides, strides.parameters[parameter], high, parameter=parameter, strides=1)
+
+
 def test_a_crisis_in_the_torque_is_the_crisis_in_the_slope():
     asked = {"strides": 400, "walkers": 8, "accuracy": 1e-6}
     torque = gpw.crisis("D", 0.0, 0.05, parameter="hip_torque", slope=0.0185, **asked)
@@ -99,9 +131,10 @@ def test_a_function_is_asked_for_a_map_once_at_each_value():
         ({"parameter": "hip_mass", "slope": 0.036, "values": [[1.0]]}, "values must be"),
         ({"parameter": "hip_mass", "slope": 0.036, "values": [-1.0]}, "hip_mass must not be"),
         ({"parameter": "hip_mass"}, "slope must be one number"),
+        ({"walker": SIMPLEST, "parameter": "shank_mass", "slope": 0.01}, "other equations of mot"),
     ],
 )
 def test_what_cannot_vary_is_refused(asked, said):
     for analysis in (gpw.bifurcation_diagram, gpw.lyapunov_exponents):
         with pytest.raises(ValueError, match=said):
-            analysis("lab", **{"values": [0.1], **asked})
+            analysis(**{"walker": "lab", "values": [0.1], **asked})

@@ -186,6 +186,13 @@ def test_cells_of_several_batches_walk_as_often_as_those_of_one():
     assert 0.1 < few.walks.mean() < 0.2
 
 
+def test_only_a_gait_of_the_walker_at_the_slope_is_perturbed():
+    gait = find_gait("E", 0.01)
+    for walker, slope in ((gait, 0.011), ("F", 0.01)):
+        with pytest.raises(ValueError, match="its strides do not repeat there"):
+            largest_push(walker, slope, gait=gait)
+
+
 def test_a_gait_stands_for_its_map_in_analyses():
     gait = find_gait("E", 0.01, "short")
     assert largest_push(gait) == largest_push("E", 0.01, gait=gait)

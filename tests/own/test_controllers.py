@@ -123,6 +123,8 @@ def test_held_controls_are_a_controller_of_a_system():
     on_any = gpw.stride_map(DRIVEN, controller={"hip": 0.01})
     assert on_any.slope is None
     assert gpw.find_gait(on_any, SLOPE).state == pytest.approx(gait.state, rel=1e-12)
+    family = gpw.gait_family(on_any, SLOPE, SLOPE + 1e-3, resolution=1.0)
+    assert family.at(SLOPE)[0].state == pytest.approx(gait.state, rel=1e-9)
     with pytest.raises(ValueError, match="has no knee; it has hip"):
         gpw.stride_map(DRIVEN, SLOPE, controller={"knee": 0.01})
     with pytest.raises(ValueError, match="hip must be one number"):

@@ -18,6 +18,7 @@ import gym_passive_walker as gpw
 from examples.five_links import FIVE_LINKS
 from examples.torso import TORSO
 from gym_passive_walker.models.math import cos, sin, sqrt, where
+from gym_passive_walker.pictures.screen import Screen
 from tests.numbers import alike
 from tests.own.statements import COMPASS, DRIVEN, Hip, links
 
@@ -282,6 +283,12 @@ def test_analyses_that_need_legs_with_parameters_say_so():
     for analysis in ANALYSES.values():
         with pytest.raises(ValueError, match="McGeer's parameters"):
             analysis()
+
+
+def test_a_start_may_be_an_array():
+    system = replace(COMPASS, start=np.array(COMPASS.start))
+    assert system.start == COMPASS.start
+    assert Screen(system).draw(system.start, 0.03).shape == (450, 800, 3)
 
 
 def test_a_search_without_a_start_asks_for_one():

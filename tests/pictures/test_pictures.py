@@ -270,6 +270,21 @@ def test_the_portrait_and_the_angles_of_a_walk_are_dimensionless(gait):
     assert over_time.figure.get_suptitle().endswith("slope 0.036 rad, strides: 2")
 
 
+def test_a_gait_shows_all_torques_that_act():
+    def pulled(seen):
+        return np.stack([0.1 + 0.1 * seen[:, 0], -0.2 * seen[:, 0]], axis=1)
+
+    asked = {"walker": "F", "slope": 0.02, "control": "stride", "actions": ("hip", "ankle")}
+    gait = gpw.closed_loop_gait(pulled, {**asked, "max_ankle_torque": 0.005})
+    ax = Figure().subplots()
+    plots._torques(ax, (walk := gpw.simulate(gait, samples=9)), gait, None)
+    found = {line.get_label(): line.get_ydata() for line in ax.lines[:-1]}
+    for name, torque in zip(("hip torque", "ankle torque"), walk.torques.T, strict=True):
+        assert np.all(torque != 0.0)
+        np.testing.assert_allclose(found[name], torque / walk.units.energy)
+    assert ax.get_ylabel() == "torque τ / (m g l)"
+
+
 def test_each_coordinate_has_a_line_of_its_own():
     parts = portrait.parts_of("abcdefghi")
     assert [name for name, _, _ in parts] == list("abcdefghi")

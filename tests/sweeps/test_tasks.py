@@ -32,7 +32,12 @@ def expect(of_sweep, /, **expected):
 
 @pytest.mark.parametrize(
     ("kind", "slope", "changes"),
-    [("long", 0.036, {}), ("short", 0.05, {}), ("long", 0.036, {"foot_radius": 0.22})],
+    [
+        ("long", 0.036, {}),
+        ("short", 0.05, {}),
+        ("long", 0.036, {"foot_radius": 0.22}),
+        ("long", 0.036, {"knees": "held"}),
+    ],
 )
 def test_a_gait_has_its_measures(kind, slope, changes):
     gait = gpw.find_gait(replace(gpw.WALKERS["lab"], **changes), slope, kind)

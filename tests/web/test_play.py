@@ -10,7 +10,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from urllib.error import HTTPError
 from urllib.request import urlopen
 
@@ -25,6 +25,7 @@ from gym_passive_walker.apps.play import _walk, announcement
 from gym_passive_walker.apps.serve import PageServer
 from gym_passive_walker.apps.shown import Setup, page_of
 from gym_passive_walker.devices.web import page_data
+from gym_passive_walker.gaits.scenes.scene import make_scene
 from tests.web.browser import LISTEN, Chromium
 
 TYPES = {
@@ -190,6 +191,20 @@ def test_a_policy_of_a_walker_of_ones_own_is_that_of_the_nearest_preset(tmp_path
     (mine / "policy.json").write_text(json.dumps(content), "utf-8")
     assert gpw.load_policy(mine).scene.walker == walker
     assert page_data.of_policy(mine)["scene"]["walker"] == {"preset": "C", "hip_mass": 1.0}
+
+
+def test_a_gait_of_a_policy_is_shown_in_the_policy_s_own_scene():
+    policy = gpw.load_policy("lab-ppo")
+    own = gpw.find_gait(gpw.stride_map(controller=policy), 0.0361)
+    assert Setup.of(own, None, None, None).slope == 0.0361
+    other = gpw.closed_loop_gait(policy, make_scene(policy.scene, tick=0.2))
+    with pytest.raises(ValueError, match="in its own scene, and this gait is of another"):
+        gpw.play(other)
+
+
+def test_a_start_serves_a_system_without_one():
+    system = replace(TORSO, start=None)
+    assert Setup.of(system, None, None, TORSO.start).slope == 0.01
 
 
 def test_a_policy_of_a_scene_of_ones_own_has_no_page(tmp_path):

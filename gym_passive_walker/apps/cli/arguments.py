@@ -298,8 +298,8 @@ class Walk:
     state: Annotated[
         list[float] | None,
         "stance, thigh and shank angle in rad, then angular velocities in rad/s, just after "
-        "heelstrike (the gait's)",
-        {"nargs": 6, "type": float, "metavar": "X"},
+        "heelstrike; of a System its coordinates, then their rates (the gait's)",
+        {"nargs": "+", "type": float, "metavar": "X"},
     ] = None
     terrain: ATerrain = None
     terrain_seed: Annotated[int, "seed of random terrain"] = 0
@@ -314,7 +314,9 @@ class Walk:
         """Initial state, (6,): the one given, or the gait's."""
         machine = self.machine
         if self.state is not None:
-            state = np.array(self.state)
+            state, names = np.array(self.state), machine.model.state_names
+            if len(state) != len(names):
+                raise ValueError(f"state must be {len(names)} numbers, {', '.join(names)}")
             return machine.model.units.to_own(state) if machine.dimensionless else state
         walks = self.map
         if not walks.controlled:

@@ -258,7 +258,8 @@ def task(analysis: str, given: Mapping[str, Any]) -> Callable[[], Any]:
     if "walker" in takes or "changes" in takes:
         if "walker" in rest:
             rest["walker"] = named_walker(rest["walker"])
-            numbers = tuple(rest["walker"].parameters)
+            if not isinstance(rest["walker"], Walker):
+                numbers = tuple(rest["walker"].parameters)
         parts = {name: rest.pop(name) for name in numbers if name in rest and name not in takes}
         if parts and "walker" not in rest:
             raise ValueError(f"{', '.join(parts)} needs a walker, as in walker: lab")

@@ -145,6 +145,8 @@ class System(Model):
             self.__dict__.update(given=given, falls=_falls_of(given), travel=given.travel)
         self.__dict__.update({name: self._stated_as(name) for name in _FUNCTIONS})
         check(self)
+        if self.start is not None:
+            self.__dict__["start"] = tuple(map(float, self.start))
 
     def _stated_as(self, name: str) -> Any:
         """The user's function of a name, or a collection of them, as `Stated`."""

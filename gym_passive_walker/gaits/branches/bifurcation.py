@@ -387,7 +387,8 @@ def crisis(
         The slope in rad or the value, from `low` to `high`.
 
     Raises:
-        ValueError: if the walker falls at `low`, or walks on at `high`.
+        ValueError: if the walker falls at `low`, or walks on at `high`; or if there is no such
+            parameter, or a walker cannot have one of these values.
     """
     low, high = (
         (one_slope(low, "low"), one_slope(high, "high"))
@@ -402,6 +403,8 @@ def crisis(
             ("0 < low < high" if downhill else "low < high") if steep else "low and another high"
         )
         raise ValueError(f"{'slopes' if steep else 'values'} must be {allowed}, not {low}, {high}")
+    bounds = min(low, high), max(low, high)
+    axis_of(walker, parameter, *bounds, slope, tolerance=tolerance)  # refuses what cannot be
     walks = _Walks.of(walker, parameter, [low], slope, tolerance)
     strides, walkers = whole(strides, "strides"), whole(walkers, "walkers", 1, KEPT)
     accuracy = number(accuracy, "accuracy", least=_FINEST, most=1.0 if steep else abs(high - low))

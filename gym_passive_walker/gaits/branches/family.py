@@ -407,8 +407,9 @@ def gait_family(
         )
     if start is None:
         slopes = np.geomspace(low, high, 16) if low > 0.0 else np.linspace(low, high, 16)
-        if stride_map.controlled and low <= stride_map.chosen(None) <= high:
-            slopes = np.append(stride_map.chosen(None), slopes)  # where a controller is at home
+        home = stride_map.slope if stride_map.controlled else None  # where a controller is at home
+        if home is not None and low <= home <= high:
+            slopes = np.append(home, slopes)
         start = _some_gait(stride_map, slopes, kind)
     elif not low <= start.slope <= high:
         raise ValueError(f"the gait to start with stands at slope {start.slope}, out of the range")

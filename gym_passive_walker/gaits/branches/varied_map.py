@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker._tools.arguments import shown
+from gym_passive_walker.gaits.section import Points
 from gym_passive_walker.gaits.stride_map import MapLike, Samples, StrideMap, map_of
 from gym_passive_walker.models.units import Units
 from gym_passive_walker.models.walkers import WalkerError
@@ -114,6 +115,11 @@ class VariedMap(StrideMap):
     def units(self) -> Units:
         """Each walker's units, arrays (n,)."""
         return Units(*map(np.array, zip(*(each.units for each in self.maps), strict=True)))  # type: ignore[arg-type]
+
+    def points(self, states: ArrayLike) -> Points:
+        """Return the points of states (n, 6), each on the ground and in the units of its map."""
+        each = zip(self.maps, np.atleast_2d(states), strict=True)
+        return Points(self, np.concatenate([own.points_at(state) for own, state in each]))
 
     def state(
         self, points: NDArray, place: int = 0, lanes: NDArray | None = None

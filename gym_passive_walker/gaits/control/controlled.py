@@ -561,7 +561,7 @@ class ControlledMap(StrideMap):
         wanted = times[rows, columns]
         # The control step of each time, of a walker's own one after the other; the last at the end.
         order, counts = np.lexsort((steps.numbers, steps.walkers)), np.bincount(steps.walkers)
-        number = np.searchsorted(self.hold * np.arange(1, counts.max() + 1), wanted)
+        number = np.searchsorted(self.hold * np.arange(1, counts.max(initial=0) + 1), wanted)
         begin = (np.cumsum(counts) - counts)[rows]
         step = order[begin + np.minimum(number, counts[rows] - 1)]
         for first in (True, False):

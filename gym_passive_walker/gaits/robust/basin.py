@@ -433,6 +433,10 @@ def largest_push(
 
     Returns:
         The largest changes, in the walker's own units; 0 if the gait withstands none.
+
+    Raises:
+        GaitNotFound: if there is no gait to perturb.
+        ValueError: if an argument is out of range, or the gait is none of the walker at the slope.
     """
     stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
     slope, strides = stride_map.chosen(slope), whole(strides, "strides")
@@ -442,6 +446,12 @@ def largest_push(
     instance(gait, Gait, "gait", "gpw.find_gait returns")
     attractors = Attractors(stride_map, [gait] if gait.stable else [], _close(stride_map))
     start = stride_map.points_at(gait.state)
+    repeated = stride_map.apply(start, slope, strides=gait.period).ends
+    if not np.abs(repeated - start).max() < _close(stride_map):
+        raise ValueError(
+            f"gait must be one of this walker at slope {slope:g} rad, under the same controller "
+            "and on the same ground: its strides do not repeat there"
+        )
     rate = stride_map.chart.coordinates.index(stride_map.size // 2)  # the stance leg's
     size = abs(float(start[0, rate]))
 
