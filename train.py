@@ -194,9 +194,7 @@ def run_to_resume(args: argparse.Namespace) -> tuple[Path, Config]:
     # The run keeps the values of its own preset, even if the preset has changed since.
     own = ("hyperparams", "normalize", "exploration", "training", "source")
     asked = replace(asked_for(args, kept), **{name: getattr(kept, name) for name in own})
-    differences = kept.differences(asked, ignore=("steps", "every"))
-    if differences:
-        raise ConfigError(f"{folder} is another run:\n  " + "\n  ".join(differences))
+    asked.check_same(folder / files.CONFIG, ignore=("steps", "every"))
     return folder, asked
 
 

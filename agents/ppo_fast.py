@@ -183,11 +183,6 @@ class FastPPO(BaseAlgorithm):
             policy, env, learning_rate, policy_kwargs, stats_window_size, tensorboard_log,
             verbose, device, support_multi_env=True, seed=seed, supported_action_spaces=(Box,),
         )  # fmt: skip
-        if batch_size < 1 or n_steps * self.n_envs % batch_size:
-            raise ValueError(
-                f"batch_size must divide the {n_steps * self.n_envs} steps of a rollout, which "
-                f"{batch_size} does not"
-            )
         self.n_steps, self.batch_size, self.n_epochs = n_steps, batch_size, n_epochs
         self.gamma, self.gae_lambda, self.clip_range = gamma, gae_lambda, clip_range
         self.farthest, self.vf_coef, self.max_grad_norm = farthest, vf_coef, max_grad_norm
@@ -195,6 +190,12 @@ class FastPPO(BaseAlgorithm):
             self._setup_model()
 
     def _setup_model(self) -> None:
+        steps = self.n_steps * self.n_envs
+        if self.batch_size < 1 or steps % self.batch_size:
+            raise ValueError(
+                f"batch_size must divide the {steps} steps of a rollout, which {self.batch_size} "
+                "does not"
+            )
         self._setup_lr_schedule()
         self.set_random_seed(self.seed)
         made = self.policy_class(

@@ -237,6 +237,12 @@ class Batch:
         return self._given["walkers"] is not None or self._given["slopes"] is not None
 
     @property
+    def of_first(self) -> dict[str, Any]:
+        """Arguments of the scene that the first walker has of its own: its walker and slope."""
+        rows = {"walker": self._given["walkers"], "slope": self._given["slopes"]}
+        return {name: row[0] for name, row in rows.items() if row is not None}
+
+    @property
     def starts_alike(self) -> bool:
         """Whether compiled code can begin episodes: all start alike, and all rules are compiled."""
         alike = self._alike_starts and not self.randomized

@@ -144,7 +144,8 @@ class PassiveWalkerVectorEnv(
             self.renew()
         seed_randoms(self.batch, seed, lanes.tolist())
         observations = np.empty((self.num_envs, self.batch.observation_size), np.float32)
-        self.batch.observe(observations.reshape(-1))
+        if len(lanes) < self.num_envs:
+            self.batch.observe(observations.reshape(-1))
         self.batch.start(lanes, observations.reshape(-1), options)
         self._ended[lanes] = False
         self._any_ended = bool(self._ended.any())
@@ -471,7 +472,8 @@ def seed_randoms(
         ValueError: if there is not one seed for each walker of the batch.
     """
     seeds: Sequence[int | None]
-    if isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str | bytes):
+    seed = seed.tolist() if isinstance(seed, np.ndarray) else seed
+    if isinstance(seed, Sequence) and not isinstance(seed, str | bytes):
         if len(seed) != batch.count:
             raise ValueError(f"{len(seed)} seeds for {batch.count} environments")
         seeds = [

@@ -129,7 +129,7 @@ def test_a_mask_that_is_none_is_refused(make_vec, mask, error):
         env.reset(options={"reset_mask": mask})
 
 
-@pytest.mark.parametrize("seed", [7, [7, 8, 9, 10], [7, None, 9, None]])
+@pytest.mark.parametrize("seed", [7, [7, 8, 9, 10], [7, None, 9, None], np.array(7)])
 def test_of_environments_that_are_reset_each_has_its_own_seed(make_vec, seed):
     """Those between them that are not reset go on, and take no seed from the others."""
     env, other = (make_vec(4, autoreset_mode="Disabled", scene="rolling") for _ in range(2))

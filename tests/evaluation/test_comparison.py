@@ -219,6 +219,10 @@ def test_controllers_of_one_name_are_told_apart():
     assert [*found.walks] == ["still", "still (2)", "passive"]
     made = {name: walks.distance.tolist() for name, walks in found.walks.items()}
     assert made["still"] == made["passive"] != made["still (2)"]
+    other.__name__ = "passive"  # which does not take the place of the passive walker
+    found = swift(other, "steep", beside=["passive"])
+    assert [*found.walks] == ["passive", "passive (2)"]
+    assert found.walks["passive (2)"].distance.tolist() == made["passive"]
 
 
 @pytest.mark.parametrize(

@@ -93,10 +93,11 @@ def test_files_that_say_too_little_are_refused(tmp_path):
         model.save(path)
         with pytest.raises(gpw.PolicyError, match=words):
             gpw.load_policy(path)
-    model_of("SAC").save(path)
-    changed(path, action_space={"low": "[-2.]", "high": "[2.]"})
-    with pytest.raises(gpw.PolicyError, match=r"scaled from \[-2.0\] to \[2.0\]"):
-        gpw.load_policy(path)
+    for algo in ("SAC", "PPO"):  # of actions that a wrapper scales
+        model_of(algo).save(path)
+        changed(path, action_space={"low": "[-2.]", "high": "[2.]"})
+        with pytest.raises(gpw.PolicyError, match=r"actions are from \[-2.0\] to \[2.0\]"):
+            gpw.load_policy(path)
     sb3.TD3("MlpPolicy", gym.make("PassiveWalker-v0"), buffer_size=9).save(path)
     with pytest.raises(gpw.PolicyError, match=r"none of PPO, A2C and SAC|other layers"):
         gpw.load_policy(path)

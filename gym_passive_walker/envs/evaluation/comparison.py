@@ -247,10 +247,12 @@ def evaluate(
         )
     _, own = acting(controller, scene)
     agents: dict[str, tuple[Policy, Scene]] = {}
+    texts = {FEEDBACK}  # other controllers may have the name of a baseline
     for each in (controller, *beside):
         named = str(each) if isinstance(each, str | PathLike) else ""
-        if named == FEEDBACK or named in agents:
+        if named in texts:
             continue
+        texts |= {named} - {""}
         agent, there = acting(each, own)
         if own.observation is not None and isinstance(agent, StridePlan):  # it reads the state
             agent, there = acting(each, own, observation=None)
@@ -265,7 +267,8 @@ def evaluate(
         seen = make_scene(own, observation=None)
         envs = PassiveWalkerVectorEnv(count, seen, max_episode_steps=steps)
         for name, made in _best_feedback(seen, envs, first).items():
-            walks.setdefault(name, made)
+            if name not in texts:
+                walks[_unused(name, walks)] = made
     costs, reasons = {}, {}
     for name, made in walks.items():
         costs[name] = math.nan
