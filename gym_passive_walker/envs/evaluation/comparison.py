@@ -280,6 +280,8 @@ def evaluate(
     if own.reward is not None:
         try:
             _check_single(own, "slope")
+            if own.terminated is not None:
+                raise ValueError("the scene's own `terminated` may end an episode of that gait")
             most = steps * most_reward(own, time_limit=limit)
         except (GaitNotFound, TimeoutError, ValueError) as error:
             unknown = f"Its reward is not compared with the optimum: {error}."
@@ -333,6 +335,6 @@ def _least_cost(scene: Scene, walks: Walks, time_limit: float) -> float:
         ValueError: if the scene, or the walks, have no one optimum to be compared with.
     """
     if 2 * walks.reached_limit.sum() < len(walks):
-        raise ValueError("most of its walks end in a fall")
+        raise ValueError("most of its walks end before the time limit")
     _check_single(scene, "slope", "command")
     return least_cost(scene, median_of_lasting(walks, "speed"), time_limit=time_limit)
