@@ -86,7 +86,7 @@ def advantages(
 
 
 def wrapped(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
-    """Environments as stable-baselines3 wraps them, after a check that their steps are the walkers'.
+    """Environments as stable-baselines3 wraps them, after a check that they are walkers.
 
     Raises:
         TypeError: if they are no `PassiveWalkerVecEnv`, alone or in VecNormalize.

@@ -9,7 +9,7 @@ import pytest
 import torch
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.logger import Logger
-from stable_baselines3.common.vec_env import VecFrameStack, VecCheckNan
+from stable_baselines3.common.vec_env import VecCheckNan, VecFrameStack
 
 from agents import envs
 from agents.config import configure
