@@ -175,6 +175,7 @@ class Batch:
         self._apart = bool(own or scene.observe_body)  # a step is more than one compiled call
         self._alike_starts = len(shared) == 1
         self.randomized = Randomized(scene, self._starts) if scene.domain_randomization else None
+        self._drawn_before: Randomized | None = None  # the last draws, of a scene before this one
         self._alike = walkers is None and not self.randomized
         self._alike &= scene.walker.legs_alike  # else each exchanges its own
         self.disturbances: Disturbances | None = None
@@ -227,9 +228,11 @@ class Batch:
 
     def become(self, fresh: Batch) -> None:
         """Become the batch that `changed` returned, with the random generators of this batch."""
+        drawn = self.randomized or self._drawn_before
         if fresh.randomized:
-            fresh.randomized.follow(self.randomized)
-        self.__dict__ = fresh.__dict__ | {"randoms": self.randoms, "token": self.token}
+            fresh.randomized.follow(drawn)
+        kept = {"randoms": self.randoms, "token": self.token, "_drawn_before": drawn}
+        self.__dict__ = fresh.__dict__ | kept
 
     @property
     def has_own(self) -> bool:
