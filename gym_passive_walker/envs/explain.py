@@ -127,7 +127,7 @@ def _parts(env: Any) -> tuple[Scene, Batch | None, float | None]:
     """Return a scene as it is for the first walker, its batch in an episode, and its limit."""
     if isinstance(env, Scene | str | os.PathLike | Mapping):
         return make_scene(env), None, MAX_EPISODE_STEPS
-    inner = getattr(env, "envs", getattr(env, "unwrapped", env))
+    inner: Any = getattr(env, "envs", getattr(env, "unwrapped", env))
     if isinstance(inner, list | tuple) and inner:  # of single environments
         env = inner[0]
         inner = getattr(env, "unwrapped", env)
