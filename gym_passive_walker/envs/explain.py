@@ -128,8 +128,8 @@ def _parts(env: Any) -> tuple[Scene, Batch | None, float | None]:
     if isinstance(env, Scene | str | os.PathLike | Mapping):
         return make_scene(env), None, MAX_EPISODE_STEPS
     inner: Any = getattr(env, "envs", getattr(env, "unwrapped", env))
-    if isinstance(inner, list | tuple) and inner:  # of single environments
-        env = inner[0]
+    if not hasattr(inner, "batch") and np.iterable(inner):  # single environments in a row
+        env = next(iter(inner), env)
         inner = getattr(env, "unwrapped", env)
     batch: Any = getattr(inner, "batch", None)
     if not isinstance(scene := getattr(batch, "scene", None), Scene):
