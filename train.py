@@ -50,7 +50,7 @@ from gym_passive_walker._tools.extras import need
 from gym_passive_walker._tools.loading import is_file, untrusted
 from gym_passive_walker.apps.cli.arguments import A_WALKER
 from gym_passive_walker.gaits.scenes.named import outside
-from gym_passive_walker.gaits.scenes.scene import SCENES
+from gym_passive_walker.gaits.scenes.scene import SCENES, seen_by_policy
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -194,9 +194,7 @@ def run_to_resume(args: argparse.Namespace) -> tuple[Path, Config]:
     # The run keeps the values of its own preset, even if the preset has changed since.
     own = ("hyperparams", "normalize", "exploration", "training", "source")
     asked = replace(asked_for(args, kept), **{name: getattr(kept, name) for name in own})
-    differences = kept.differences(asked, ignore=("steps", "every"))
-    if differences:
-        raise ConfigError(f"{folder} is another run:\n  " + "\n  ".join(differences))
+    asked.check_same(folder / files.CONFIG, ignore=("steps", "every"))
     return folder, asked
 
 
@@ -248,8 +246,10 @@ def outlook(folder: Path, config: Config) -> str:
         f"Pictures: {folder / 'gait.png'} (the gait) and {folder / 'learning_curve.png'}",
         f"Other files in {folder}: model.zip, learning_curve.csv, evaluation.csv, evaluation.txt",
         "Next:",
-        f"  python train.py gait {folder}{trust} --out gait.png    torques beside the optimal ones",
     ]
+    if seen_by_policy(envs.scene_of(config)).observation is None:  # else there is no stride map
+        told = "torques beside the optimal ones"
+        lines.append(f"  python train.py gait {folder}{trust} --out gait.png    {told}")
     if config.algo != "shac" and config.scene in presets("shac"):
         scene = "" if config.scene == DEFAULT_SCENE else f" --scene {config.scene}"
         lines.append(f"  python train.py --algo shac{scene}    learn from exact gradients")

@@ -19,7 +19,7 @@ import numpy as np
 from tqdm import tqdm
 
 from agents import envs
-from agents.config import ALGORITHMS, Config, ConfigError, configure, presets
+from agents.config import ALGORITHMS, ConfigError, configure, presets
 from agents.files import CONFIG, read_json
 from agents.learner import load_policy
 from agents.training import Run
@@ -170,10 +170,7 @@ def _learn(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
     preset = configure(unit.agent, unit.scene, seed=unit.seed)
     steps = max(1, round(preset.steps * budget))
     config = replace(preset, steps=steps, every=max(1, steps // EVALUATIONS))
-    if (folder / CONFIG).is_file():
-        differences = Config.load(folder / CONFIG).differences(config)
-        if differences:
-            raise ConfigError(f"{folder} is another training:\n  " + "\n  ".join(differences))
+    config.check_same(folder / CONFIG)
     training = Run(config, folder)
     if not training.train(progress=False):
         raise KeyboardInterrupt  # an unfinished training has no scores; it is resumed later

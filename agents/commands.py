@@ -128,7 +128,7 @@ def show_gait(arguments: Sequence[str]) -> int:
         "--slope",
         type=float,
         metavar="RAD",
-        help="slope (the scene's; required if that is a range)",
+        help="slope (the scene's, or the middle of its range)",
     )
     add("--period", type=int, default=1, help="period of the gait in strides (%(default)s)")
     add("--out", type=Path, metavar="PNG", help="picture file")

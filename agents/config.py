@@ -14,7 +14,7 @@ import yaml
 
 from gym_passive_walker._tools.arguments import unknown, whole
 from gym_passive_walker._tools.loading import has_address, read_content, reason, untrusted
-from gym_passive_walker.gaits.scenes.named import outside, source_of, task_arguments
+from gym_passive_walker.gaits.scenes.named import check_source, outside, source_of, task_arguments
 from gym_passive_walker.gaits.scenes.scene import SCENES, kept_argument, make_scene
 
 ALGORITHMS = ("ppo", "ppo-fast", "sac", "shac", "shac-learned")
@@ -116,10 +116,14 @@ class Config:
 
     def save(self, path: Path) -> None:
         """Write the run's YAML."""
+        path.write_text(self._yaml(), encoding="utf-8")
+
+    def _yaml(self) -> str:
+        """Return the run's YAML."""
         values = asdict(self)
         if self.source is None:
             del values["source"]
-        path.write_text(yaml.safe_dump(values, sort_keys=False), encoding="utf-8")
+        return yaml.safe_dump(values, sort_keys=False)
 
     def preset(self) -> dict[str, Any]:
         """The preset, in rl_zoo3's layout, with this configuration's steps and hyperparameters."""
@@ -169,6 +173,27 @@ class Config:
     def outside(self) -> dict[str, str]:
         """What the scene names outside the package, by its "module:name"."""
         return outside(self.scene, self.env)
+
+    def check_same(self, path: Path, *, ignore: tuple[str, ...] = ()) -> None:
+        """Check that a run has this configuration, and its own scene the same code.
+
+        Args:
+            path: YAML of the run; nothing is checked if there is none.
+            ignore: Names of values that may differ.
+
+        Raises:
+            ConfigError: if the configurations differ; the message names all values that do.
+        """
+        if not path.is_file():
+            return
+        kept = Config.load(path, trust=True)
+        asked = Config(**yaml.safe_load(self._yaml()))  # as it is read: tuples are lists there
+        if found := kept.differences(asked, ignore=("source", *ignore)):
+            raise ConfigError(f"{path.parent} is another run:\n  " + "\n  ".join(found))
+        try:
+            check_source(self.outside, kept.source)
+        except ValueError as error:
+            raise ConfigError(f"{path.parent} is another run: {error}") from None
 
     def differences(self, other: Config, *, ignore: tuple[str, ...] = ()) -> list[str]:
         """Values in which another configuration differs, one line each; of mappings, their own."""

@@ -28,7 +28,6 @@ import numpy as np
 import torch
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
-from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.common.type_aliases import GymEnv, Schedule
@@ -37,7 +36,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 from torch import Tensor, nn
 
 from agents.networks import FallCriticPolicy
-from agents.ppo_fast import advantages
+from agents.ppo_fast import advantages, wrapped
 from gym_passive_walker.envs.interface import REASONS
 from gym_passive_walker.torch.linearization import Linear, StepRecorder
 
@@ -187,7 +186,8 @@ class SHAC(OnPolicyAlgorithm):
         _init_setup_model: Whether to build the networks at once.
 
     Raises:
-        TypeError: if rewards are normalized, because the gradients are those of the raw rewards.
+        TypeError: if rewards are normalized, because the gradients are those of the raw rewards;
+            or if `env` is something else.
     """
 
     policy_aliases: dict[str, type[BasePolicy]] = {"MlpPolicy": ActorCriticPolicy}  # noqa: RUF012
@@ -226,7 +226,7 @@ class SHAC(OnPolicyAlgorithm):
 
     @staticmethod
     def _wrap_env(env: GymEnv, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
-        return Taped(BaseAlgorithm._wrap_env(env, verbose, monitor_wrapper))
+        return Taped(wrapped(env, verbose, monitor_wrapper))
 
     def collect_rollouts(self, env: VecEnv, *args: Any, **kwargs: Any) -> bool:
         """Collect a rollout as stable-baselines3 does, with newly recorded steps."""

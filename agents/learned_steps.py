@@ -23,13 +23,13 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.type_aliases import GymEnv
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 from torch import Tensor
 
 from agents.first_order import SHAC, Taped
+from agents.ppo_fast import wrapped
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.checks import SceneError
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS
@@ -150,7 +150,11 @@ class LearnedSteps:
 
     def __init__(self, envs: Any) -> None:
         self._batch, scene = envs.batch, envs.scene
-        if scene.actions != ("hip",) or "units" not in scene.walker.supports:
+        if "units" not in scene.walker.supports:
+            raise SceneError(
+                "derivatives are learned of the package's walkers, and not of a System: choose shac"
+            )
+        if scene.actions != ("hip",):
             raise SceneError(
                 "derivatives are learned of walkers that are driven by the hip alone, and this "
                 f'scene\'s actions are {scene.actions}: choose make_scene(scene, actions=("hip",))'
@@ -289,7 +293,7 @@ class LearnedSHAC(SHAC):
 
     @staticmethod
     def _wrap_env(env: GymEnv, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
-        return Watched(BaseAlgorithm._wrap_env(env, verbose, monitor_wrapper))
+        return Watched(wrapped(env, verbose, monitor_wrapper))
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
         states, tensors = super()._get_torch_save_params()

@@ -103,13 +103,22 @@ class Perceptron:
         layers: Layers of a torch network with one kind of activation, a key of `_UNITS`. The
             `grad` of each weight must be allocated.
         rows: Rows of a batch.
+
+    Raises:
+        ValueError: if the activation is another one.
     """
 
     def __init__(self, layers: Iterable[nn.Module], rows: int) -> None:
         layers = list(layers)
         self.linear = [layer for layer in layers if isinstance(layer, nn.Linear)]
         between = (type(layer) for layer in layers if not isinstance(layer, nn.Linear))
-        self.unit, self.slope_of = _UNITS[next(between, nn.ReLU)]
+        kind = next(between, nn.ReLU)
+        if kind not in _UNITS:
+            known = ", ".join(each.__name__ for each in _UNITS)
+            raise ValueError(
+                f"no derivative of the activation {kind.__name__}: choose from {known}"
+            )
+        self.unit, self.slope_of = _UNITS[kind]
         where = self.linear[0].weight.device
         self.before = [torch.empty(rows, x.out_features, device=where) for x in self.linear]
         self.slopes = [torch.empty_like(before) for before in self.before[:-1]]

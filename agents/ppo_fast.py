@@ -34,6 +34,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, Schedule
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from torch import Tensor, nn
 
 from agents.networks import GROUPS, Perceptron, columns
@@ -81,6 +82,22 @@ def advantages(
     later = torch.zeros_like(rewards[0])
     for t in reversed(range(len(rewards))):
         found[t] = later = surprises[t] + going[t] * later
+    return found
+
+
+def wrapped(env: Any, verbose: int = 0, monitor_wrapper: bool = True) -> VecEnv:
+    """Environments as stable-baselines3 wraps them, after a check that they are walkers.
+
+    Raises:
+        TypeError: if they are no `PassiveWalkerVecEnv`, alone or in VecNormalize.
+    """
+    found = BaseAlgorithm._wrap_env(env, verbose, monitor_wrapper)
+    inner = found.venv if isinstance(found, VecNormalize) else found
+    if not isinstance(inner, PassiveWalkerVecEnv):
+        raise TypeError(
+            "this algorithm takes a PassiveWalkerVecEnv, alone or in VecNormalize, not "
+            f"{type(inner).__name__}: it steps the walkers themselves"
+        )
     return found
 
 
@@ -149,7 +166,9 @@ class FastPPO(BaseAlgorithm):
         _init_setup_model: Whether to build the networks at once.
 
     Raises:
-        ValueError: if the steps of a rollout are not a multiple of `batch_size`.
+        TypeError: if `env` is something else.
+        ValueError: if the steps of a rollout are not a multiple of `batch_size`, or the activation
+            function of `policy_kwargs` is none of ReLU, Tanh, ELU and SiLU.
     """
 
     policy_aliases: dict[str, type[BasePolicy]] = {  # noqa: RUF012
@@ -183,11 +202,6 @@ class FastPPO(BaseAlgorithm):
             policy, env, learning_rate, policy_kwargs, stats_window_size, tensorboard_log,
             verbose, device, support_multi_env=True, seed=seed, supported_action_spaces=(Box,),
         )  # fmt: skip
-        if batch_size < 1 or n_steps * self.n_envs % batch_size:
-            raise ValueError(
-                f"batch_size must divide the {n_steps * self.n_envs} steps of a rollout, which "
-                f"{batch_size} does not"
-            )
         self.n_steps, self.batch_size, self.n_epochs = n_steps, batch_size, n_epochs
         self.gamma, self.gae_lambda, self.clip_range = gamma, gae_lambda, clip_range
         self.farthest, self.vf_coef, self.max_grad_norm = farthest, vf_coef, max_grad_norm
@@ -195,6 +209,12 @@ class FastPPO(BaseAlgorithm):
             self._setup_model()
 
     def _setup_model(self) -> None:
+        steps = self.n_steps * self.n_envs
+        if self.batch_size < 1 or steps % self.batch_size:
+            raise ValueError(
+                f"batch_size must divide the {steps} steps of a rollout, which {self.batch_size} "
+                "does not"
+            )
         self._setup_lr_schedule()
         self.set_random_seed(self.seed)
         made = self.policy_class(
@@ -222,6 +242,8 @@ class FastPPO(BaseAlgorithm):
         net.optimizer = net.optimizer_class(
             [self.weights], lr=self.lr_schedule(1.0), **net.optimizer_kwargs
         )
+
+    _wrap_env = staticmethod(wrapped)
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
         return ["policy", "policy.optimizer"], []

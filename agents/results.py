@@ -163,14 +163,18 @@ def falls(scores: Sequence[Score]) -> str:
 def equal_speeds(scores: Sequence[Score]) -> str:
     """A Markdown table of agents on level ground, with the optimum and the passive walker.
 
-    All three costs of transport in a row are for one speed, that of the agent.
+    It is empty if none walks there. All three costs of transport in a row are for one speed, that
+    of the agent.
     """
+    walking = walking_on_level_ground(scores)
+    if not walking:
+        return ""
     family = _passive()
     lines = [
         "| `level` | speed / √(gl) | cost of transport | optimum there | passive there, downhill |",
         "|---|---|---|---|---|",
     ]
-    for agent, walked in walking_on_level_ground(scores).items():
+    for agent, walked in walking.items():
         speed = float(middle(np.array([s["speed"] for s in walked])))
         cost = float(middle(np.array([s["cost_of_transport"] for s in walked])))
         best = least_cost("level", speed)

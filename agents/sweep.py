@@ -32,7 +32,8 @@ def train(
         n_envs: Number of parallel environments; the preset's when None.
         seed: Seed of environments, initial weights and exploration.
         folder: Parent folder of the run's folder, which is named by the arguments. A run that is
-            there resumes from its last checkpoint. None saves nothing.
+            there resumes from its last checkpoint. None saves nothing. A scene, a walker and a
+            terrain from files are named by their content.
         **env: Arguments of the environment that differ from the scene's own.
 
     Returns:
@@ -40,7 +41,8 @@ def train(
         half of the evaluation walks made a hundred strides, NaN if they never did.
 
     Raises:
-        ConfigError: if a name or a number is out of range.
+        ConfigError: if a name or a number is out of range, or the code of a scene has changed
+            since the run in the folder began.
         KeyboardInterrupt: if the training was interrupted.
     """
     config = configure(algo, scene, env=env, steps=steps, n_envs=n_envs, seed=seed)
@@ -48,9 +50,10 @@ def train(
         if folder is None:
             kept = Path(stack.enter_context(TemporaryDirectory()))
         else:
-            rest = json.dumps([steps, n_envs, env], sort_keys=True)
+            rest = json.dumps([steps, n_envs, config.env], sort_keys=True)
             digest = hashlib.sha256(rest.encode()).hexdigest()[:8]
-            kept = Path(folder) / f"{algo}-{scene}-{seed}-{digest}"
+            named = config.scene.replace(":", ".")
+            kept = Path(folder) / f"{algo}-{named}-{seed}-{digest}"
         run = Run(config, kept)
         if not run.train(progress=False):
             raise KeyboardInterrupt  # an unfinished training has no results; it is resumed later

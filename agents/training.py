@@ -43,13 +43,15 @@ class Run:
         trust: Whether to allow a first policy of a scene of the user's own.
 
     Raises:
-        ConfigError: if the configuration is invalid, or the checkpoint is damaged.
+        ConfigError: if the configuration is invalid, the folder has a run of another one, or the
+            checkpoint is damaged.
     """
 
     def __init__(
         self, config: Config, folder: Path, *, tensorboard: bool = False, trust: bool = False
     ) -> None:
         self.config, self.folder = config, folder
+        config.check_same(folder / files.CONFIG, ignore=("steps", "every"))
         log = {"tensorboard_log": str(folder / "tensorboard")} if tensorboard else {}
         self.model: BaseAlgorithm = build(config, envs.training_envs(config), **log)
         if not tensorboard:  # else stable-baselines3 makes an empty folder of logs for each run

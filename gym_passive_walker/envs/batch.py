@@ -175,6 +175,7 @@ class Batch:
         self._apart = bool(own or scene.observe_body)  # a step is more than one compiled call
         self._alike_starts = len(shared) == 1
         self.randomized = Randomized(scene, self._starts) if scene.domain_randomization else None
+        self._drawn_before: Randomized | None = None  # the last draws, of a scene before this one
         self._alike = walkers is None and not self.randomized
         self._alike &= scene.walker.legs_alike  # else each exchanges its own
         self.disturbances: Disturbances | None = None
@@ -227,14 +228,22 @@ class Batch:
 
     def become(self, fresh: Batch) -> None:
         """Become the batch that `changed` returned, with the random generators of this batch."""
+        drawn = self.randomized or self._drawn_before
         if fresh.randomized:
-            fresh.randomized.follow(self.randomized)
-        self.__dict__ = fresh.__dict__ | {"randoms": self.randoms, "token": self.token}
+            fresh.randomized.follow(drawn)
+        kept = {"randoms": self.randoms, "token": self.token, "_drawn_before": drawn}
+        self.__dict__ = fresh.__dict__ | kept
 
     @property
     def has_own(self) -> bool:
         """Whether walkers or slopes are given for each environment, in place of the scene's."""
         return self._given["walkers"] is not None or self._given["slopes"] is not None
+
+    @property
+    def of_first(self) -> dict[str, Any]:
+        """Arguments of the scene that the first walker has of its own: its walker and slope."""
+        rows = {"walker": self._given["walkers"], "slope": self._given["slopes"]}
+        return {name: row[0] for name, row in rows.items() if row is not None}
 
     @property
     def starts_alike(self) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
+import gymnasium
 import numpy as np
 
 from gym_passive_walker._tools.arguments import shown
@@ -40,7 +41,8 @@ def explain(env: Any = "level") -> None:
     Args:
         env: An environment, single, vector or stable-baselines3's; or a scene, by its name, as a
             mapping or as a `Scene`. Of an environment, the present observation and the terms of the
-            last reward are printed as well; of several walkers, those of the first.
+            last reward are printed as well. Of several walkers, the first is explained, with the
+            walker and the slope that are given for it.
 
     Raises:
         SceneError: if there is no such scene.
@@ -122,18 +124,23 @@ def _largest(scene: Scene, channel: str) -> str:
 
 
 def _parts(env: Any) -> tuple[Scene, Batch | None, float | None]:
-    """Return a scene, its walkers during an episode, and its limit of steps."""
+    """Return a scene as it is for the first walker, its batch in an episode, and its limit."""
     if isinstance(env, Scene | str | os.PathLike | Mapping):
         return make_scene(env), None, MAX_EPISODE_STEPS
-    inner = getattr(env, "envs", getattr(env, "unwrapped", env))
+    inner: Any = getattr(env, "envs", getattr(env, "unwrapped", env))
+    if not hasattr(inner, "batch") and np.iterable(inner):  # single environments in a row
+        env = next(iter(inner), env)
+        inner = getattr(env, "unwrapped", env)
     batch: Any = getattr(inner, "batch", None)
     if not isinstance(scene := getattr(batch, "scene", None), Scene):
         raise TypeError(
             f"explain takes an environment of this package or a scene, not {shown(env)}"
         )
     limit = batch.step_limit
-    if limit == np.inf:
-        limit = getattr(getattr(env, "spec", None), "max_episode_steps", None) or np.inf
+    if limit == np.inf and isinstance(env, gymnasium.Env):  # a batch counts its own steps
+        limit = getattr(env.spec, "max_episode_steps", None) or np.inf
+    if isinstance(batch, Batch):
+        scene = make_scene(scene, energy=inner.energy_cost, **batch.of_first)
     if not isinstance(batch, Batch) or not batch.randoms or not np.any(batch.records["state"]):
         batch = None  # on a GPU, or before the first episode
     return scene, batch, None if limit == np.inf else limit

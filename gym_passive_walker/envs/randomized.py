@@ -71,7 +71,8 @@ class Randomized:
     Attributes:
         names: Names of the drawn parameters.
         keys: Seed of each walker, (count,).
-        episodes: Number of episodes that each walker has begun since it was seeded, (count,).
+        episodes: Number of episodes with draws that each walker has begun since it was seeded,
+            (count,).
         values: Drawn values of each walker's episode, (count, names).
         low: Smallest value of each walker's parameters, (count, names).
         high: Largest value of each walker's parameters, (count, names).

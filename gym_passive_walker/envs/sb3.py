@@ -155,7 +155,7 @@ class Lane:
     @property
     def np_random(self) -> np.random.Generator:
         """The random generator."""
-        return self._vec_env.batch.randoms[self._index]
+        return self._vec_env.envs.np_random[self._index]
 
     @property
     def needs_reset(self) -> bool:

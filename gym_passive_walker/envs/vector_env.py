@@ -144,7 +144,8 @@ class PassiveWalkerVectorEnv(
             self.renew()
         seed_randoms(self.batch, seed, lanes.tolist())
         observations = np.empty((self.num_envs, self.batch.observation_size), np.float32)
-        self.batch.observe(observations.reshape(-1))
+        if len(lanes) < self.num_envs:
+            self.batch.observe(observations.reshape(-1))
         self.batch.start(lanes, observations.reshape(-1), options)
         self._ended[lanes] = False
         self._any_ended = bool(self._ended.any())
@@ -386,9 +387,14 @@ class PassiveWalkerVectorEnv(
         """Return a picture of each walker; None without a render mode.
 
         More walkers have smaller pictures. `pictures.tiled` joins them to one.
+
+        Raises:
+            ResetNeeded: if no episode has begun.
         """
         if self.render_mode is None:
             return None
+        if not np.any(self.batch.records["state"]):
+            raise ResetNeeded("no episode has begun: call reset first")
         from gym_passive_walker.pictures.screen import Screen
         from gym_passive_walker.pictures.tiles import tile_size
 
@@ -422,13 +428,15 @@ class PassiveWalkerVectorEnv(
 
     @property
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
-        """The random generator of each environment."""
+        """The random generator of each environment; drawn where no seed was given."""
+        if not self.batch.randoms:
+            seed_randoms(self.batch, None, range(self.num_envs))
         return tuple(self.batch.randoms)
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
         """The seed of each environment's random generator; drawn where none was given."""
-        return tuple(random.bit_generator.seed_seq.entropy for random in self.batch.randoms)  # type: ignore[attr-defined]
+        return tuple(random.bit_generator.seed_seq.entropy for random in self.np_random)  # type: ignore[attr-defined]
 
     @one_thread
     def get_state(self) -> dict[str, Any]:
@@ -471,7 +479,8 @@ def seed_randoms(
         ValueError: if there is not one seed for each walker of the batch.
     """
     seeds: Sequence[int | None]
-    if isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str | bytes):
+    seed = seed.tolist() if isinstance(seed, np.ndarray) else seed
+    if isinstance(seed, Sequence) and not isinstance(seed, str | bytes):
         if len(seed) != batch.count:
             raise ValueError(f"{len(seed)} seeds for {batch.count} environments")
         seeds = [

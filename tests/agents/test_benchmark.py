@@ -88,7 +88,7 @@ def test_scores_of_another_budget_are_not_mixed_with_these(tmp_path, monkeypatch
     half = configure("ppo", "lab", steps=configure("ppo", "lab").steps // 2)
     (tmp_path / "runs" / str(ppo)).mkdir(parents=True)
     half.save(tmp_path / "runs" / str(ppo) / files.CONFIG)
-    with pytest.raises(ConfigError, match="is another training:\n  steps"):
+    with pytest.raises(ConfigError, match="is another run:\n  steps"):
         run()
 
 

@@ -33,6 +33,11 @@ def test_a_run_leaves_everything_in_its_folder(steep_run):
     assert len((steep_run / "evaluation.csv").read_text().splitlines()) == 1 + 2 * 20
 
 
+def seen(step):
+    """Two angles."""
+    return step.state.stance, step.state.thigh
+
+
 def test_the_end_of_a_training_says_where_pictures_are_and_what_to_try_next(steep_run):
     said = train.outlook(steep_run, Config.load(steep_run / files.CONFIG))
     assert str(steep_run / "gait.png") in said and f"train.py gait {steep_run} " in said
@@ -41,6 +46,8 @@ def test_the_end_of_a_training_says_where_pictures_are_and_what_to_try_next(stee
         assert absent not in train.outlook(Path("run"), configure(algo, scene))
     assert "slopes from" not in train.outlook(Path("run"), configure("ppo", "rolling"))
     assert "shac    learn" in train.outlook(Path("run"), configure("ppo", "level"))
+    own = configure("ppo", "level", env={"observation": f"{__name__}:seen"})
+    assert "train.py gait" not in train.outlook(Path("run"), own)  # it needs a stride map
 
 
 def test_without_an_algorithm_it_is_the_fast_one():

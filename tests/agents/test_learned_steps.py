@@ -15,6 +15,7 @@ from gym_passive_walker import load_policy
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.gaits.scenes.scene import SceneError
 from gym_passive_walker.torch.linearization import StepRecorder
+from tests.own.statements import DRIVEN
 
 WALKERS, STEPS = 32, 32
 
@@ -141,6 +142,8 @@ def test_a_walker_with_other_actions_is_refused():
     config = configure("shac-learned", "level", n_envs=2, env={"actions": ["hip", "push_off"]})
     with pytest.raises(ConfigError, match="driven by the hip alone"):
         build(config, envs.training_envs(config))
+    with pytest.raises(SceneError, match="not of a System: choose shac"):
+        LearnedSteps(PassiveWalkerVecEnv(2, system=DRIVEN, slope=0.02))
 
 
 def test_steps_of_another_scene_are_refused():

@@ -12,7 +12,7 @@ import pytest
 
 import gym_passive_walker as gpw
 import train
-from agents import envs
+from agents import envs, sweep
 from agents.config import Config, ConfigError, configure
 from agents.training import Run
 from gym_passive_walker.apps import cli
@@ -231,3 +231,16 @@ def test_a_biped_of_five_links_learns_to_walk(own_folder, capsys):
     assert train.main(["--scene", "examples.five_links:downhill", "--steps", "4000000",
                        "--out", "five"]) == 0  # fmt: skip
     assert "20 of 20 walks reach the time limit" in capsys.readouterr().out
+
+
+def test_a_training_does_not_go_on_in_the_folder_of_another_code(own_folder, monkeypatch):
+    monkeypatch.setattr(envs, "arena", short_arena)
+    given = {"algo": "ppo", "scene": "mytask:short", "steps": 64, "n_envs": 2, "folder": "runs"}
+    monkeypatch.setattr(sweep, "configure", lambda *_, **__: small(scene="mytask:short", steps=64))
+    assert sweep.train(**given) == pytest.approx(sweep.train(**given), nan_ok=True)
+    file = own_folder / "mytask.py"
+    file.write_text(file.read_text().replace("WEIGHT = 2.0", "WEIGHT = 3.0"))
+    sys.modules.pop("mytask")
+    linecache.checkcache()
+    with pytest.raises(ConfigError, match=r"is another run: .* has the line 'WEIGHT = 3.0'"):
+        sweep.train(**given)

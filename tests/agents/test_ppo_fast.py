@@ -9,11 +9,14 @@ import pytest
 import torch
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.vec_env import VecCheckNan, VecFrameStack
 
 from agents import envs
 from agents.config import configure
+from agents.first_order import SHAC
+from agents.learned_steps import LearnedSHAC
 from agents.learner import build
-from agents.ppo_fast import advantages, carried, chances
+from agents.ppo_fast import FastPPO, advantages, carried, chances
 from gym_passive_walker.envs.policies.network import ACTIVATIONS
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
@@ -172,3 +175,34 @@ def test_walkers_and_slopes_of_each_environment_stay_on_the_cpu(own, monkeypatch
     monkeypatch.setitem(sys.modules, here + "environment", SimpleNamespace(PassiveWalkerGpuEnv=0))
     env = PassiveWalkerVecEnv(2, "level", **own)
     assert carried(env, torch.device("cuda")).envs is env.envs
+
+
+def test_a_file_is_loaded_as_those_of_the_library_are(tmp_path):
+    """With fewer environments than the default batch needs, and without any."""
+    envs = PassiveWalkerVecEnv(4)
+    model = FastPPO("MlpPolicy", envs, n_steps=8, batch_size=16, seed=0)
+    model.learn(32)
+    model.save(tmp_path / "model.zip")
+    seen = np.full((3, 8), 0.1, np.float32)
+    for env in (None, envs):
+        found = FastPPO.load(tmp_path / "model.zip", env=env)
+        np.testing.assert_array_equal(
+            *(x.predict(seen, deterministic=True)[0] for x in (model, found))
+        )
+    assert found.learn(32).num_timesteps == 32
+
+
+@pytest.mark.parametrize("of", [FastPPO, SHAC, LearnedSHAC])
+@pytest.mark.parametrize("envs", [
+    lambda: "PassiveWalker-v0", lambda: VecFrameStack(PassiveWalkerVecEnv(2), 2),
+    lambda: VecCheckNan(PassiveWalkerVecEnv(2)),
+])  # fmt: skip
+def test_walkers_are_refused_in_wrappers_that_their_steps_would_pass_by(of, envs):
+    with pytest.raises(TypeError, match="a PassiveWalkerVecEnv, alone or in VecNormalize, not"):
+        of("MlpPolicy", envs(), n_steps=8, batch_size=8)
+
+
+def test_an_activation_without_a_derivative_is_refused_by_its_name():
+    with pytest.raises(ValueError, match="activation GELU: choose from ReLU, Tanh, ELU, SiLU"):
+        given = {"policy_kwargs": {"activation_fn": torch.nn.GELU}}
+        FastPPO("MlpPolicy", PassiveWalkerVecEnv(2), n_steps=8, batch_size=8, **given)

@@ -160,6 +160,7 @@ def test_costs_at_equal_speeds_are_for_the_middle_speed_of_the_seeds_that_walked
     assert line[:3] == ["ppo", "0.110", "0.0300"]
     assert line[3] == f"{optimal.least_cost('level', 0.11):.4f}"
     assert line[4] == f"{results._cost_at(results._passive(), 0.11):.4f}"
+    assert results.equal_speeds(scores[-1:]) == ""
 
 
 def test_raw_scores_are_a_row_for_each_unit_in_order_with_six_digits(tmp_path):

@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+import gym_passive_walker as gpw
 from agents import sweep
 from agents.config import configure
 from agents.sweep import train
@@ -73,3 +74,14 @@ def test_a_folder_is_named_by_all_arguments_in_any_order(made, tmp_path):
     assert all(name.startswith("sac-level-7-") and len(name) == 20 for name in names)
     assert names[0] == names[1] and len(set(names)) == 4
     assert {folder.parent for _, folder in made[0]} == {tmp_path}
+
+
+def test_runs_of_task_files_and_of_walkers_are_named_by_their_content(made, tmp_path):
+    task = tmp_path / "task.yaml"
+    for weight in (1.0, 2.0):
+        task.write_text(f"energy_weight: {weight}\n")
+        train("sac", str(task), folder=str(tmp_path))
+    for walker in ("lab", "C"):
+        train("sac", walker=gpw.WALKERS[walker], folder=str(tmp_path))
+    folders = [folder for _, folder in made[0]]
+    assert len({*folders}) == 4 and {each.parent for each in folders} == {tmp_path}

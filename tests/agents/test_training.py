@@ -288,7 +288,7 @@ def test_files_of_another_shape_are_refused(ran):
     other.hyperparams["policy_kwargs"] = {"net_arch": [16]}
     with pytest.raises(ConfigError, match=r"model\.zip is damaged, or does not fit"):
         load_policy(folder, other)
-    with pytest.raises(ConfigError, match="does not fit"):
+    with pytest.raises(ConfigError, match=r"is another run:\n  hyperparams\.policy_kwargs"):
         Run(other, folder)
 
 

@@ -421,6 +421,18 @@ def test_an_observation_may_be_an_array(axis, same):
         np.testing.assert_array_equal(found, expected[:, :2])
 
 
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_an_observation_is_called_with_walkers_of_an_episode_alone():
+    """Before the first reset all angles are 0, of which this one has no value."""
+
+    def seen(step):
+        return 1.0 / float(step.state.stance)
+
+    env = PassiveWalkerVectorEnv(2, observation=seen)
+    expected = 1.0 / PassiveWalkerVectorEnv(2).reset(seed=0)[0][:, :1]
+    np.testing.assert_allclose(env.reset(seed=0)[0], expected, rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("rules", "said"),
     [

@@ -6,6 +6,7 @@ import re
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.vector import SyncVectorEnv
 
 import gym_passive_walker as gpw
 from gym_passive_walker.envs.explain import as_rows, as_text
@@ -317,6 +318,30 @@ def test_of_several_walkers_the_first_one_is_shown():
     found = as_rows(env)
     assert found["observation"][7]["now"] == pytest.approx(0.01)
     assert sum(row["last"] for row in found["reward"]) == pytest.approx(rewards[0], abs=1e-12)
+    assert as_text(env).startswith("walker 'lab', slope 0.01 rad")
+    given = {"walkers": ["C", "lab"], "domain_randomization": {"foot_radius": 0.1}}
+    radius = as_rows(PassiveWalkerVectorEnv(2, "lab", walker="lab", **given))[
+        "domain randomization"
+    ]
+    assert radius[0]["scene"] == gpw.WALKERS["C"].foot_radius
+
+
+@pytest.mark.parametrize("make", [
+    lambda: gymnasium.make(ID), lambda: PassiveWalkerVecEnv(2),
+    lambda: gymnasium.make_vec(ID, 2, vectorization_mode="sync"),
+    lambda: gymnasium.make_vec(ID, 2, max_episode_steps=-1),
+])  # fmt: skip
+def test_the_reward_is_explained_with_the_work_that_it_charges_now(make):
+    env = make()
+    assert "-10 times the absolute work" in as_text(env)
+    for each in getattr(env, "envs", [env]) if isinstance(env, SyncVectorEnv) else [env]:
+        getattr(each, "unwrapped", each).set_energy_cost("net")
+    assert "-10 times the net work" in as_text(env)
+
+
+def test_a_batch_without_a_limit_has_none_whatever_its_registration_says():
+    env = gymnasium.make_vec(ID, 2, max_episode_steps=-1)
+    assert as_rows(env)["episode end"][-1]["kind"] == "terminated"
 
 
 CHANGED = {

@@ -214,6 +214,21 @@ def test_a_curriculum_goes_on_where_the_scene_changes_or_a_copy_is_made():
     assert np.array_equal(envs.batch.randomized.episodes, before + 1)
 
 
+def test_draws_go_on_after_a_scene_without_draws():
+    """They began again: the walkers of the first episodes came a second time."""
+    drawn = {"domain_randomization": {"foot_radius": 0.1, "curriculum": 4}}
+    one, other = (PassiveWalkerVectorEnv(2, **drawn) for _ in range(2))
+    for envs in (one, other):
+        envs.reset(seed=1)
+        envs.reset()
+    one.set_scene(domain_randomization={})
+    one.reset()
+    one.set_scene(**drawn)
+    for envs in (one, other):
+        envs.reset()
+    assert one.walkers == other.walkers and len({*one.walkers}) == 2
+
+
 def test_a_state_with_values_that_are_not_drawn_is_refused():
     envs = PassiveWalkerVectorEnv(2, domain_randomization={"max_hip_torque": (0.5, 1.0)})
     envs.reset(seed=0)

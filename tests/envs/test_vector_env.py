@@ -14,6 +14,7 @@ from gymnasium.wrappers import vector as wrappers
 from gym_passive_walker import WALKERS
 from gym_passive_walker.envs import interface
 from gym_passive_walker.envs.registration import ID
+from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.scenes.scene import SceneError
 from tests.own.statements import DRIVEN
@@ -129,7 +130,7 @@ def test_a_mask_that_is_none_is_refused(make_vec, mask, error):
         env.reset(options={"reset_mask": mask})
 
 
-@pytest.mark.parametrize("seed", [7, [7, 8, 9, 10], [7, None, 9, None]])
+@pytest.mark.parametrize("seed", [7, [7, 8, 9, 10], [7, None, 9, None], np.array(7)])
 def test_of_environments_that_are_reset_each_has_its_own_seed(make_vec, seed):
     """Those between them that are not reset go on, and take no seed from the others."""
     env, other = (make_vec(4, autoreset_mode="Disabled", scene="rolling") for _ in range(2))
@@ -264,6 +265,19 @@ def test_each_environment_is_called_as_gymnasium_calls_its_own(make_vec, name):
     native, sync = results
     assert len(native) == len(sync) >= 3
     assert all(alike(a, b) for a, b in zip(native, sync, strict=True))
+
+
+@pytest.mark.parametrize("kind", ["vector_entry_point", "sync"])
+def test_before_the_first_reset_there_are_generators_and_no_pictures(make_vec, kind):
+    envs = make_vec(2, vectorization_mode=kind, render_mode="rgb_array")
+    first, second = envs.call("np_random")
+    assert first.random() != second.random() and len({*envs.call("np_random_seed")}) == 2
+    state = first.bit_generator.state
+    with pytest.raises(ResetNeeded):
+        envs.call("render")
+    assert envs.call("np_random")[0].bit_generator.state == state
+    lanes = PassiveWalkerVecEnv(2).get_attr("np_random")
+    assert lanes[0].random() != lanes[1].random()
 
 
 def test_an_environment_without_pictures_is_called_for_none(make_vec):

@@ -119,7 +119,7 @@ def test_the_optimum_is_the_stored_one_at_the_median_speed_of_walks_to_the_time_
     speed = np.median(made.speed[made.reached_limit])
     assert found.least_cost["steep-ppo"] == optimal.least_cost("steep", speed)
     assert found.scene == make_scene("steep")
-    assert "most of its walks end in a fall" in found.no_optimum["passive"]
+    assert "most of its walks end before the time limit" in found.no_optimum["passive"]
 
 
 def test_an_optimum_that_is_not_stored_is_searched_for_once(tmp_path, monkeypatch):
@@ -219,6 +219,10 @@ def test_controllers_of_one_name_are_told_apart():
     assert [*found.walks] == ["still", "still (2)", "passive"]
     made = {name: walks.distance.tolist() for name, walks in found.walks.items()}
     assert made["still"] == made["passive"] != made["still (2)"]
+    other.__name__ = "passive"  # which does not take the place of the passive walker
+    found = swift(other, "steep", beside=["passive"])
+    assert [*found.walks] == ["passive", "passive (2)"]
+    assert found.walks["passive (2)"].distance.tolist() == made["passive"]
 
 
 @pytest.mark.parametrize(
@@ -270,4 +274,6 @@ def test_a_reward_without_an_optimum_says_why():
         "steep-ppo", make_scene("steep", reward=lambda step: step.time), time_limit=9.0, beside=()
     )
     assert "step.time, which grows" in found.in_words()
+    ends = make_scene("steep", reward=earning, terminated=lambda step: step.strides > 3)
+    assert "own `terminated` may end" in swift("steep-ppo", ends, beside=()).in_words()
     assert "most_reward" not in swift().summary()["steep-ppo"]

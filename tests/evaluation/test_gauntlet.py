@@ -22,6 +22,15 @@ def test_every_trained_policy_can_be_tested_and_each_test_changes_its_walks(name
     assert set(same) <= {*(massless * known), "rough, 0.002 l", "pushes, 0.02"}
 
 
+def test_a_walk_has_as_many_strides_if_control_steps_are_longer_than_these():
+    ticks, strides = make_scene("lab", tick=100.0), make_scene("lab", control="stride")
+    same = {"reset_noise_scale": 0.1, "max_hip_torque": 0.05}
+    one, other = (gpw.gauntlet("passive", make_scene(scene, **same), walkers=2).episodes
+                  for scene in (ticks, strides))  # fmt: skip
+    name = "pushes, 0.02"
+    assert one[name].strides.tolist() == other[name].strides.tolist() == [33, 33]
+
+
 def test_the_result_depends_on_the_controller_alone():
     first, again = (gpw.gauntlet("steep-ppo", walkers=4) for _ in range(2))
     np.testing.assert_array_equal(first.columns()["distance"], again.columns()["distance"])

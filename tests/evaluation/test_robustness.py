@@ -171,6 +171,14 @@ def test_walkers_are_tried_in_the_middle_of_what_a_scene_draws():
     assert other.sensitivity == pytest.approx(one.sensitivity, rel=1e-9)
 
 
+def test_a_passive_walker_may_be_in_a_scene_of_which_a_critic_sees_the_draws():
+    few = {"walkers": 2, "strides": 2, "starts": 2}
+    seen = {"observation": {"policy": "default", "critic": "randomized"}}
+    drawn = make_scene("lab", domain_randomization={"foot_radius": 0.1}, **seen)
+    one, other = (robustness("lab", scene, **few) for scene in ("lab", drawn))
+    assert one.step_down == other.step_down > 0.0
+
+
 def test_it_has_a_table_and_a_picture(lab, tmp_path):
     assert "gait sensitivity norm" in repr(lab)
     lab.to_csv(tmp_path / "pushes.csv")

@@ -13,6 +13,10 @@ import gym_passive_walker as gpw
 torch = pytest.importorskip("torch")
 sb3 = pytest.importorskip("stable_baselines3")
 
+from stable_baselines3.common.vec_env import VecNormalize  # noqa: E402
+
+from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv  # noqa: E402
+
 SHORT = {"PPO": {"n_steps": 8, "batch_size": 8}, "A2C": {}, "SAC": {"buffer_size": 9}}
 
 
@@ -51,6 +55,22 @@ def test_a_file_of_sac_with_push_off_acts_as_its_model(tmp_path):
     found, _ = gpw.load_policy(tmp_path / "model.zip").predict(seen)
     assert np.max(np.abs(found - expected)) < 2e-6
     assert found[:, 0].min() < -0.1 and 0.0 < found[:, 1].min() < 0.4
+
+
+@pytest.mark.parametrize("scales", [True, False])
+def test_a_model_walks_with_its_own_normalizer(scales):
+    normalizer = VecNormalize(PassiveWalkerVecEnv(1, "lab"), norm_obs=scales)
+    model = sb3.PPO("MlpPolicy", normalizer, seed=3, device="cpu", **SHORT["PPO"])
+    if scales:
+        normalizer.obs_rms.mean[:], normalizer.obs_rms.var[:] = 0.3, 0.01
+
+    def acting(observation):
+        return model.predict(normalizer.normalize_obs(observation), deterministic=True)[0]
+
+    walks = {"episodes": 1, "max_episode_steps": 40, "beside": (), "time_limit": 0.0}
+    found = (gpw.evaluate(x, "lab", **walks).summary().values() for x in (model, acting))
+    (one,), (other,) = found
+    assert one["reward"] == pytest.approx(other["reward"], rel=1e-12)
 
 
 def test_a_file_acts_in_every_analysis_and_has_derivatives(tmp_path):
@@ -93,10 +113,11 @@ def test_files_that_say_too_little_are_refused(tmp_path):
         model.save(path)
         with pytest.raises(gpw.PolicyError, match=words):
             gpw.load_policy(path)
-    model_of("SAC").save(path)
-    changed(path, action_space={"low": "[-2.]", "high": "[2.]"})
-    with pytest.raises(gpw.PolicyError, match=r"scaled from \[-2.0\] to \[2.0\]"):
-        gpw.load_policy(path)
+    for algo in ("SAC", "PPO"):  # of actions that a wrapper scales
+        model_of(algo).save(path)
+        changed(path, action_space={"low": "[-2.]", "high": "[2.]"})
+        with pytest.raises(gpw.PolicyError, match=r"actions are from \[-2.0\] to \[2.0\]"):
+            gpw.load_policy(path)
     sb3.TD3("MlpPolicy", gym.make("PassiveWalker-v0"), buffer_size=9).save(path)
     with pytest.raises(gpw.PolicyError, match=r"none of PPO, A2C and SAC|other layers"):
         gpw.load_policy(path)

@@ -40,6 +40,9 @@ def test_rsl_rl_gets_timeouts_apart_from_falls():
         assert (envs.episode_length_buf < 45).all()
         late, fallen = late + int(extras["time_outs"].sum()), fallen + int(expected[2].sum())
     assert late and fallen
+    for none in (None, -1):  # rsl_rl draws steps below the limit
+        with pytest.raises(ValueError, match="max_episode_steps must be a whole number from 1"):
+            RslRlWalkers(8, max_episode_steps=none)
 
 
 def test_rsl_rl_trains(rsl_rl_configuration):

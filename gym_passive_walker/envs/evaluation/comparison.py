@@ -247,10 +247,12 @@ def evaluate(
         )
     _, own = acting(controller, scene)
     agents: dict[str, tuple[Policy, Scene]] = {}
+    texts = {FEEDBACK}  # other controllers may have the name of a baseline
     for each in (controller, *beside):
         named = str(each) if isinstance(each, str | PathLike) else ""
-        if named == FEEDBACK or named in agents:
+        if named in texts:
             continue
+        texts |= {named} - {""}
         agent, there = acting(each, own)
         if own.observation is not None and isinstance(agent, StridePlan):  # it reads the state
             agent, there = acting(each, own, observation=None)
@@ -265,7 +267,8 @@ def evaluate(
         seen = make_scene(own, observation=None)
         envs = PassiveWalkerVectorEnv(count, seen, max_episode_steps=steps)
         for name, made in _best_feedback(seen, envs, first).items():
-            walks.setdefault(name, made)
+            if name not in texts:
+                walks[_unused(name, walks)] = made
     costs, reasons = {}, {}
     for name, made in walks.items():
         costs[name] = math.nan
@@ -277,6 +280,8 @@ def evaluate(
     if own.reward is not None:
         try:
             _check_single(own, "slope")
+            if own.terminated is not None:
+                raise ValueError("the scene's own `terminated` may end an episode of that gait")
             most = steps * most_reward(own, time_limit=limit)
         except (GaitNotFound, TimeoutError, ValueError) as error:
             unknown = f"Its reward is not compared with the optimum: {error}."
@@ -330,6 +335,6 @@ def _least_cost(scene: Scene, walks: Walks, time_limit: float) -> float:
         ValueError: if the scene, or the walks, have no one optimum to be compared with.
     """
     if 2 * walks.reached_limit.sum() < len(walks):
-        raise ValueError("most of its walks end in a fall")
+        raise ValueError("most of its walks end before the time limit")
     _check_single(scene, "slope", "command")
     return least_cost(scene, median_of_lasting(walks, "speed"), time_limit=time_limit)

@@ -31,8 +31,8 @@ from gym_passive_walker.gaits.scenes.scene import (
 from gym_passive_walker.models.model import check_supports
 from gym_passive_walker.models.walkers import name_of
 
-TIME = 100.0
-"""Time limit of a walk in sqrt(l/g): some 33 strides."""
+TIME, _STRIDE = 100.0, 3.0
+"""Time limit of a walk in sqrt(l/g): some 33 strides; and the time of a stride, about."""
 
 SEED = 7_202_611
 """Seed of the first walk of every test; those that follow have the next ones."""
@@ -200,5 +200,6 @@ def _possible(changes: dict[str, Any], scene: Scene) -> dict[str, Any]:
 
 def _arena(scene: Scene, count: int) -> PassiveWalkerVectorEnv:
     """Walkers with episodes that end after TIME."""
-    steps = TIME / scene.tick if scene.control == "tick" else TIME / 3.0
+    step = min(scene.tick, _STRIDE) if scene.control == "tick" else _STRIDE
+    steps = TIME / step
     return PassiveWalkerVectorEnv(count, scene, max_episode_steps=max(1, round(steps)))

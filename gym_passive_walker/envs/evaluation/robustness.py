@@ -27,7 +27,12 @@ from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.robust.basin import narrowed
 from gym_passive_walker.gaits.robust.first_passage import SETTLING as FORGETTING
 from gym_passive_walker.gaits.robust.first_passage import FirstPassage, survivors
-from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike, make_scene
+from gym_passive_walker.gaits.scenes.scene import (
+    Scene,
+    SceneLike,
+    make_scene,
+    seen_by_policy,
+)
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, rough
@@ -294,7 +299,8 @@ def _scene_of(controller: WalkerLike, scene: Any, slope: float | None) -> Scene:
 def _alone(scene: Scene) -> Scene:
     """Return a scene of one slope and command, without disturbances but those tried."""
     command = None if scene.command is None else float(np.mean(scene.command))
-    return make_scene(scene, **_CALM, slope=float(np.mean(scene.slope)), command=command)
+    slope = float(np.mean(scene.slope))
+    return make_scene(seen_by_policy(scene), **_CALM, slope=slope, command=command)
 
 
 class _Tries:

@@ -88,8 +88,8 @@ def _checked(about: dict[str, Any], usual: str) -> tuple[str, list[float]]:
         [float(x) for x in re.findall(r"[-+.\de]+", about["action_space"][end])]
         for end in ("low", "high")
     )
-    if usual == "ReLU" and not (low and min(low) >= -1.0 and {*high} == {1.0}):
-        raise ValueError(f"its actions are scaled from {low} to {high}, not from -1 or above to 1")
+    if not (low and min(low) >= -1.0 and {*high} == {1.0}):
+        raise ValueError(f"its actions are from {low} to {high}, not from -1 or above to 1")
     options = about.get("policy_kwargs") or {}
     if other := options.keys() & {"features_extractor_class", "squash_output"}:
         raise ValueError(f"it has {', '.join(sorted(other))}")

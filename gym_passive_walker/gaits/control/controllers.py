@@ -16,6 +16,7 @@ from gym_passive_walker.gaits.control.optimum import OptimalGait
 from gym_passive_walker.gaits.control.policy import (
     FunctionPolicy,
     ModulePolicy,
+    NormalizedPolicy,
     Planner,
     Policy,
     StridePlan,
@@ -49,10 +50,11 @@ def acting(
     Args:
         controller: The name of one of `BASELINES`; the name or the path of a trained policy, as
             `load_policy` reads it; an object with `predict(observation, state, episode_start,
-            deterministic)`, or with `plan(points, slopes)`, see `StridePlan`; a torch module or a
-            function, from observations (n, size) to actions (n, actions); an `Actuation`, or a
-            mapping of names of a walker's controls to values, equal in each stride; or an
-            `OptimalGait`, of which torques and push-off are applied without feedback.
+            deterministic)`, or with `plan(points, slopes)`, see `StridePlan`; a model of
+            stable-baselines3, with its `VecNormalize` if it has one; a torch module or a function,
+            from observations (n, size) to actions (n, actions); an `Actuation`, or a mapping of
+            names of a walker's controls to values, equal in each stride; or an `OptimalGait`, of
+            which torques and push-off are applied without feedback.
         scene: A scene in a form that `make_scene` takes. None is the controller's own
             scene, or "level" for a baseline.
         usual: Scene of a controller without a scene; None refuses it.
@@ -101,6 +103,9 @@ def _form(controller: Any) -> Callable[[Scene], Policy]:
     if isinstance(controller, OptimalGait):
         return lambda scene: Schedule(scene, controller)
     if method_of(controller, "predict"):
+        scales = method_of(controller, "get_vec_normalize_env")
+        if scales and (normalizer := scales()) is not None:
+            return lambda scene: NormalizedPolicy(controller, normalizer)
         return lambda scene: controller
     if plan := method_of(controller, "plan"):
         plan_by, name = method_of(controller, "plan_by"), policy_name(controller)

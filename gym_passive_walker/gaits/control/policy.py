@@ -130,6 +130,23 @@ class FunctionPolicy:
         return np.asarray(self.function(observation), dtype=float), state
 
 
+class NormalizedPolicy:
+    """A model of stable-baselines3 with its `VecNormalize`, which scales its observations.
+
+    Args:
+        model: The model.
+        normalizer: Its `VecNormalize`, as `get_vec_normalize_env` returns it.
+    """
+
+    def __init__(self, model: Any, normalizer: Any) -> None:
+        self.name, self._model, self._normalizer = policy_name(model), model, normalizer
+
+    def predict(self, observation: NDArray, *rest: Any, **named: Any) -> tuple[NDArray, Any]:
+        """Return the model's actions for observations of the environment; see `Policy`."""
+        seen = self._normalizer.normalize_obs(np.asarray(observation))
+        return self._model.predict(seen, *rest, **named)
+
+
 class ModulePolicy:
     """A controller that is a torch module; a copy in evaluation mode, on the CPU.
 

@@ -10,6 +10,7 @@ from rsl_rl.env import VecEnv  # type: ignore[import-not-found]
 from tensordict import TensorDict  # type: ignore[import-not-found]
 from torch import Tensor
 
+from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.seeds import training_seeds
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
@@ -25,7 +26,7 @@ class RslRlWalkers(VecEnv):
 
     Args:
         num_envs: Number of walkers.
-        max_episode_steps: Steps after which an episode is truncated.
+        max_episode_steps: Steps after which an episode is truncated; rsl_rl needs such a limit.
         seed: Seed of the training, from which the seeds of the walkers are drawn; see
             `training_seeds`.
         envs: Class of the environment; `gpu.environment.PassiveWalkerGpuEnv` runs on the GPU.
@@ -36,6 +37,9 @@ class RslRlWalkers(VecEnv):
         action_space: Action space of one walker.
         episode_length_buf: Number of steps of each walker's episode, (num_envs,). What is written
             here, as rsl_rl does at the beginning of a training, sets them before the next step.
+
+    Raises:
+        ValueError: if `max_episode_steps` is no number from 1 on.
     """
 
     def __init__(
@@ -47,12 +51,13 @@ class RslRlWalkers(VecEnv):
         envs: Callable[..., Any] = PassiveWalkerTorchEnv,
         **scene: Any,
     ) -> None:
-        self.walkers = envs(num_envs, max_episode_steps=max_episode_steps, **scene)
+        limit = whole(max_episode_steps, "max_episode_steps")
+        self.walkers = envs(num_envs, max_episode_steps=limit, **scene)
         self.observation_space = self.walkers.observation_space
         self.action_space = self.walkers.action_space
         self.num_envs, self.num_actions = num_envs, self.action_space.shape[0]
         self.device = self.walkers.device
-        self.max_episode_length = max_episode_steps
+        self.max_episode_length = limit
         self.cfg: dict[str, Any] = {"seed": seed, **scene}
         self._observations, _ = self.walkers.reset(seed=training_seeds(seed, num_envs))
         self._count()
