@@ -36,6 +36,7 @@ from gym_passive_walker.pictures.ground import ground_under  # noqa: E402
 from gym_passive_walker.pictures.portrait import both  # noqa: E402
 from gym_passive_walker.pictures.screen import Screen  # noqa: E402
 from tests.numbers import alike, told  # noqa: E402
+from tests.own.statements import DRIVEN  # noqa: E402
 
 FOLDER = Path(__file__).parent / "drawn"
 
@@ -147,9 +148,9 @@ def of_frame(draw: Callable[[], Any]) -> list[str]:
     return [*lines, *(f"{kind} {told(np.array(given))}" for kind, given in drawn.items())]
 
 
-def of_screen(name: str, **shown: Any) -> list[str]:
+def of_screen(name: Any, **shown: Any) -> list[str]:
     """The shapes of a walker's frames, over a stride and a half."""
-    walk = gpw.simulate(gpw.find_gait(name, {"D": 0.009}.get(name, 0.036)), strides=2, samples=5)
+    walk = gpw.simulate(gpw.find_gait(name, 0.009 if name == "D" else 0.036), strides=2, samples=5)
 
     def frames() -> None:
         screen = Screen(name)
@@ -201,11 +202,6 @@ def detuned() -> dict[str, Any]:
     return {f"{x:.0%} of the way": gpw.interpolate(first, "lab", x) for x in shares}
 
 
-def of_system(of: str) -> Any:
-    """A walk of a torso on compass legs, over time."""
-    return gpw.simulate(gpw.find_gait(TORSO, 0.03), strides=2, samples=20).plot(OWN, of=of)
-
-
 def of_agents(name: str) -> Figure:
     """A picture of invented results of agents."""
     pytest.importorskip("stable_baselines3")
@@ -243,6 +239,9 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "diagram": walker_diagram,
     "gait": lambda: _gait().plot(OWN),
     "controlled": lambda: gpw.closed_loop_gait(LinearFeedback("steep"), "steep").plot(OWN),
+    "comparison": lambda: gpw.closed_loop_gait(LinearFeedback("steep"), "steep").plot(
+        OWN, optimum=optimal.load("steep")[0]
+    ),
     "family": lambda: gpw.gait_family("lab", 0.005, 0.1).plot(OWN),
     "speeds": lambda: gpw.gait_family("D", 0.012, 0.016).plot(OWN, by="froude_speed"),
     "stride": lambda: _gait().stride.plot(OWN),
@@ -277,7 +276,12 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "path": lambda: gpw.simulate(_gait(), strides=2, samples=20).plot(OWN, of="path"),
     "massless": lambda: gpw.WALKERS["D"].plot(OWN),
     "system": lambda: gpw.find_gait(TORSO, 0.03).plot(OWN),
-    "system-energy": lambda: of_system("energy"),
+    "system-torques": lambda: gpw.find_gait(
+        gpw.stride_map(DRIVEN, 0.03, controller={"hip": 0.01})
+    ).plot(OWN),
+    "system-energy": lambda: gpw.simulate(
+        gpw.find_gait(TORSO, 0.03), strides=2, samples=20
+    ).plot(OWN, of="energy"),
     "locus": lambda: gpw.bifurcation_locus(
         fold := gpw.gait_family("lab", 0.003, 0.15), fold.folds[1], "shank_length", 0.3, 0.6
     ).plot(OWN),
@@ -296,6 +300,7 @@ FRAMES: dict[str, Callable[[], list[str]]] = {
         "lab", torque=0.5, push=-0.4, notes=(["left", "more"], ["right"]), warning="fell"
     ),
     "frame-D": lambda: of_screen("D", torque=-1.0),
+    "frame-torso": lambda: of_screen(TORSO, push=0.4),
     "frame-footholds": on_footholds,
 }
 DRAWN: dict[str, Callable[[], list[str]]] = {
