@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from xml.etree import ElementTree as ET
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import gym_passive_walker as gpw
 from gym_passive_walker.models.units import PROPORTIONS
@@ -95,6 +97,51 @@ def toe(parent, axis):
     <axis xyz="{axis}"/></joint></robot>"""
 
 
+def frame(place, turn):
+    """A frame, (4, 4), at a place and turned."""
+    made = np.eye(4)
+    made[:3, :3], made[:3, 3] = turn.as_matrix(), place
+    return made
+
+
+def in_other_frames(text, seed):
+    """The same bodies, with each link's frame turned at random and moved along its hinge.
+
+    Moments of inertia are about axes that are turned too, and differ across the plane.
+    """
+    rng, root = np.random.default_rng(seed), ET.fromstring(text)
+    turns = {link.get("name"): Rotation.from_quat(rng.normal(size=4)) for link in root.iter("link")}
+    made = {name: frame([0.0, 0.0, rng.normal()], turn) for name, turn in turns.items()}
+
+    def move(element, before, after):
+        """Change an element's <origin>, between two frames."""
+        origin = element.find("origin")
+        place, angles = (np.array(origin.get(x, "0 0 0").split(), float) for x in ("xyz", "rpy"))
+        moved = np.linalg.inv(before) @ frame(place, Rotation.from_euler("xyz", angles)) @ after
+        angles = Rotation.from_matrix(moved[:3, :3]).as_euler("xyz")
+        for name, numbers in (("xyz", moved[:3, 3]), ("rpy", angles)):
+            origin.set(name, " ".join(map(repr, numbers.tolist())))
+
+    for link in root.iter("link"):
+        for collision in link.findall("collision"):
+            move(collision, made[link.get("name")], np.eye(4))
+        for inertial in link.findall("inertial"):
+            turn = Rotation.from_quat(rng.normal(size=4))
+            move(inertial, made[link.get("name")], frame(np.zeros(3), turn))
+            given = inertial.find("inertia")
+            about = turn.inv().as_matrix()
+            moments = about @ np.diag([0.7, 0.6, 1.0]) @ about.T * float(given.get("izz"))
+            for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"):
+                row, column = ("xyz".index(letter) for letter in name[1:])
+                given.set(name, repr(float(moments[row, column])))
+    for joint in root.findall("joint"):
+        above, below = (made[joint.find(end).get("link")] for end in ("parent", "child"))
+        move(joint, above, below)
+        axis = 2.0 * below[2, :3]  # of any length
+        joint.find("axis").set("xyz", " ".join(map(repr, axis.tolist())))
+    return ET.tostring(root, "unicode")
+
+
 @pytest.fixture
 def read(tmp_path):
     """A function that reads a walker from the text of a URDF."""
@@ -154,6 +201,17 @@ def test_it_does_not_matter_how_the_file_s_legs_stand(turned, read):
 )
 def test_one_walker_has_many_files(text, read):
     assert read(text).body == pytest.approx(read(compass()).body, abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_walker_is_the_same_in_any_frames(seed, read, tmp_path):
+    """Frames may be turned and lie anywhere on the hinges; only moments about these count."""
+    walker, path = gpw.WALKERS["lab"].with_parameters(hip_friction=1e-4), tmp_path / "lab.urdf"
+    gpw.export(walker, path)
+    found = read(in_other_frames(path.read_text("utf-8"), seed))
+    assert found.knees is True
+    for each in PROPORTIONS:
+        assert getattr(found, each) == pytest.approx(getattr(walker, each), abs=1e-12), each
 
 
 @pytest.mark.parametrize(
