@@ -257,6 +257,8 @@ def test_kneed_legs_have_two_links_and_knees_without_friction(old, new, said, re
         (hanging("0.1 0 0"), "pin is not on the axis of left"),
         (hanging(inertia='<inertia ixx="1" iyy="1" izz="1"/>'),
          "hip has a moment of inertia about the hip, where a Walker has a point mass"),
+        (hanging(inertia='<origin xyz="0.1 0 0"/>'), "hip has a moment of inertia about the hip"),
+        (PLAIN.format(HIP.format("")), "it has no hinge"),
         (compass().replace('"right_leg"><collision><origin xyz="0 0 -1"',
                            '"right_leg"><collision><origin xyz="0 0 -1.1"'),
          "hip and right_leg have different lengths"),
