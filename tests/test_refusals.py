@@ -1,15 +1,20 @@
-"""Each public function rejects invalid input with a message that names the argument."""
+"""Each public function rejects invalid input with a message that names the argument.
+
+python -m tests.test_refusals     Write the messages, `tests/refusals.json`, again.
+"""
 
 import json
 import re
 import shutil
 from math import inf, nan
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from gym_passive_walker._tools.arguments import shown
 from gym_passive_walker.gaits.control.baselines import Passive
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from tests.equations.examples import LONG_GAITS
@@ -153,16 +158,29 @@ REFUSALS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("function", "valid", "name", "values"),
-    REFUSALS,
-    ids=[f"{function.__name__}-{name}-{i}" for i, (function, _, name, _) in enumerate(REFUSALS)],
-)
-def test_nonsense_is_refused_by_the_name_of_its_argument(function, valid, name, values):
+CASES = {f"{row[0].__name__} {row[2]}": row for row in REFUSALS}
+assert len(CASES) == len(REFUSALS)
+SENTENCES = Path(__file__).with_name("refusals.json")
+
+
+def sentences(function, valid, name, values):
+    """The different messages that refuse values of an argument, with ... for the value."""
+    found = {}
     for value in values:
         with pytest.raises(ValueError, match=rf"\b{name}\b") as refused:
             function(**{**valid, name: value})
-        assert len(str(refused.value)) < 1000, value
+        said = str(refused.value)
+        assert len(said) < 1000, value
+        for word in ("no", "not"):
+            said = said.replace(f"{word} {shown(value)}", f"{word} ...")
+        found[re.sub("0x[0-9a-f]+", "0x...", said)] = None
+    return [*found]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_nonsense_is_refused_by_the_name_of_its_argument(case):
+    known = json.loads(SENTENCES.read_text("utf-8"))
+    assert sentences(*CASES[case]) == known[case], "run python -m tests.test_refusals if meant"
 
 
 @pytest.mark.parametrize("seed", [-1, 0.5, "no", nan, [], b"x"], ids=repr)
@@ -233,3 +251,8 @@ def test_a_policy_with_weights_that_are_no_numbers_is_refused(number, copy):
     path.write_bytes(written)
     with pytest.raises(gpw.PolicyError, match="must be finite numbers"):
         gpw.load_policy(copy)
+
+
+if __name__ == "__main__":
+    said = {case: sentences(*row) for case, row in CASES.items()}
+    SENTENCES.write_text(json.dumps(said, indent=1, ensure_ascii=False) + "\n", "utf-8")
