@@ -50,7 +50,67 @@ def many(**arguments):
     return gym.make_vec("PassiveWalker-v0", **({"num_envs": 2} | arguments))
 
 
+A_DIAGRAM = {"walker": "E", "values": 0.01}
+OF_WALKERS = [
+    (gpw.as_walker, {}), (gpw.tune, {}), (gpw.stride, ON_A_WALK), (gpw.find_gait, ON_A_GAIT),
+    (gpw.gait_family, OVER_SLOPES), (gpw.basin_of_attraction, ON_A_GAIT), (gpw.stride_map, {}),
+    (gpw.export, {"path": "x.xml"}), (gpw.optimize_walker, OF_A_DESIGN),
+]  # fmt: skip
+ON_SLOPES = [
+    (gpw.simulate, ON_A_WALK), (gpw.find_gait, ON_A_GAIT), (gpw.nearest_gait, ON_A_GAIT),
+    (gpw.basin_of_attraction, ON_A_GAIT), (gpw.largest_push, ON_A_GAIT),
+    (gpw.tune_to_walk, {"walker": "C"}), (gpw.optimize_walker, OF_A_DESIGN),
+]  # fmt: skip
+OF_STATES = [gpw.stride, gpw.simulate, gpw.reality_check, gpw.stride_jacobian]
+
+
+def given(values):
+    """Those values that are not None, which is the default."""
+    return [x for x in values if x is not None]
+
+
 REFUSALS = [
+    *((function, valid, "walker", NO_OBJECTS) for function, valid in OF_WALKERS),
+    *((function, valid, "slope", NO_ANGLES) for function, valid in ON_SLOPES),
+    *((function, ON_A_WALK, "state", NO_STATES) for function in OF_STATES),
+    *((gpw.stride, ON_A_WALK, name, ("no", nan, inf, {}, object()))
+      for name in ("hip_torque", "ankle_torque", "push_off", "height_change")),
+    (gpw.stride, ON_A_WALK, "slope", ("no", nan, inf, 2.0, -2.0, object())),
+    (gpw.stride_map, {"walker": "C"}, "slope", given(NO_ANGLES)),
+    (gpw.stride_map, {"walker": "C"}, "terrain", ("no", 3, {}, object())),
+    (gpw.stride_map, {"walker": "C"}, "tolerance", NO_TOLERANCES),
+    (gpw.stride_map, {}, "scene", (3, [], object(), LONG)),
+    (gpw.find_gaits, ON_A_GAIT, "period", (*NO_COUNTS, 0)),
+    (gpw.find_gaits, ON_A_GAIT, "guess", NO_STATES),
+    (gpw.basin_of_attraction, ON_A_GAIT, "strides", (*NO_COUNTS, 0)),
+    (gpw.bifurcation_diagram, A_DIAGRAM, "n_transient", NO_COUNTS),
+    (gpw.bifurcation_diagram, A_DIAGRAM, "longest_period", NO_COUNTS),
+    (gpw.bifurcation_diagram, A_DIAGRAM, "tolerance", NO_TOLERANCES),
+    (gpw.bifurcation_diagram, A_DIAGRAM, "parameter", NO_OBJECTS),
+    (gpw.lyapunov_exponents, A_DIAGRAM, "values", (*NO_ANGLES, -0.1)),
+    (gpw.lyapunov_exponents, A_DIAGRAM, "n_transient", NO_COUNTS),
+    (gpw.lyapunov_exponents, A_DIAGRAM, "tolerance", NO_TOLERANCES),
+    (gpw.doubling_cascade, {"walker": "D", "low": 0.01, "high": 0.02}, "low", NO_ANGLES),
+    (gpw.doubling_cascade, {"walker": "D", "low": 0.01, "high": 0.02}, "high", NO_ANGLES),
+    (gpw.crisis, TO_THE_CRISIS, "kind", NO_OBJECTS),
+    (gpw.footholds, {"heights": [0.0]}, "heights", ("no", nan, inf, {}, object(), [])),
+    (gpw.footholds, {"heights": [0.0]}, "slopes", ("no", nan, inf, {}, object(), [4.0])),
+    (gpw.rough, {"height_std": 0.01}, "height_std", (*NO_NUMBERS, nan, -1.0)),
+    (gpw.stairs, {}, "rise", (*NO_NUMBERS, nan, inf, 1e9)),
+    (gpw.compare, {"controller": "lab"}, "timesteps", ("no", [], {}, nan, object())),
+    (gpw.compare, {"controller": "lab"}, "softness", ("no", {}, nan, [0.0], object())),
+    (gpw.compare, {"controller": "lab"}, "strides", (*NO_COUNTS, 0)),
+    (gpw.compare, {"controller": "lab"}, "simulator", ("no", 3, None, [], object())),
+    (gpw.evaluate, {"controller": "passive"}, "episodes", (*NO_COUNTS, 0)),
+    (gpw.evaluate, {"controller": "passive"}, "seed", (*NO_NUMBERS, nan, -1)),
+    (gpw.evaluate, {"controller": "passive"}, "max_episode_steps", given((*NO_COUNTS, 0))),
+    (gpw.gauntlet, {"controller": "passive"}, "walkers", (*NO_COUNTS, 0)),
+    (gpw.robustness, {"controller": "lab", "slope": 0.036}, "walkers", given((*NO_COUNTS, 0))),
+    (gpw.export, {"walker": "lab", "path": "x.xml"}, "timestep", given((*NO_NUMBERS, nan, 0.0))),
+    (gpw.export, {"walker": "lab", "path": "x.xml"}, "format", given(NO_OBJECTS)),
+    (gpw.optimal_gait, {"scene": "level"}, "reward", ("no", object(), [], 3.0)),
+    (gpw.optimal_gait, {"scene": "level", "speed": 0.1}, "time_limit", (*NO_NUMBERS, nan, 0.0)),
+    (gpw.assemble, LEGS, "hip_mass", (*NO_NUMBERS, nan, inf, -1.0)),
     (gpw.stride, ON_A_WALK, "end_on_toe_stub", NO_TRUTHS),
     (gpw.stride, ON_A_WALK, "threads", [x for x in (*NO_COUNTS, 0) if x is not None]),
     (gpw.stride, ON_A_WALK, "max_stride_time", (*NO_NUMBERS, nan, inf, 0.0, -1.0)),
