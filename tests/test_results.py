@@ -134,11 +134,11 @@ def printed(scene: Any) -> str:
 
 
 def exported(model: Any, ending: str, **given: Any) -> str:
-    """The file of a model in the format of a simulator."""
+    """The words of the file of a model in the format of a simulator."""
     with TemporaryDirectory() as folder:
         path = Path(folder, f"model.{ending}")
-        gpw.export(model, path, **given)
-        return path.read_text("utf-8")
+        gpw.export(model() if callable(model) else model, path, **given)
+        return " ".join(path.read_text("utf-8").split())
 
 
 def in_mujoco(**given: Any) -> dict[str, Any]:
@@ -281,6 +281,13 @@ RESULTS: dict[str, Callable[[], Any]] = {
     ) for name, x, given in (
         ("lab", "lab", {"slope": 0.036}), ("E", "E", {}),
         ("torso", TORSO, {"unit_length": 0.8, "unit_mass": 32.0}),
+        ("five links", FIVE_LINKS, {"unit_length": 0.8, "unit_mass": 32.0}),
+        ("a gait", lambda: gpw.find_gait("lab", 0.036), {}),
+        ("a gait of a system", lambda: gpw.find_gait(TORSO, 0.03),
+         {"unit_length": 0.8, "unit_mass": 32.0}),
+        ("held knees and springs", lambda: gpw.WALKERS["lab"].with_parameters(
+            hip_mass=1.5, hip_stiffness=0.5, hip_friction=0.01, knee_stiffness=0.3, knees="held"
+        ), {}),
     ) for ending in ("xml", "urdf", "sdf")},
     "comparison with MuJoCo": lambda: compared(gpw.find_gait("lab", 0.036)),
     "comparison of a policy with MuJoCo": lambda: compared("level-ppo"),

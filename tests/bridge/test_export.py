@@ -1,12 +1,8 @@
-"""A walker's file describes the walker, as those in `tests/bridge/exported` do.
-
-python -m tests.bridge.test_export     Write them again, for files that were meant to change.
-"""
+"""A walker's file describes the walker."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -29,45 +25,9 @@ from tests.bridge.models import (
     pose_of,
     random_state,
 )
-from tests.numbers import alike
 from tests.own.test_ground_force import of as by_equations
 
 SLOPE = 0.05
-FOLDER = Path(__file__).with_name("exported")
-
-
-EXPORTED = {
-    "lab": (lambda: gpw.find_gait("lab", 0.036), ("xml", "urdf", "sdf")),
-    "springs": (
-        lambda: gpw.WALKERS["lab"].with_parameters(
-            hip_mass=1.5, hip_stiffness=0.5, hip_friction=0.01, knee_stiffness=0.3, knees="held"
-        ),
-        ("xml", "urdf", "sdf"),
-    ),
-    "straight": (lambda: gpw.find_gait("A", 0.03), ("xml", "urdf")),
-    "five": (lambda: FIVE_LINKS, ("xml", "sdf")),
-    "torso": (lambda: gpw.find_gait(TORSO, 0.03), ("xml", "urdf")),
-}
-"""What is exported, and the endings of its files, by name."""
-
-
-def write(name, folder):
-    """Write the files of a walker into a folder."""
-    make, endings = EXPORTED[name]
-    units = options(getattr(walker := make(), "walker", walker))
-    for ending in endings:
-        gpw.export(walker, folder / f"{name}.{ending}", **units)
-
-
-@pytest.mark.parametrize("name", EXPORTED)
-def test_a_file_is_written_as_it_was(name, tmp_path):
-    write(name, tmp_path)
-    files = {path.name for path in tmp_path.iterdir()}
-    assert files == {path.name for path in FOLDER.glob(f"{name}.*")}
-    for file in files:
-        texts = ((folder / file).read_text("utf-8").split() for folder in (FOLDER, tmp_path))
-        for old, new in zip(*texts, strict=True):
-            assert alike(old, new, 1e-7, 1e-9), f"{file}: {old}, now {new}"
 
 
 def loaded(model, tmp_path, **more):
@@ -287,9 +247,3 @@ def test_motors_of_a_system_act_at_its_hinges(tmp_path):
     gpw.export(FIVE_LINKS, tmp_path / "walker.xml", **options(FIVE_LINKS))
     text = (tmp_path / "walker.xml").read_text("utf-8")
     assert "Motors that act at no hinge of this file: swing_hip." in " ".join(text.split())
-
-
-if __name__ == "__main__":
-    FOLDER.mkdir(exist_ok=True)
-    for each in EXPORTED:
-        write(each, FOLDER)
