@@ -51,6 +51,11 @@ def walked(name: str, **changes: Any) -> dict[str, Any]:
             "infos": np.concatenate(infos)}  # fmt: skip
 
 
+def torus_family() -> gpw.GaitFamily:
+    """A branch of gaits with a Neimark-Sacker bifurcation."""
+    return gpw.parameter_family(DRIVEN_TORSO, "damping", 2e-4, 0.03, slope=0.03)
+
+
 def on_waves() -> Any:
     """A stride map over three footholds."""
     return gpw.stride_map("lab", 0.036, terrain=gpw.waves(0.001, 3))
@@ -196,6 +201,20 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "family in a mass": lambda: gpw.parameter_family("lab", "shank_mass", 0.6, 1.4, slope=0.036),
     "locus of folds": lambda: gpw.bifurcation_locus(
         lab := gpw.gait_family("lab", 0.003, 0.15), lab.folds[1], "shank_length", 0.3, 0.6
+    ),
+    "locus of doublings": lambda: gpw.bifurcation_locus(
+        lab := gpw.gait_family("lab", 0.003, 0.15), lab.period_doublings[1], "foot_radius",
+        0.15, 0.25,
+    ),
+    "locus of pairs": lambda: gpw.bifurcation_locus(
+        torus := torus_family(), torus.neimark_sackers[0], "slope", 0.02, 0.05
+    ),
+    "family with a torus": torus_family,
+    "family over stairs": lambda: gpw.parameter_family(
+        lambda rise: gpw.stride_map("lab", 0.036, terrain=gpw.stairs(-rise)), "rise", 0.001, 0.004
+    ),
+    "sweep of a diagram": lambda: gpw.bifurcation_diagram(
+        "D", [0.012, 0.016, 0.017], n_transient=50, sweep=True
     ),
     "doublings": lambda: gpw.doubling_cascade("D", 0.01, 0.02, doublings=3),
     "crisis": lambda: gpw.crisis(
