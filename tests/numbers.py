@@ -35,7 +35,10 @@ def told(values: Any) -> str:
         weights = np.linspace(-1.0, 1.0, len(rows))[:, None]
         start = f"({shape}, {int(np.isnan(rows).sum())} nan, {int(np.isinf(rows).sum())} inf) "
         rows = np.where(np.isinf(rows), np.nan, rows)
-        rows = np.array([np.nanmean(x, axis=0) for x in (rows, rows**2, weights * rows)])
+        with np.errstate(invalid="ignore"):  # there may be no number
+            count = np.sum(~np.isnan(rows), axis=0)
+            rows = np.array([np.nansum(x, axis=0) / count
+                             for x in (rows, rows**2, weights * rows)])  # fmt: skip
     each = rows.ravel().tolist()
     return start + " ".join("nan" if math.isnan(x) else f"{x + 0.0:.6g}" for x in each)
 

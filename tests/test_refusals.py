@@ -1,15 +1,20 @@
-"""Each public function rejects invalid input with a message that names the argument."""
+"""Each public function rejects invalid input with a message that names the argument.
+
+python -m tests.test_refusals     Write the messages, `tests/refusals.json`, again.
+"""
 
 import json
 import re
 import shutil
 from math import inf, nan
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from gym_passive_walker._tools.arguments import shown
 from gym_passive_walker.gaits.control.baselines import Passive
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from tests.equations.examples import LONG_GAITS
@@ -45,7 +50,67 @@ def many(**arguments):
     return gym.make_vec("PassiveWalker-v0", **({"num_envs": 2} | arguments))
 
 
+A_DIAGRAM = {"walker": "E", "values": 0.01}
+OF_WALKERS = [
+    (gpw.as_walker, {}), (gpw.tune, {}), (gpw.stride, ON_A_WALK), (gpw.find_gait, ON_A_GAIT),
+    (gpw.gait_family, OVER_SLOPES), (gpw.basin_of_attraction, ON_A_GAIT), (gpw.stride_map, {}),
+    (gpw.export, {"path": "x.xml"}), (gpw.optimize_walker, OF_A_DESIGN),
+]  # fmt: skip
+ON_SLOPES = [
+    (gpw.simulate, ON_A_WALK), (gpw.find_gait, ON_A_GAIT), (gpw.nearest_gait, ON_A_GAIT),
+    (gpw.basin_of_attraction, ON_A_GAIT), (gpw.largest_push, ON_A_GAIT),
+    (gpw.tune_to_walk, {"walker": "C"}), (gpw.optimize_walker, OF_A_DESIGN),
+]  # fmt: skip
+OF_STATES = [gpw.stride, gpw.simulate, gpw.reality_check, gpw.stride_jacobian]
+
+
+def given(values):
+    """Those values that are not None, which is the default."""
+    return [x for x in values if x is not None]
+
+
 REFUSALS = [
+    *((function, valid, "walker", NO_OBJECTS) for function, valid in OF_WALKERS),
+    *((function, valid, "slope", NO_ANGLES) for function, valid in ON_SLOPES),
+    *((function, ON_A_WALK, "state", NO_STATES) for function in OF_STATES),
+    *((gpw.stride, ON_A_WALK, name, ("no", nan, inf, {}, object()))
+      for name in ("hip_torque", "ankle_torque", "push_off", "height_change")),
+    (gpw.stride, ON_A_WALK, "slope", ("no", nan, inf, 2.0, -2.0, object())),
+    (gpw.stride_map, {"walker": "C"}, "slope", given(NO_ANGLES)),
+    (gpw.stride_map, {"walker": "C"}, "terrain", ("no", 3, {}, object())),
+    (gpw.stride_map, {"walker": "C"}, "tolerance", NO_TOLERANCES),
+    (gpw.stride_map, {}, "scene", (3, [], object(), LONG)),
+    (gpw.find_gaits, ON_A_GAIT, "period", (*NO_COUNTS, 0)),
+    (gpw.find_gaits, ON_A_GAIT, "guess", NO_STATES),
+    (gpw.basin_of_attraction, ON_A_GAIT, "strides", (*NO_COUNTS, 0)),
+    (gpw.bifurcation_diagram, A_DIAGRAM, "n_transient", NO_COUNTS),
+    (gpw.bifurcation_diagram, A_DIAGRAM, "longest_period", NO_COUNTS),
+    (gpw.bifurcation_diagram, A_DIAGRAM, "tolerance", NO_TOLERANCES),
+    (gpw.bifurcation_diagram, A_DIAGRAM, "parameter", NO_OBJECTS),
+    (gpw.lyapunov_exponents, A_DIAGRAM, "values", (*NO_ANGLES, -0.1)),
+    (gpw.lyapunov_exponents, A_DIAGRAM, "n_transient", NO_COUNTS),
+    (gpw.lyapunov_exponents, A_DIAGRAM, "tolerance", NO_TOLERANCES),
+    (gpw.doubling_cascade, {"walker": "D", "low": 0.01, "high": 0.02}, "low", NO_ANGLES),
+    (gpw.doubling_cascade, {"walker": "D", "low": 0.01, "high": 0.02}, "high", NO_ANGLES),
+    (gpw.crisis, TO_THE_CRISIS, "kind", NO_OBJECTS),
+    (gpw.footholds, {"heights": [0.0]}, "heights", ("no", nan, inf, {}, object(), [])),
+    (gpw.footholds, {"heights": [0.0]}, "slopes", ("no", nan, inf, {}, object(), [4.0])),
+    (gpw.rough, {"height_std": 0.01}, "height_std", (*NO_NUMBERS, nan, -1.0)),
+    (gpw.stairs, {}, "rise", (*NO_NUMBERS, nan, inf, 1e9)),
+    (gpw.compare, {"controller": "lab"}, "timesteps", ("no", [], {}, nan, object())),
+    (gpw.compare, {"controller": "lab"}, "softness", ("no", {}, nan, [0.0], object())),
+    (gpw.compare, {"controller": "lab"}, "strides", (*NO_COUNTS, 0)),
+    (gpw.compare, {"controller": "lab"}, "simulator", ("no", 3, None, [], object())),
+    (gpw.evaluate, {"controller": "passive"}, "episodes", (*NO_COUNTS, 0)),
+    (gpw.evaluate, {"controller": "passive"}, "seed", (*NO_NUMBERS, nan, -1)),
+    (gpw.evaluate, {"controller": "passive"}, "max_episode_steps", given((*NO_COUNTS, 0))),
+    (gpw.gauntlet, {"controller": "passive"}, "walkers", (*NO_COUNTS, 0)),
+    (gpw.robustness, {"controller": "lab", "slope": 0.036}, "walkers", given((*NO_COUNTS, 0))),
+    (gpw.export, {"walker": "lab", "path": "x.xml"}, "timestep", given((*NO_NUMBERS, nan, 0.0))),
+    (gpw.export, {"walker": "lab", "path": "x.xml"}, "format", given(NO_OBJECTS)),
+    (gpw.optimal_gait, {"scene": "level"}, "reward", ("no", object(), [], 3.0)),
+    (gpw.optimal_gait, {"scene": "level", "speed": 0.1}, "time_limit", (*NO_NUMBERS, nan, 0.0)),
+    (gpw.assemble, LEGS, "hip_mass", (*NO_NUMBERS, nan, inf, -1.0)),
     (gpw.stride, ON_A_WALK, "end_on_toe_stub", NO_TRUTHS),
     (gpw.stride, ON_A_WALK, "threads", [x for x in (*NO_COUNTS, 0) if x is not None]),
     (gpw.stride, ON_A_WALK, "max_stride_time", (*NO_NUMBERS, nan, inf, 0.0, -1.0)),
@@ -153,16 +218,29 @@ REFUSALS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("function", "valid", "name", "values"),
-    REFUSALS,
-    ids=[f"{function.__name__}-{name}-{i}" for i, (function, _, name, _) in enumerate(REFUSALS)],
-)
-def test_nonsense_is_refused_by_the_name_of_its_argument(function, valid, name, values):
+CASES = {f"{row[0].__name__} {row[2]}": row for row in REFUSALS}
+assert len(CASES) == len(REFUSALS)
+SENTENCES = Path(__file__).with_name("refusals.json")
+
+
+def sentences(function, valid, name, values):
+    """The different messages that refuse values of an argument, with ... for the value."""
+    found = {}
     for value in values:
         with pytest.raises(ValueError, match=rf"\b{name}\b") as refused:
             function(**{**valid, name: value})
-        assert len(str(refused.value)) < 1000, value
+        said = str(refused.value)
+        assert len(said) < 1000, value
+        for word in ("no", "not"):
+            said = said.replace(f"{word} {shown(value)}", f"{word} ...")
+        found[re.sub("0x[0-9a-f]+", "0x...", said)] = None
+    return [*found]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_nonsense_is_refused_by_the_name_of_its_argument(case):
+    known = json.loads(SENTENCES.read_text("utf-8"))
+    assert sentences(*CASES[case]) == known[case], "run python -m tests.test_refusals if meant"
 
 
 @pytest.mark.parametrize("seed", [-1, 0.5, "no", nan, [], b"x"], ids=repr)
@@ -233,3 +311,8 @@ def test_a_policy_with_weights_that_are_no_numbers_is_refused(number, copy):
     path.write_bytes(written)
     with pytest.raises(gpw.PolicyError, match="must be finite numbers"):
         gpw.load_policy(copy)
+
+
+if __name__ == "__main__":
+    said = {case: sentences(*row) for case, row in CASES.items()}
+    SENTENCES.write_text(json.dumps(said, indent=1, ensure_ascii=False) + "\n", "utf-8")

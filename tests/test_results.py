@@ -51,6 +51,11 @@ def walked(name: str, **changes: Any) -> dict[str, Any]:
             "infos": np.concatenate(infos)}  # fmt: skip
 
 
+def torus_family() -> gpw.GaitFamily:
+    """A branch of gaits with a Neimark-Sacker bifurcation."""
+    return gpw.parameter_family(DRIVEN_TORSO, "damping", 2e-4, 0.03, slope=0.03)
+
+
 def on_waves() -> Any:
     """A stride map over three footholds."""
     return gpw.stride_map("lab", 0.036, terrain=gpw.waves(0.001, 3))
@@ -134,11 +139,11 @@ def printed(scene: Any) -> str:
 
 
 def exported(model: Any, ending: str, **given: Any) -> str:
-    """The file of a model in the format of a simulator."""
+    """The words of the file of a model in the format of a simulator."""
     with TemporaryDirectory() as folder:
         path = Path(folder, f"model.{ending}")
-        gpw.export(model, path, **given)
-        return path.read_text("utf-8")
+        gpw.export(model() if callable(model) else model, path, **given)
+        return " ".join(path.read_text("utf-8").split())
 
 
 def in_mujoco(**given: Any) -> dict[str, Any]:
@@ -196,6 +201,20 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "family in a mass": lambda: gpw.parameter_family("lab", "shank_mass", 0.6, 1.4, slope=0.036),
     "locus of folds": lambda: gpw.bifurcation_locus(
         lab := gpw.gait_family("lab", 0.003, 0.15), lab.folds[1], "shank_length", 0.3, 0.6
+    ),
+    "locus of doublings": lambda: gpw.bifurcation_locus(
+        lab := gpw.gait_family("lab", 0.003, 0.15), lab.period_doublings[1], "foot_radius",
+        0.15, 0.25,
+    ),
+    "locus of pairs": lambda: gpw.bifurcation_locus(
+        torus := torus_family(), torus.neimark_sackers[0], "slope", 0.02, 0.05
+    ),
+    "family with a torus": torus_family,
+    "family over stairs": lambda: gpw.parameter_family(
+        lambda rise: gpw.stride_map("lab", 0.036, terrain=gpw.stairs(-rise)), "rise", 0.001, 0.004
+    ),
+    "sweep of a diagram": lambda: gpw.bifurcation_diagram(
+        "D", [0.012, 0.016, 0.017], n_transient=50, sweep=True
     ),
     "doublings": lambda: gpw.doubling_cascade("D", 0.01, 0.02, doublings=3),
     "crisis": lambda: gpw.crisis(
@@ -281,6 +300,13 @@ RESULTS: dict[str, Callable[[], Any]] = {
     ) for name, x, given in (
         ("lab", "lab", {"slope": 0.036}), ("E", "E", {}),
         ("torso", TORSO, {"unit_length": 0.8, "unit_mass": 32.0}),
+        ("five links", FIVE_LINKS, {"unit_length": 0.8, "unit_mass": 32.0}),
+        ("a gait", lambda: gpw.find_gait("lab", 0.036), {}),
+        ("a gait of a system", lambda: gpw.find_gait(TORSO, 0.03),
+         {"unit_length": 0.8, "unit_mass": 32.0}),
+        ("held knees and springs", lambda: gpw.WALKERS["lab"].with_parameters(
+            hip_mass=1.5, hip_stiffness=0.5, hip_friction=0.01, knee_stiffness=0.3, knees="held"
+        ), {}),
     ) for ending in ("xml", "urdf", "sdf")},
     "comparison with MuJoCo": lambda: compared(gpw.find_gait("lab", 0.036)),
     "comparison of a policy with MuJoCo": lambda: compared("level-ppo"),

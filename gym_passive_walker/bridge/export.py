@@ -128,7 +128,7 @@ def checked_format(path: str | PathLike[str], given: str | None) -> str:
         ValueError: if there is no such format, or the ending names none.
     """
     if given is not None:
-        if given not in FORMATS:
+        if given not in [*FORMATS]:
             raise ValueError(
                 f"format must be one of {', '.join(FORMATS)}, not {shown(given)}"
                 f"{near(given, FORMATS)}"

@@ -121,7 +121,7 @@ def rough(height_std: float | None = None, slope_std: float | None = None) -> Te
 
 def stairs(rise: float) -> Terrain:
     """Return footholds, each higher than the last by `rise` leg lengths; lower if negative."""
-    return Terrain(rises=(rise,))
+    return Terrain(rises=(number(rise, "rise", least=-_HIGHEST, most=_HIGHEST),))
 
 
 def waves(height: float, strides: int) -> Terrain:

@@ -26,6 +26,7 @@ from tests.bridge.models import (
     pose_of,
     random_state,
 )
+from tests.own.test_ground_force import of as by_equations
 
 SLOPE = 0.05
 
@@ -133,6 +134,15 @@ def _turning(angle):
     return links
 
 
+def _weightless(place):
+    """The links of the walker with a torso, and one without mass at a place."""
+
+    def links(body, state):
+        return [*TORSO.links(body, state), gpw.Link(0.0, *place(state))]
+
+    return links
+
+
 def _with(links):
     """The walker with a torso, with other links."""
     names = "body", "State", "landing", "relabel", "falls", "counts", "start"
@@ -149,10 +159,30 @@ def _with(links):
             "link 3 of `links` turns otherwise than torso",
         ),
         (_turning(lambda state: 2.0 * state.torso), "link 3 of `links` turns otherwise than torso"),
+        (
+            _weightless(lambda state: (0.3 + 0.0 * state.stance, 0.0)),
+            r"hinges \(a part of it is fixed to the ground\), which is what",
+        ),
+        (_weightless(lambda state: (0.0 * state.stance, 0.0)), r"\(a mass does not move\)"),
+        (
+            _weightless(lambda state: (-sin(state.torso), cos(state.torso))),
+            r"\(a body hangs from two places\)",
+        ),
+        (
+            _weightless(lambda state: (sin(state.stance) ** 2, 0.0)),
+            r"\(a position is no sum of links that turn\)",
+        ),
+        (
+            _weightless(
+                lambda state: (-sin(state.stance + state.torso), cos(state.stance + state.torso))
+            ),
+            r"\(body_2 has no mass\)",
+        ),
         (None, "the stance foot does not roll as a circle of radius 0.3"),
     ],
-    ids=["stretched", "the legs' angle", "twice its angle", "an ankle over a flat foot"],
-)
+    ids=["stretched", "the legs' angle", "twice its angle", "fixed", "still", "twice", "no turn",
+         "weightless", "an ankle over a flat foot"],
+)  # fmt: skip
 def test_a_system_that_is_no_tree_of_hinges_has_no_file(links, said, tmp_path):
     system = _compass(rolls=0.0) if links is None else _with(links)
     with pytest.raises(ValueError, match=said):
@@ -238,6 +268,7 @@ def test_the_angle_of_a_link_counts_in_either_sense_and_from_anywhere():
         ("lab", {"path": "walker.sdf", "timestep": 1e-3}, "MJCF: a file of SDF has none"),
         ("lab", {"unit_mass": 2.0}, "unit_mass is for a System"),
         (TORSO, {}, "'torso' has no units, and files are in m, kg and s: give unit_length"),
+        (by_equations(), {}, "'given' is given by equations, which say nothing of its bodies"),
         (gpw.WALKERS["lab"].with_parameters(shank_gyration=0.0), {},
          "left_shank of .* has no moment of inertia about its centre of mass"),
     ],

@@ -271,3 +271,39 @@ def test_a_renderer_without_opengl_is_tried_once(monkeypatch):
         with pytest.raises(RuntimeError, match=r"no OpenGL here \(no library\): set MUJOCO_GL"):
             env.render()
     assert len(tried) == 1
+
+
+def test_a_frame_is_seen_from_the_side_with_the_ground_below_the_feet(monkeypatch):
+    class Eye:
+        """MuJoCo's renderer without OpenGL."""
+
+        def __init__(self, model, *size):
+            self.model, self.size, self.scene = model, size, mujoco.MjvScene(model, 100)
+
+        def update_scene(self, data, camera):
+            all_kinds, self.camera = mujoco.mjtCatBit.mjCAT_ALL, camera
+            mujoco.mjv_updateScene(
+                self.model, data, mujoco.MjvOption(), None, camera, all_kinds, self.scene
+            )
+
+        def render(self):
+            return self
+
+    monkeypatch.setattr(mujoco, "Renderer", Eye)
+    env = PassiveWalkerMujocoEnv(scene="lab", slope=0.1, render_mode="rgb_array")
+    env.reset(seed=0)
+    seen, length, data = env.render(), env.walker.leg_length, env.batch.loop.data
+    ground = seen.scene.geoms[seen.scene.ngeom - 1]
+    along, normal = np.array([[np.cos(0.1), 0.0, -np.sin(0.1)], [np.sin(0.1), 0.0, np.cos(0.1)]])
+    assert ground.mat == pytest.approx(np.stack([along, [0.0, 1.0, 0.0], normal], axis=1), abs=1e-6)
+    top = ground.pos + ground.size[2] * normal  # the middle of its upper side
+    hip = np.array([data.qpos[0], 0.0, data.qpos[1]])
+    assert (top @ normal, top @ along) == pytest.approx((0.0, hip @ along), abs=1e-6)
+    assert ground.size == pytest.approx(length * np.array([2.0, 0.5, 0.5]))
+    assert ground.rgba == pytest.approx([0.8, 0.8, 0.8, 1.0])
+    camera, high = seen.camera, seen.model.vis.global_.fovy
+    assert (camera.azimuth, camera.elevation, camera.orthographic) == (90.0, 0.0, 1)
+    assert camera.lookat == pytest.approx(hip - [0.0, 0.0, 0.4 * length])
+    assert high == pytest.approx(1.8 * length)  # in which a leg is, with the hip 0.4 above
+    assert seen.size[0] < seen.size[1] and camera.distance > length
+    assert env.render() is seen  # with one renderer

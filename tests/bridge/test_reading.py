@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from xml.etree import ElementTree as ET
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import gym_passive_walker as gpw
 from gym_passive_walker.models.units import PROPORTIONS
@@ -95,6 +97,51 @@ def toe(parent, axis):
     <axis xyz="{axis}"/></joint></robot>"""
 
 
+def frame(place, turn):
+    """A frame, (4, 4), at a place and turned."""
+    made = np.eye(4)
+    made[:3, :3], made[:3, 3] = turn.as_matrix(), place
+    return made
+
+
+def in_other_frames(text, seed):
+    """The same bodies, with each link's frame turned at random and moved along its hinge.
+
+    Moments of inertia are about axes that are turned too, and differ across the plane.
+    """
+    rng, root = np.random.default_rng(seed), ET.fromstring(text)
+    turns = {link.get("name"): Rotation.from_quat(rng.normal(size=4)) for link in root.iter("link")}
+    made = {name: frame([0.0, 0.0, rng.normal()], turn) for name, turn in turns.items()}
+
+    def move(element, before, after):
+        """Change an element's <origin>, between two frames."""
+        origin = element.find("origin")
+        place, angles = (np.array(origin.get(x, "0 0 0").split(), float) for x in ("xyz", "rpy"))
+        moved = np.linalg.inv(before) @ frame(place, Rotation.from_euler("xyz", angles)) @ after
+        angles = Rotation.from_matrix(moved[:3, :3]).as_euler("xyz")
+        for name, numbers in (("xyz", moved[:3, 3]), ("rpy", angles)):
+            origin.set(name, " ".join(map(repr, numbers.tolist())))
+
+    for link in root.iter("link"):
+        for collision in link.findall("collision"):
+            move(collision, made[link.get("name")], np.eye(4))
+        for inertial in link.findall("inertial"):
+            turn = Rotation.from_quat(rng.normal(size=4))
+            move(inertial, made[link.get("name")], frame(np.zeros(3), turn))
+            given = inertial.find("inertia")
+            about = turn.inv().as_matrix()
+            moments = about @ np.diag([0.7, 0.6, 1.0]) @ about.T * float(given.get("izz"))
+            for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"):
+                row, column = ("xyz".index(letter) for letter in name[1:])
+                given.set(name, repr(float(moments[row, column])))
+    for joint in root.findall("joint"):
+        above, below = (made[joint.find(end).get("link")] for end in ("parent", "child"))
+        move(joint, above, below)
+        axis = 2.0 * below[2, :3]  # of any length
+        joint.find("axis").set("xyz", " ".join(map(repr, axis.tolist())))
+    return ET.tostring(root, "unicode")
+
+
 @pytest.fixture
 def read(tmp_path):
     """A function that reads a walker from the text of a URDF."""
@@ -156,12 +203,32 @@ def test_one_walker_has_many_files(text, read):
     assert read(text).body == pytest.approx(read(compass()).body, abs=1e-12)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_a_walker_is_the_same_in_any_frames(seed, read, tmp_path):
+    """Frames may be turned and lie anywhere on the hinges; only moments about these count."""
+    walker, path = gpw.WALKERS["lab"].with_parameters(hip_friction=1e-4), tmp_path / "lab.urdf"
+    gpw.export(walker, path)
+    found = read(in_other_frames(path.read_text("utf-8"), seed))
+    assert found.knees is True
+    for each in PROPORTIONS:
+        assert getattr(found, each) == pytest.approx(getattr(walker, each), abs=1e-12), each
+
+
 @pytest.mark.parametrize(
     ("one", "other", "both"), [(0.3, 0.6, 0.2), (0.3, 0.0, 0.0), (0.0, 0.3, 0.0)]
 )
 def test_two_hinges_of_a_hip_without_inertia_act_in_series(one, other, both, read):
     """1 / both = 1 / one + 1 / other: the moment of the hinges is the same."""
     assert read(damped(one, other)).hip_friction == pytest.approx(both, abs=1e-15)
+
+
+@pytest.mark.parametrize(("more", "hip"), [(1e-7, 0.0), (-1e-7, 0.0), (1e-5, 1e-5), (-1e-5, 1e-5)])
+def test_a_mass_of_the_hip_is_more_than_rounding(more, hip, read, tmp_path):
+    """It is what one leg has more than the other; relative differences below 1e-6 are rounding."""
+    gpw.export("lab", tmp_path / "lab.urdf")
+    text = (tmp_path / "lab.urdf").read_text("utf-8")
+    first = text.replace('<mass value="2.345"', f'<mass value="{2.345 + more}"', 1)
+    assert read(first).hip_mass == pytest.approx(hip, abs=1e-12)
 
 
 def test_friction_of_the_hip_is_read_whichever_leg_is_heavier(read):
@@ -199,6 +266,8 @@ def test_kneed_legs_have_two_links_and_knees_without_friction(old, new, said, re
         (hanging("0.1 0 0"), "pin is not on the axis of left"),
         (hanging(inertia='<inertia ixx="1" iyy="1" izz="1"/>'),
          "hip has a moment of inertia about the hip, where a Walker has a point mass"),
+        (hanging(inertia='<origin xyz="0.1 0 0"/>'), "hip has a moment of inertia about the hip"),
+        (PLAIN.format(HIP.format("")), "it has no hinge"),
         (compass().replace('"right_leg"><collision><origin xyz="0 0 -1"',
                            '"right_leg"><collision><origin xyz="0 0 -1.1"'),
          "hip and right_leg have different lengths"),

@@ -41,6 +41,15 @@ def test_a_stride_on_a_device_is_the_processors(name):
     )
 
 
+@pytest.mark.parametrize("count", [4, 5])
+def test_walkers_need_not_fill_their_blocks_of_threads(count, monkeypatch):
+    """The last threads of a block may have no walker."""
+    monkeypatch.setattr(device, "THREADS_IN_BLOCK", 4)
+    own, records = thrown("simplest", count)
+    usual = advance(SYSTEMS["simplest"], own, records.copy(), tolerance=1e-8)
+    assert bits(carried("simplest", records, own)) == bits(usual)
+
+
 def test_every_outcome_comes_about_on_a_device_as_on_a_cpu():
     system = SYSTEMS["kneed"]
     own, records = thrown("kneed", 40, seed=1)

@@ -23,18 +23,20 @@ from matplotlib import colors  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
 import gym_passive_walker as gpw  # noqa: E402
+from examples.driven_torso import DRIVEN_TORSO  # noqa: E402
+from examples.torso import TORSO  # noqa: E402
 from gym_passive_walker.gaits.control import optimal  # noqa: E402
 from gym_passive_walker.gaits.control.baselines import LinearFeedback  # noqa: E402
 from gym_passive_walker.gaits.scenes.scene import make_scene  # noqa: E402
-from gym_passive_walker.pictures import strobe  # noqa: E402
+from gym_passive_walker.pictures import figures, strobe  # noqa: E402
 from gym_passive_walker.pictures.axes import OWN  # noqa: E402
 from gym_passive_walker.pictures.brush import Brush  # noqa: E402
 from gym_passive_walker.pictures.diagram import walker_diagram  # noqa: E402
-from gym_passive_walker.pictures.figures import point_feet, transition  # noqa: E402
 from gym_passive_walker.pictures.ground import ground_under  # noqa: E402
 from gym_passive_walker.pictures.portrait import both  # noqa: E402
 from gym_passive_walker.pictures.screen import Screen  # noqa: E402
 from tests.numbers import alike, told  # noqa: E402
+from tests.own.statements import DRIVEN  # noqa: E402
 
 FOLDER = Path(__file__).parent / "drawn"
 
@@ -146,9 +148,9 @@ def of_frame(draw: Callable[[], Any]) -> list[str]:
     return [*lines, *(f"{kind} {told(np.array(given))}" for kind, given in drawn.items())]
 
 
-def of_screen(name: str, **shown: Any) -> list[str]:
+def of_screen(name: Any, **shown: Any) -> list[str]:
     """The shapes of a walker's frames, over a stride and a half."""
-    walk = gpw.simulate(gpw.find_gait(name, {"D": 0.009}.get(name, 0.036)), strides=2, samples=5)
+    walk = gpw.simulate(gpw.find_gait(name, 0.009 if name == "D" else 0.036), strides=2, samples=5)
 
     def frames() -> None:
         screen = Screen(name)
@@ -188,6 +190,18 @@ def _strides() -> gpw.Stride:
     return gpw.stride("lab", 0.036, gait.state * np.array([[0.99], [1.0], [1.3]]))
 
 
+def branches(walkers: dict[str, Any], low: float, high: float, named: str) -> dict[str, Any]:
+    """The branches of long and of short steps of some walkers."""
+    return {named.format(name, kind): gpw.gait_family(walker, low, high, kind)
+            for name, walker in walkers.items() for kind in ("long", "short")}  # fmt: skip
+
+
+def detuned() -> dict[str, Any]:
+    """Walkers of Fig. 4.8."""
+    shares, first = (0.0, 0.05, 0.3, 0.6, 0.75, 1.0), gpw.tune("C")
+    return {f"{x:.0%} of the way": gpw.interpolate(first, "lab", x) for x in shares}
+
+
 def of_agents(name: str) -> Figure:
     """A picture of invented results of agents."""
     pytest.importorskip("stable_baselines3")
@@ -225,6 +239,9 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "diagram": walker_diagram,
     "gait": lambda: _gait().plot(OWN),
     "controlled": lambda: gpw.closed_loop_gait(LinearFeedback("steep"), "steep").plot(OWN),
+    "comparison": lambda: gpw.closed_loop_gait(LinearFeedback("steep"), "steep").plot(
+        OWN, optimum=optimal.load("steep")[0]
+    ),
     "family": lambda: gpw.gait_family("lab", 0.005, 0.1).plot(OWN),
     "speeds": lambda: gpw.gait_family("D", 0.012, 0.016).plot(OWN, by="froude_speed"),
     "stride": lambda: _gait().stride.plot(OWN),
@@ -241,7 +258,30 @@ FIGURES: dict[str, Callable[[], Any]] = {
         "lab", 0.036, _gait().state, strides=3, flashes=3, ax=OWN,
         terrain=gpw.footholds([0.0] * 3, [0.0, 0.01, -0.01]),
     ),
-    "transition": lambda: transition(point_feet()),
+    "transition": lambda: figures.transition(figures.point_feet()),
+    "heelstrike": lambda: figures.FIGURES["4.4"].draw(figures.FIGURES["4.4"].tables()),
+    "standing": lambda: figures.FIGURES["4.7"].draw({}),
+    "knees": lambda: figures.lab_families({
+        f"{name}, branch {i}": family for name in ("lab", "lab-straight")
+        for i, family in enumerate(figures.families(gpw.WALKERS[name], 0.036, 0.06, looks=1))
+    }),
+    "detuning": lambda: figures.detuning(branches(detuned(), 0.045, 0.055, "{}, {}")),
+    "tuned": lambda: figures.tuned_families(
+        branches({name: gpw.tune(name) for name in "ABCDE"}, 0.01, 0.013, "{}, {} step")
+    ),
+    "doublings": lambda: figures.period_doubling(figures.doublings(slopes=8)),
+    "torus": lambda: gpw.parameter_family(
+        DRIVEN_TORSO, "damping", 2e-4, 0.03, slope=0.03
+    ).plot(OWN),
+    "path": lambda: gpw.simulate(_gait(), strides=2, samples=20).plot(OWN, of="path"),
+    "massless": lambda: gpw.WALKERS["D"].plot(OWN),
+    "system": lambda: gpw.find_gait(TORSO, 0.03).plot(OWN),
+    "system-torques": lambda: gpw.find_gait(
+        gpw.stride_map(DRIVEN, 0.03, controller={"hip": 0.01})
+    ).plot(OWN),
+    "system-energy": lambda: gpw.simulate(
+        gpw.find_gait(TORSO, 0.03), strides=2, samples=20
+    ).plot(OWN, of="energy"),
     "locus": lambda: gpw.bifurcation_locus(
         fold := gpw.gait_family("lab", 0.003, 0.15), fold.folds[1], "shank_length", 0.3, 0.6
     ).plot(OWN),
@@ -260,6 +300,7 @@ FRAMES: dict[str, Callable[[], list[str]]] = {
         "lab", torque=0.5, push=-0.4, notes=(["left", "more"], ["right"]), warning="fell"
     ),
     "frame-D": lambda: of_screen("D", torque=-1.0),
+    "frame-torso": lambda: of_screen(TORSO, push=0.4),
     "frame-footholds": on_footholds,
 }
 DRAWN: dict[str, Callable[[], list[str]]] = {

@@ -31,21 +31,29 @@ def _differ(a, b, c):
     return [(a[i], b[i], c[i]) for i in np.flatnonzero(~same)]
 
 
-def _numbers(rng, count, least, most):
-    signs, fractions = rng.choice([-1.0, 1.0], count), 1.0 + rng.random(count)
-    with np.errstate(under="ignore"):
-        return np.ldexp(signs * fractions, rng.integers(least, most, count))
+FEW = [1.0, 1.5, *(1.0 + 2.0**-k for k in (25, 26, 27, 51, 52)), 2.0 - 2.0**-52]
+"""Fractions of few digits, or nearly: their sums and products are at ties, and beside them."""
 
 
-@pytest.mark.parametrize("sizes", [(-5, 5), (-1074, 1023), (-600, -400), (400, 600), (-540, -500)])
-def test_the_fused_sum_is_the_processors(sizes):
+def _numbers(rng, exponents):
+    count = len(exponents)
+    fractions = np.where(rng.random(count) < 0.7, rng.choice(FEW, count), 1.0 + rng.random(count))
+    with np.errstate(all="ignore"):
+        return np.ldexp(rng.choice([-1.0, 1.0], count) * fractions, exponents)
+
+
+@pytest.mark.parametrize("power", [-1140, -1074, -1022, -960, -400, 0, 500, 1020])
+def test_the_fused_sum_is_the_processors(power):
     rng, count = np.random.default_rng(0), 50_000
-    a, b = (_numbers(rng, count, *sizes) for _ in range(2))
+    of_product = rng.integers(power - 60, power + 60, count)
+    most, least = np.minimum(1023, of_product + 1074), np.maximum(-1074, of_product - 1023)
+    first = rng.integers(least, most + 1)
+    a, b = _numbers(rng, first), _numbers(rng, of_product - first)
+    assert not _differ(a, b, _numbers(rng, of_product + rng.integers(-140, 140, count)))
     with np.errstate(all="ignore"):
         product = -(a * b)
-    product = np.where(np.isfinite(product), product, 1.0)
-    near = product * (1.0 + rng.integers(-3, 4, count) * 2.0**-52)
-    for c in (_numbers(rng, count, *sizes), product, near, 2.0**-54 * product):
+        near = product * (1.0 + rng.integers(-3, 4, count) * 2.0**-52)
+    for c in (product, near, 2.0**-54 * product):
         assert not _differ(a, b, c)
 
 
@@ -90,6 +98,72 @@ def test_an_elementary_function_is_the_nearest_number(function, exact, bounds):
     found = _values(function, given)
     with mpmath.workprec(200):
         assert [float(exact(mpmath.mpf(x))) for x in given.tolist()] == found.tolist()
+
+
+def _beside(numbers, least=-math.inf, most=math.inf):
+    """Numbers of both signs, and their two neighbours on each side, within bounds."""
+    bits = np.abs(np.concatenate([np.atleast_1d(x) for x in numbers])).view("i8")
+    near = np.concatenate([bits + k for k in range(-2, 3)])
+    near = near[near >= 0].view("f8")
+    near = np.unique([near, -near])
+    return near[(near >= least) & (near <= most)]
+
+
+TINY = [5e-324, 2.0**-1022, 1e-300, 2.0**-538, 2.0**-511]
+SMALL = 2.0 ** -np.r_[1:53, 54:70]  # the exponential of 2^-53 is at a tie up to 107 bits
+LOG_2 = math.log(2.0)
+
+
+@pytest.mark.parametrize(
+    ("function", "exact", "given"),
+    [
+        # quadrants and their boundaries
+        (elementary.sine, mpmath.sin, _beside([np.arange(2400) * math.pi / 4, TINY, SMALL])),
+        (elementary.cosine, mpmath.cos, _beside([np.arange(2400) * math.pi / 4, TINY, SMALL])),
+        # powers of two, and the fraction from which a logarithm belongs to the next power
+        (elementary.logarithm, mpmath.log, _beside([2.0 ** np.arange(-1022, 1024)], 2.0**-1022)),
+        (
+            elementary.logarithm,
+            mpmath.log,
+            _beside([math.sqrt(0.5) * 2.0 ** np.arange(-1000, 1000.0)], 2.0**-1022),
+        ),
+        # each power of two, and half of it; the largest number
+        (
+            elementary.exponential,
+            mpmath.exp,
+            _beside(
+                [np.arange(2048) * 0.5 * LOG_2, TINY, SMALL, 709.782712893384],
+                -1022.0 * LOG_2,
+                709.782712893384,
+            ),
+        ),
+        # where it is its argument, and where it is 1
+        (
+            elementary.hyperbolic_tangent,
+            mpmath.tanh,
+            _beside([np.arange(240) * 0.25 * LOG_2, TINY, SMALL, 1e-9, 20.0]),
+        ),
+        # where its first guess changes, and where its slope ends
+        (
+            elementary.arcsine,
+            mpmath.asin,
+            _beside([np.arange(101) / 100.0, TINY, SMALL, 1.0 - SMALL], -1.0, 1.0),
+        ),
+    ],
+)
+def test_an_elementary_function_is_the_nearest_number_beside_each_boundary(function, exact, given):
+    found = _values(function, given)
+    with mpmath.workprec(300):
+        assert [float(exact(mpmath.mpf(x))) for x in given.tolist()] == found.tolist()
+
+
+def test_an_exponential_below_the_normal_numbers_is_rounded_twice():
+    given = np.concatenate([np.linspace(-745.2, -708.4, 1000), [-745.1332191019412, -745.13322]])
+    found = _values(elementary.exponential, given)
+    with mpmath.workprec(200):
+        expected = np.array([float(mpmath.exp(x)) for x in given.tolist()])
+    assert np.abs(found - expected).max() <= 5e-324  # a unit of the last digit
+    assert np.mean(found == expected) > 0.99
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from gym_passive_walker.devices.gpu.source import Source
 from gym_passive_walker.engine import jit, lanes
 from gym_passive_walker.engine.compiled import phases_of, written
 from gym_passive_walker.engine.device_linker import DeviceLinker
-from gym_passive_walker.engine.layout import HISTORY, PAIR, history_for, layout_of, tile_for
+from gym_passive_walker.engine.layout import PAIR, history_for, layout_of, tile_for
 from gym_passive_walker.engine.one_walker import entry, integrate_phase
 from gym_passive_walker.envs.constraints import equipped, look_code, push_code
 from gym_passive_walker.envs.rule import Rule
@@ -23,8 +23,9 @@ from gym_passive_walker.models.equations.hybrid import System
 from gym_passive_walker.models.equations.systems import SYSTEMS
 from gym_passive_walker.models.math import where
 
-TILE, RUN = kind(tile_for(PAIR, width=1)), kind(HISTORY)
-"""Types of the tile and of the guard history of one walker."""
+TILE: Any = None
+RUN: Any = None
+"""Types of the tile and of the guard history of one walker, which kernels have of their system."""
 
 
 def scratch_types(system: System) -> dict[str, np.dtype]:

@@ -348,12 +348,9 @@ def arcsine(x):
     """Return the angle in rad, from -pi/2 to pi/2, with a given sine."""
     if x == 0.0 or not abs(x) <= 1.0:
         return x if x == 0.0 else np.nan
-    rest = 1.0 - abs(x)
-    if rest < 0.3:
-        y = _HALF_PI[0] - np.sqrt(2.0 * rest) * (1.0 + rest / 12.0)
-        y = y if x > 0.0 else -y
-    else:
-        y = x + x * x * x / 6.0
+    # 1 - t^2/2 is at most cos(t), so that Newton's method converges from here.
+    y = _HALF_PI[0] - np.sqrt(2.0 * (1.0 - abs(x)))
+    y = y if x > 0.0 else -y
     for _ in range(60):
         slope = cosine(y)
         if slope < 1e-8:

@@ -198,7 +198,7 @@ class _Walks(NamedTuple):
                 raise ValueError(f"values must be {allowed}, not {shown(values)}")
         low, high = float(values.min()), float(values.max())
         if parameter != "slope" and not callable(walker):  # the family begins at the walker's own
-            here = map_of(walker, tolerance=tolerance).parameters.get(parameter, low)
+            here = map_of(walker, tolerance=tolerance).parameters.get(str(parameter), low)
             low, high = min(low, here), max(high, here)
         if low == high:
             high = low + (1e-9 * abs(low) or 1e-9)

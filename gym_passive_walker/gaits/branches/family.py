@@ -461,6 +461,7 @@ def parameter_family(
     resolution = number(resolution, "resolution", least=FINEST, most=1.0)
     kind = gait_kind(kind)
     if parameter == "slope" and not callable(walker):
+        low, high = one_slope(low, "low"), one_slope(high, "high")
         start = None if slope is None else find_gait(walker, slope, kind)
         return gait_family(walker, low, high, kind, start=start, resolution=resolution)
     stride_map, axis = axis_of(walker, parameter, low, high, slope)
