@@ -145,7 +145,7 @@ class Model:
         observed: Name and unit of each number of the environments' own observation: the state
             first, then others, the slope last.
         endings: Outcomes by which an episode ends in a fall, and when.
-        toe_stubs: Whether its equations have a guard that a stubbed toe passes (`Watch.SCUFF`).
+        toe_stubs: Whether its equations have a guard that a stubbed toe passes.
 
     Methods:
         with_parameters: Return a model with other values of some parameters.

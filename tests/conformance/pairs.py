@@ -1,6 +1,6 @@
 """Scenes in which each two options of different arguments occur together, where both can be.
 
-python -m tests.conformance.pairs       Draw them again, and write `pairs.json`.
+`python -m tests.conformance.pairs` draws them, and writes them to `pairs.json`.
 """
 
 from __future__ import annotations

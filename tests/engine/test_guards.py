@@ -11,15 +11,16 @@ from gym_passive_walker import Outcome
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.run import advance, integrate, new_records, options, workspace
 from gym_passive_walker.models.equations.hybrid import SMOOTH, State, Watch
-from gym_passive_walker.models.equations.systems import SYSTEMS, UNEVEN
+from gym_passive_walker.models.equations.systems import UNEVEN
 from gym_passive_walker.models.model import bodies
+from tests.equations.statements import KINDS
 from tests.equations.test_statements import EXAMPLES, PHASES
 
 GUARDS = [
     pytest.param(
         system, index, number, id=f"{name}-{phase.stage.name}-{number}-{guard.outcome.name}"
     )
-    for name, system in SYSTEMS.items()
+    for name, system in KINDS.items()
     for index, phase in enumerate(system.phases)
     for number, guard in enumerate(phase.guards)
 ]

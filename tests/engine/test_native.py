@@ -19,6 +19,7 @@ from gym_passive_walker.models.equations.numbers import sine_cosine
 from gym_passive_walker.models.equations.systems import SYSTEMS
 from gym_passive_walker.models.expressions import choose, inverse_root, read, square_root
 from tests.engine.machine import CPUS, Native, call, evaluate, in_lanes, rows
+from tests.equations.statements import KINDS
 from tests.equations.test_statements import PHASES, some_state, some_walker
 
 NUMBERS = np.random.default_rng(1).normal(size=(3, 200)) * 10.0 ** np.random.default_rng(
@@ -515,7 +516,7 @@ def test_a_look_tells_how_guards_and_controls_run_over_a_step(system, index):
 
 STRIKES = [
     pytest.param(system, index, outcome, id=f"{name}-{outcome.name}")
-    for name, system in SYSTEMS.items()
+    for name, system in KINDS.items()
     for index, phase in enumerate(system.phases)
     for outcome in phase.resets
 ]
@@ -637,7 +638,7 @@ def test_no_phase_begins_where_it_is_refused():
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("system", SYSTEMS.values(), ids=SYSTEMS)
+@pytest.mark.parametrize("system", KINDS.values(), ids=KINDS)
 def test_a_hips_place_is_written_down(system):
     rng, code = np.random.default_rng(11), compiled(system.name)[0]
     body, record = some_walker(rng, system).body, np.zeros(1, RECORD)

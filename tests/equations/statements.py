@@ -19,7 +19,10 @@ from gym_passive_walker.models.equations.systems import SYSTEMS
 
 sine_cosine.register(sp.Basic, lambda x: (sp.sin(x), sp.cos(x)))
 
-PHASES = [(name, index) for name, system in SYSTEMS.items() for index in range(len(system.phases))]
+KINDS = {name: system for name, system in SYSTEMS.items() if not name.startswith("own-")}
+"""The package's own systems."""
+
+PHASES = [(name, index) for name, system in KINDS.items() for index in range(len(system.phases))]
 """Every phase of every system."""
 
 

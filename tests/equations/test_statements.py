@@ -20,7 +20,7 @@ from gym_passive_walker.models.equations.hybrid import Control, Ground, State, S
 from gym_passive_walker.models.equations.systems import SYSTEMS, UNEVEN
 from gym_passive_walker.models.model import bodies
 from tests.equations.examples import KNEED, MASSIVE, fitted, random_walker
-from tests.equations.statements import ground
+from tests.equations.statements import KINDS, ground
 
 DIGITS = 40
 
@@ -34,7 +34,7 @@ EXAMPLES |= {
 
 PHASES = [
     pytest.param(system, index, id=f"{name}-{phase.stage.name}")
-    for name, system in SYSTEMS.items()
+    for name, system in KINDS.items()
     for index, phase in enumerate(system.phases)
 ]
 
@@ -238,7 +238,7 @@ def test_kinetic_energy_is_the_quadratic_form_of_the_mass_matrix(name):
         )
 
 
-@pytest.mark.parametrize("system", SYSTEMS.values(), ids=SYSTEMS)
+@pytest.mark.parametrize("system", KINDS.values(), ids=KINDS)
 def test_a_small_gain_of_height_keeps_its_digits(system):
     """A billionth of a radian apart, the difference of two energies has no digit left."""
     rng, links = np.random.default_rng(8), system.phases[0].links
@@ -256,7 +256,7 @@ def test_a_small_gain_of_height_keeps_its_digits(system):
         assert back == pytest.approx(-found, rel=1e-14)
 
 
-@pytest.mark.parametrize("system", SYSTEMS.values(), ids=SYSTEMS)
+@pytest.mark.parametrize("system", KINDS.values(), ids=KINDS)
 def test_a_rise_and_another_are_one_rise(system):
     rng, links = np.random.default_rng(9), system.phases[0].links
     body, slope = some_walker(rng, system).body, ground(0.3)
@@ -318,7 +318,7 @@ def test_momentum_about_contact_and_hip_passes_through_kneestrike(name):
         assert loss == pytest.approx(lost, rel=1e-11, abs=1e-15)
 
 
-@pytest.mark.parametrize("system", SYSTEMS.values(), ids=SYSTEMS)
+@pytest.mark.parametrize("system", KINDS.values(), ids=KINDS)
 def test_a_heelstrike_costs_the_kinetic_energy_that_is_gone(system):
     rng = np.random.default_rng(12)
     strike = system.phases[-1].resets[Outcome.HEELSTRIKE].strike
@@ -332,7 +332,7 @@ def test_a_heelstrike_costs_the_kinetic_energy_that_is_gone(system):
         assert loss > 0.0
 
 
-@pytest.mark.parametrize("system", SYSTEMS.values(), ids=SYSTEMS)
+@pytest.mark.parametrize("system", KINDS.values(), ids=KINDS)
 def test_a_heelstrike_mirrors_legs_that_all_but_mirror_each_other(system):
     """Landing leaves a rounding between the legs' angles; the next stride begins without it."""
     body = EXAMPLES[system.name].body

@@ -131,7 +131,7 @@ def test_a_function_is_asked_for_a_map_once_at_each_value():
         ({"parameter": "hip_mass", "slope": 0.036, "values": [[1.0]]}, "values must be"),
         ({"parameter": "hip_mass", "slope": 0.036, "values": [-1.0]}, "hip_mass must not be"),
         ({"parameter": "hip_mass"}, "slope must be one number"),
-        ({"walker": SIMPLEST, "parameter": "shank_mass", "slope": 0.01}, "other equations of mot"),
+        ({"walker": SIMPLEST, "parameter": "shank_mass", "slope": 0.01}, "its equations are not"),
     ],
 )
 def test_what_cannot_vary_is_refused(asked, said):

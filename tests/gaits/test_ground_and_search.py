@@ -39,7 +39,7 @@ def test_stairs_rise_by_the_same_at_each_foothold():
     np.testing.assert_allclose(rows(stairs(-0.02), 3), [[0.0, -0.02, 0.0]] * 3)
 
 
-@pytest.mark.parametrize("strides", [2, 3, 7])
+@pytest.mark.parametrize("strides", [3, 4, 7])
 def test_waves_are_a_sine_that_returns_to_its_start(strides):
     found = rows(waves(0.05, strides), 2 * strides)
     heights = [0.05 * math.sin(2.0 * math.pi * i / strides) for i in range(2 * strides + 1)]
@@ -123,7 +123,7 @@ WRONG = {
     '{"rough": {"height_std": 0.1}, "rough": {"height_std": 0.2}}': "'rough' is given twice",
     "hills:height=1": "hills",
     "rough:height=1": "height",
-    "stairs:rise=1e9": "rises",
+    "stairs:rise=1e9": "rise must be",
     "waves:height=0.1,strides=1": "strides must be",
 }
 
@@ -134,7 +134,7 @@ def test_text_that_is_no_ground_is_refused(text, tmp_path):
         terrain_from(text)
     file = tmp_path / "wrong.json"
     file.write_text('{"stairs": {"rise": 1e9}}')
-    with pytest.raises(ValueError, match=r"wrong\.json: .*rises"):
+    with pytest.raises(ValueError, match=r"wrong\.json: .*rise must be"):
         terrain_from(file)
 
 
