@@ -16,6 +16,7 @@ from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.systems import SYSTEMS
 from tests.equations.examples import LONG_GAITS
+from tests.equations.statements import KINDS
 from tests.gpu.thrown import thrown
 
 
@@ -31,7 +32,7 @@ def bits(records):
     return np.array(records).view(np.ndarray).tobytes()
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("name", KINDS)
 def test_a_stride_on_a_device_is_the_processors(name):
     own, records = thrown(name, 24)
     usual = advance(SYSTEMS[name], own, records.copy(), tolerance=1e-8)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gym_passive_walker.devices.gpu.device import BLOCK, cuda, kind
-from gym_passive_walker.devices.gpu.lane import RUN, TILE
+from gym_passive_walker.devices.gpu.lane import ONE_HISTORY, ONE_TILE
 from gym_passive_walker.engine import lanes
 from gym_passive_walker.engine.counter_rng import uniform, word
 from gym_passive_walker.engine.event_location import TIME_UP
@@ -277,7 +277,7 @@ def plain_kernel(table):
     cuda.syncthreads()
     i = order[thread]
     if i >= 0:
-        tiles, histories = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
+        tiles, histories = cuda.local.array(1, ONE_TILE), cuda.local.array(1, ONE_HISTORY)
         here = unpack(table, i, column)
         fetch(words, i, column)
         if not step_walker(here, 0, tiles, histories):
@@ -301,7 +301,7 @@ def event_kernel(table):
             here.counts[entry] = 0
     if k < first + others:
         i = here.listed[k if k < first else count - 1 - (k - first)]
-        tiles, histories = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
+        tiles, histories = cuda.local.array(1, ONE_TILE), cuda.local.array(1, ONE_HISTORY)
         scratch = cuda.local.array(1, SCRATCH)
         here = unpack(table, i, column)
         fetch(here.words, i, column)

@@ -23,16 +23,16 @@ from gym_passive_walker.models.equations.hybrid import System
 from gym_passive_walker.models.equations.systems import SYSTEMS
 from gym_passive_walker.models.math import where
 
-TILE: Any = None
-RUN: Any = None
+ONE_TILE: Any = None
+ONE_HISTORY: Any = None
 """Types of the tile and of the guard history of one walker, which kernels have of their system."""
 
 
 def scratch_types(system: System) -> dict[str, np.dtype]:
-    """Return `TILE` and `RUN` for a system; a user's system can have more coordinates."""
+    """Return both of a system; a user's system can have more coordinates."""
     layout = layout_of(system)
     tile = tile_for(PAIR, width=1, layout=layout)
-    return {"TILE": kind(tile), "RUN": kind(history_for(layout))}
+    return {"ONE_TILE": kind(tile), "ONE_HISTORY": kind(history_for(layout))}
 
 
 class DeviceCode:

@@ -7,7 +7,7 @@ from typing import Any
 
 from gym_passive_walker.devices.gpu import device
 from gym_passive_walker.devices.gpu.device import cuda
-from gym_passive_walker.devices.gpu.lane import RUN, TILE, device_code, scratch_types
+from gym_passive_walker.devices.gpu.lane import ONE_HISTORY, ONE_TILE, device_code, scratch_types
 from gym_passive_walker.engine import run
 from gym_passive_walker.models.equations.hybrid import System
 from gym_passive_walker.models.equations.systems import SYSTEMS
@@ -17,7 +17,7 @@ def _stride_kernel(records, bodies, phases, options):
     """Integrate the walker of this thread."""
     i = cuda.grid(1)
     if i < len(records):
-        tiles, histories = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
+        tiles, histories = cuda.local.array(1, ONE_TILE), cuda.local.array(1, ONE_HISTORY)
         own = i if len(bodies) == len(records) else 0
         run.integrate(records[i : i + 1], bodies[own : own + 1], phases, options, tiles, histories)
 

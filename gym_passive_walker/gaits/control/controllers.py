@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 from gym_passive_walker._tools.arguments import near, shown
 from gym_passive_walker._tools.loading import POLICIES
 from gym_passive_walker.gaits.actuation import Actuation
-from gym_passive_walker.gaits.control.baselines import BASELINES, Held, Passive, Schedule
+from gym_passive_walker.gaits.control.baselines import BASELINES, Held, Schedule
 from gym_passive_walker.gaits.control.optimum import OptimalGait
 from gym_passive_walker.gaits.control.policy import (
     FunctionPolicy,
@@ -25,7 +25,6 @@ from gym_passive_walker.gaits.control.policy import (
     policy_name,
 )
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike, make_scene, seen_by_policy
-from gym_passive_walker.models.walkers import describe
 
 ControllerLike: TypeAlias = (
     Policy | Planner | Callable[..., Any] | str | PathLike[str]
@@ -83,13 +82,7 @@ def acting(
         raise ValueError("say in which scene this policy acts, by scene=")
     there = seen_by_policy(with_changes(scene, changes))
     there = there if calmed is None else calmed(there)
-    policy = made(there)
-    if not there.actions and not isinstance(policy, Passive):
-        raise ValueError(
-            f"{describe(there.walker)} has no actuator for a controller: analyse it without one, "
-            'or under "passive"'
-        )
-    return policy, there
+    return made(there), there
 
 
 def _form(controller: Any) -> Callable[[Scene], Policy]:

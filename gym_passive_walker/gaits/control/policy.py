@@ -185,13 +185,11 @@ class ModulePolicy:
         with torch.enable_grad():
             rows = torch.as_tensor(np.array(observation, dtype=float)).requires_grad_()
             actions = self._answers(self._exact, rows)
-            change = [
-                torch.autograd.grad(each.sum(), rows, retain_graph=True)[0]
-                if each.requires_grad
-                else torch.zeros_like(rows)
-                for each in actions.unbind(dim=1)
-            ]
-        return actions.detach().numpy(), torch.stack(change, dim=1).numpy()
+            change = rows.new_zeros(*actions.shape, rows.shape[1])
+            for j, each in enumerate(actions.unbind(dim=1)):
+                if each.requires_grad:
+                    change[:, j] = torch.autograd.grad(each.sum(), rows, retain_graph=True)[0]
+        return actions.detach().numpy(), change.numpy()
 
     def _answers(self, module: Any, rows: Any) -> Any:
         """Return the actions of a module for observations (n, size).
