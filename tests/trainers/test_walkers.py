@@ -92,6 +92,18 @@ def test_trainings_with_other_seeds_have_other_walkers_and_no_evaluation_s(libra
     assert len(set.union(*met)) == sum(map(len, met)) == 128 + 3 * 8
 
 
+@pytest.mark.parametrize(
+    ("library", "name"),
+    [("rsl_rl", "RslRlWalkers"), ("skrl", "SkrlWalkers"), ("torchrl", "TorchRlWalkers")],
+)
+def test_a_trainer_s_walkers_are_reset_as_it_expects(library, name):
+    """In "NextStep" steps of a reset would be taken for transitions."""
+    pytest.importorskip(library)
+    walkers = getattr(import_module(f"gym_passive_walker.torch.trainers.{library}"), name)
+    with pytest.raises(ValueError, match="autoreset_mode is the one that the trainer expects"):
+        walkers(2, autoreset_mode="NextStep")
+
+
 def test_rsl_rl_s_walkers_may_be_of_another_class():
     pytest.importorskip("rsl_rl")
     from gym_passive_walker.torch import PassiveWalkerTorchEnv

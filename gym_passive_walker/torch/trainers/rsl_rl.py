@@ -14,6 +14,7 @@ from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.seeds import training_seeds
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
+from gym_passive_walker.torch.trainers import check_arguments
 
 
 class RslRlWalkers(VecEnv):
@@ -39,7 +40,7 @@ class RslRlWalkers(VecEnv):
             here, as rsl_rl does at the beginning of a training, sets them before the next step.
 
     Raises:
-        ValueError: if `max_episode_steps` is no number from 1 on.
+        ValueError: if `max_episode_steps` is no number from 1 on, or `autoreset_mode` is given.
     """
 
     def __init__(
@@ -51,6 +52,7 @@ class RslRlWalkers(VecEnv):
         envs: Callable[..., Any] = PassiveWalkerTorchEnv,
         **scene: Any,
     ) -> None:
+        check_arguments(scene)
         limit = whole(max_episode_steps, "max_episode_steps")
         self.walkers = envs(num_envs, max_episode_steps=limit, **scene)
         self.observation_space = self.walkers.observation_space

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from gym_passive_walker.envs.seeds import training_seeds
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
+from gym_passive_walker.torch.trainers import check_arguments
 
 
 class SkrlWalkers(Wrapper):
@@ -24,9 +25,13 @@ class SkrlWalkers(Wrapper):
         seed: Seed of the training, from which the seeds of the walkers are drawn; see
             `training_seeds`.
         **scene: Further arguments of `PassiveWalkerTorchEnv`, such as the scene.
+
+    Raises:
+        ValueError: if `autoreset_mode` is given.
     """
 
     def __init__(self, num_envs: int = 64, *, seed: int | None = None, **scene: Any) -> None:
+        check_arguments(scene)
         super().__init__(PassiveWalkerTorchEnv(num_envs, **scene))
         self._seeds = training_seeds(seed, num_envs)
         self._begun: Any = None

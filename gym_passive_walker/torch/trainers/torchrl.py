@@ -12,6 +12,7 @@ from torchrl.envs import EnvBase  # type: ignore[import-not-found]
 
 from gym_passive_walker.envs.seeds import training_seeds
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
+from gym_passive_walker.torch.trainers import check_arguments
 
 
 class TorchRlWalkers(EnvBase):
@@ -26,9 +27,13 @@ class TorchRlWalkers(EnvBase):
         seed: Seed of the training, from which the seeds of the walkers are drawn; see
             `training_seeds`.
         **scene: Further arguments of `PassiveWalkerTorchEnv`, such as the scene.
+
+    Raises:
+        ValueError: if `autoreset_mode` is given.
     """
 
     def __init__(self, num_envs: int = 64, *, seed: int | None = None, **scene: Any) -> None:
+        check_arguments(scene)
         self.walkers = PassiveWalkerTorchEnv(num_envs, autoreset_mode="Disabled", **scene)
         super().__init__(device=self.walkers.device, batch_size=torch.Size([num_envs]))
         size, one = (num_envs,), torch.Size((num_envs, 1))
