@@ -310,15 +310,15 @@ class StepCode(Equations):
             drops = reduce(or_, [(here > 0.0) & (then <= 0.0) for here, then in pairwise(path)])
             if guard.watch == Watch.STRIKE:
                 drop = tile["h"] * v1
-                down = (g0 > 0.0) & (drop < 0.0) & (g1 + NEAR * drop <= 0.0)
-                down |= drops
+                down = drops | ((g0 > 0.0) & (drop < 0.0) & (g1 + NEAR * drop <= 0.0))
                 if guard.where:  # excludes feet that pass each other at midstance
                     down &= self._may_count(guard, tile) | (v0 > 0.0)
                 found = down | ((g0 > 0.0) & (v0 < 0.0) & (v1 > 0.0))
                 found |= (g0 <= 0.0) & (g1 <= 0.0) & (v0 > 0.0) & (v1 < 0.0)
             elif guard.watch == Watch.BOUND:
                 sway = tile["h"] * larger(abs(v0), abs(v1))
-                found = (g1 <= choose(v0 * v1 < 0.0, sway, 0.0)) | drops
+                found = g1 <= choose(v0 * v1 < 0.0, sway, 0.0)
+                found = found | drops if guard.bends else found
             else:
                 found = drops & (tile.argument(1) > 0.0)
             alert = found if alert is None else alert | found
