@@ -276,9 +276,9 @@ class StepCode(Equations):
         return [g0, g0 + v0, g0 + 2.0 * v0 + b0, g1 - 2.0 * v1 + b1, g1 - v1, g1]
 
     def _may_count(self, guard: Guard, tile: Memory) -> Expression:
-        """Return whether a guard's crossing may count at the step's start, middle or end."""
+        """Return whether a guard's crossing would count at the step's start, middle or end."""
         before, after = self.state(tile), self.state(tile, "new_")
-        if guard.bends:  # each condition for itself, somewhere
+        if guard.bends:  # or where each holds somewhere, which costs more
             third, every = tile["h"] / 3.0, []
             for where in self.wheres(guard, tile):
                 g0, v0, _ = self.along(where, before, [None] * self.system.coordinates)
