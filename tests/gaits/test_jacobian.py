@@ -191,6 +191,12 @@ def test_an_unknown_parameter_is_refused_with_the_known_ones():
         stride_jacobian("E", *start("E"), wrt="weight")
 
 
+def test_the_simplest_walker_has_no_derivative_by_the_mass_of_a_leg():
+    with pytest.raises(ValueError, match="'shank_mass': legs without mass have equations of their"):
+        stride_jacobian("D", 0.009, wrt=("state", "shank_mass"))
+    assert stride_jacobian("D", 0.009, wrt="foot_radius").shape == (3, 1)
+
+
 def test_a_fall_has_no_derivative():
     with pytest.raises(NoStride, match="FELL_BACKWARD"):
         stride_jacobian("E", 0.01, [0.3, -0.3, -0.3, -0.1, -0.1, -0.1])
