@@ -348,6 +348,11 @@ class StrideMap(Section):
             known = "state", "slope", *self.parameters
             if strange := unknown(by, known, "by: this stride map"):
                 raise ValueError(strange)
+            if self.walker.massless_legs and (mass := {*by} & {"thigh_mass", "shank_mass"}):
+                raise ValueError(
+                    f"no derivative by {min(mass)}, as legs without mass have equations of their "
+                    "own: give a walker with such mass"
+                )
         points, slopes, strides = self._checked(points, slopes, strides)
         walking, outcomes = np.arange(len(points)), np.empty(len(points), np.int8)
         if len(points) > _FEW:

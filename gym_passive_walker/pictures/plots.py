@@ -67,6 +67,7 @@ PLOTTED = {
 _CELLS, _STRIDES = 61, 100  # resolution and strides of the basin of a controlled gait
 
 _NO_TORQUE = 1e-6  # range of torques / (m g l) below which they are drawn as none
+_OPTIMAL = {"color": BLACK, "linestyle": "--"}  # an optimal torque that is the only one
 
 _OWN_UNITS = {"energy": "torque", "friction": "torque and time", "gravity": "acceleration"}
 """Units of parameters that are not named as the kinds of `models.units.KINDS`."""
@@ -481,7 +482,7 @@ def _torques(ax: Axes, walk: Trajectory, gait: Gait, optimum: Any) -> None:
         label = part if several else gait.stride_map.controller_name
         ax.step(times, held[:, j], where="pre", color=colour, linestyle=dash, label=label)
         if optimum is not None:
-            style = {"color": colour if several else BLACK, "linestyle": (0, (3, 1))}
+            style = {"color": colour, "linestyle": (0, (3, 1))} if several else _OPTIMAL
             steps = np.append(best[j], best[j, -1])
             ax.step(edges, steps, where="post", label=f"{part}, " * several + said, **style)
     ax.axhline(0.0, color=GREY, linewidth=0.4)

@@ -359,10 +359,10 @@ def check_phases(walker: Walker, phases: NDArray) -> None:
         ValueError: if they have not.
     """
     last = len(walker.equations().phases) - 1
-    if strange := set(phases.tolist()) - set(range(last + 1)):
+    if np.any(strange := (phases < 0) | (phases > last)):
         raise ValueError(
             f"phase must be 0{f' to {last}' if last else ''}, as strides of {describe(walker)} "
-            f"have no other, not {min(strange)}"
+            f"have no other, not {phases[strange][0]}"
         )
 
 

@@ -13,7 +13,6 @@ from gym_passive_walker._tools.arguments import (
     check_tolerance,
     number,
     one_slope,
-    shown,
     unknown,
 )
 from gym_passive_walker.gaits.actuation import Actuation, actuation_units, one_actuation
@@ -86,11 +85,6 @@ def stride_jacobian(
     known = ("state", "slope", *stride_map.parameters)
     if strange := unknown(names or [wrt], known, "wrt: the stride map"):
         raise ValueError(strange)
-    if stride_map.walker.massless_legs and (masses := {*names} & {"thigh_mass", "shank_mass"}):
-        raise ValueError(
-            f"wrt={shown(min(masses))}: legs without mass have equations of their own, and no "
-            "derivative by it: give a walker with such mass"
-        )
     state, units = state_on(stride_map, slope, state), stride_map.units
     states = check_state(state, of=stride_map.walker)
     points, driving = stride_map.points_at(states), actuation_units(units)._asdict()
