@@ -67,7 +67,7 @@ PLOTTED = {
 _CELLS, _STRIDES = 61, 100  # resolution and strides of the basin of a controlled gait
 
 _NO_TORQUE = 1e-6  # range of torques / (m g l) below which they are drawn as none
-_OPTIMAL: dict[str, Any] = {"color": BLACK, "linestyle": "--"}  # an optimal torque that is the only one
+_OPTIMAL: dict[str, Any] = {"color": BLACK, "linestyle": "--"}  # of a single torque
 
 _OWN_UNITS = {"energy": "torque", "friction": "torque and time", "gravity": "acceleration"}
 """Units of parameters that are not named as the kinds of `models.units.KINDS`."""
