@@ -165,7 +165,9 @@ class MujocoBatch(Batch):
             name: NamedRows(array) if array.dtype.names else array
             for name, array in self.arrays.items()
         }
-        here["phases"] = [SimpleNamespace(links=phase.links) for phase in self.system.phases]
+        here["phases"] = [
+            SimpleNamespace(knee_locked=phase.knee_locked) for phase in self.system.phases
+        ]
         if self.custom:  # all is noted; functions are called below
             here["own"] = NamedRows(np.array([(-1, 0, 0, 0, False)], transitions.USER_RULES))
         self._here = SimpleNamespace(**here)

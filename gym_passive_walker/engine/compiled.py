@@ -42,7 +42,7 @@ PHASE = np.dtype(
         ("group", "i8"),  # lanes of a vector
         ("few", "i8"),  # lanes of a vector of `sweep_few`, which is for fewer than a group
         ("resets", "i8", (len(Outcome),)),  # addresses by outcome; 0 for a fall
-        ("links", "i8"),
+        ("knee_locked", "i8"),
         ("guards", "i8"),
         ("strike", "i8"),  # number of the guard of the impact, from 1 on; 0 if there is none
         ("outcomes", "i8", (MOST_GUARDS,)),
@@ -147,7 +147,7 @@ def phases_of(system: System, code: Any, lanes: int = 1) -> NDArray:
         entry["group"], entry["few"] = lanes, min(lanes, FEW)
         if lanes > FEW:
             entry["sweep_few"] = code.get_function_address(f"sweep_few{i}")
-        entry["links"], entry["guards"] = phase.links, len(phase.guards)
+        entry["knee_locked"], entry["guards"] = phase.knee_locked, len(phase.guards)
         entry["strike"] = 0 if phase.strike is None else phase.strike + 1
         entry["outcomes"][: len(phase.guards)] = [guard.outcome for guard in phase.guards]
         entry["watch"][: len(phase.guards)] = [guard.watch for guard in phase.guards]

@@ -128,7 +128,7 @@ def write_observation(here, i):
     record, first = here.records[i, 0], i * (len(here.observations) // len(here.records))
     slope, count = here.ledger[i].slope, here.rules[0].coordinates
     if count == 0:
-        locked = 1.0 if here.phases[record.phase].links == 2 else 0.0
+        locked = 1.0 * here.phases[record.phase].knee_locked
         for k, value in enumerate(observation(record.state, locked, slope)):
             here.observations[first + k] = value
         return

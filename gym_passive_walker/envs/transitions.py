@@ -87,7 +87,7 @@ def begin(here, lanes):
             note.state[k] = record.state[k]
         for k in range(len(record.control) + 1):
             note.action[k], note.last_action[k] = 0.0, 0.0
-        note.knee_locked = 1.0 if here.phases[record.phase].links == 2 else 0.0
+        note.knee_locked = 1.0 * here.phases[record.phase].knee_locked
         note.distance, note.duration, note.time, note.energy = 0.0, 0.0, 0.0, 0.0
         note.reward, note.hip_work, note.hip_work_absolute = 0.0, 0.0, 0.0
         note.ankle_work, note.ankle_work_absolute, note.push_off_work = 0.0, 0.0, 0.0
@@ -141,7 +141,7 @@ def note_step(here, i):
     if noted & _STATES:
         for k in range(len(record.state)):
             note.state[k] = record.state[k]
-        note.knee_locked = 1.0 if here.phases[record.phase].links == 2 else 0.0
+        note.knee_locked = 1.0 * here.phases[record.phase].knee_locked
         note.height_change, note.slope_change = record.ground[2], record.ground[3]
     if noted & _ACTS:
         for j in range(count):

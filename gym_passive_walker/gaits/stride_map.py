@@ -353,6 +353,11 @@ class StrideMap(Section):
                     f"no derivative by {min(mass)}, as legs without mass have equations of their "
                     "own: give a walker with such mass"
                 )
+            if "ankle_torque" in by and self.walker.foot_radius:
+                raise ValueError(
+                    "no derivative by ankle_torque: a round foot rolls, and the ground under it "
+                    "bears no torque; give a walker with foot_radius=0"
+                )
         points, slopes, strides = self._checked(points, slopes, strides)
         walking, outcomes = np.arange(len(points)), np.empty(len(points), np.int8)
         if len(points) > _FEW:

@@ -11,6 +11,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from inspect import signature
 from os import PathLike
 from typing import Any, TypeAlias
 
@@ -258,6 +259,12 @@ def _of_mapping(value: Any) -> Terrain:
         raise ValueError(said)
     if not isinstance(arguments, Mapping):
         raise ValueError(f"terrain {name} takes its arguments by name, not {shown(arguments)}")
+    takes = signature(_MADE[name]).parameters
+    if said := unknown(arguments, tuple(takes), f"terrain {name}"):
+        raise ValueError(said)
+    needed = [each for each, of in takes.items() if of.default is of.empty]
+    if missing := [each for each in needed if each not in arguments]:
+        raise ValueError(f"terrain {name} needs {' and '.join(missing)}, as in {EXAMPLES}")
     try:
         return _MADE[name](**arguments)
     except TypeError as error:

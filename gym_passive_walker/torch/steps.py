@@ -433,4 +433,4 @@ def _works(scene: Scene) -> NDArray[np.float64]:
 
 def is_locked(scene: Scene, phases: Tensor) -> Tensor:
     """Return whether each swing leg is straight, (n,)."""
-    return torch.tensor([phase.links == 2 for phase in scene.walker.equations().phases])[phases]
+    return torch.tensor([phase.knee_locked for phase in scene.walker.equations().phases])[phases]

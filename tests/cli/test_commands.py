@@ -331,7 +331,7 @@ WRONG = {
     "simulate lab 0.036 --out walk.txt": "ends in .csv, .mat, .npz or .parquet",
     "simulate lab 0.036 --strides 0": "--strides must be a whole number from 1 on",
     "simulate lab 0.036 --terrain sand": "terrain has no sand; it has rough, stairs",
-    "simulate lab 0.036 --terrain rough:depth=1": "unexpected keyword argument 'depth'",
+    "simulate lab 0.036 --terrain rough:depth=1": "terrain rough has no depth; it has height_std",
     "simulate lab 0.036 --terrain rough:height_std=x": "takes numbers, not 'height_std=x'",
     "strobe lab 0.036 --terrain stairs:-0.01": "a terrain is written as rough:height_std",
     "video lab 0.036 --terrain {rough": "'{rough' cannot be read: Expecting",

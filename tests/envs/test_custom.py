@@ -332,7 +332,7 @@ def test_environments_with_functions_are_pickled_and_made_from_their_spec():
 
 def test_terms_are_what_they_say():
     env = gymnasium.make(
-        ID, reward=dict.fromkeys(TERMS, 1.0), actions=("hip", "push_off")
+        ID, reward=dict.fromkeys(TERMS, 1.0), actions=("hip", "push_off"), command=0.15
     ).unwrapped
     env.reset(seed=0)
     env.step(np.array([0.5, 0.25], np.float32))

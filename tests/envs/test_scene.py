@@ -75,6 +75,8 @@ def test_arguments_change_a_named_scene():
         ({"action_delay": 0.5}, "action_delay must be a whole number .* \\(of steps\\)"),
         ({"command": (0.1, 0.2, 0.3)}, "command must be"),
         ({"command": "fast"}, "command must be"),
+        ({"reward": {"command": -1.0}}, "weight of 'command', and this scene commands no speed"),
+        ({"reward": {"push_off_work": -1.0}}, "'push_off_work', and no action of this scene"),
         ({"constraints": "end"}, "constraints must map checks"),
         ({"constraints": {"slipping": "end"}}, "constraints has no slipping"),
         ({"constraints": {"friction": True}}, "must be one of .ignore., .report., .end."),

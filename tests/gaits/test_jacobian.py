@@ -191,12 +191,14 @@ def test_an_unknown_parameter_is_refused_with_the_known_ones():
         stride_jacobian("E", *start("E"), wrt="weight")
 
 
-def test_the_simplest_walker_has_no_derivative_by_the_mass_of_a_leg():
+def test_a_walker_has_no_derivative_by_what_it_cannot_have():
     with pytest.raises(ValueError, match="by shank_mass, as legs without mass have equations"):
         stride_jacobian("D", 0.009, wrt=("state", "shank_mass"))
     assert stride_jacobian("D", 0.009, wrt="foot_radius").shape == (3, 1)
     with pytest.raises(ValueError, match="by thigh_mass"):
         find_gait("D", 0.009).stride_map.linearize(np.zeros((1, 3)), 0.009, by=("thigh_mass",))
+    with pytest.raises(ValueError, match="by ankle_torque: a round foot rolls"):
+        stride_jacobian("lab", 0.036, wrt="ankle_torque")
 
 
 def test_a_fall_has_no_derivative():

@@ -15,7 +15,7 @@ from gym_passive_walker.models.equations import hybrid, kneed, simplest, straigh
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.systems import SYSTEMS
 from gym_passive_walker.models.math import cos, sin
-from tests.own.statements import DRIVEN, Legs, Motor
+from tests.own.statements import DRIVEN, TORSO, Legs, Motor
 
 KINDS = {"kneed": ("lab", 0.036), "straight": ("A", 0.01), "simplest": ("D", 0.009)}
 
@@ -74,20 +74,34 @@ def test_its_gaits_and_multipliers_are_the_package_s(kind):
     assert found.cost_of_transport == pytest.approx(math.sin(slope), rel=1e-9)
 
 
+def straight_legs(step):
+    return 1.0 * step.knee_locked
+
+
 def test_a_walker_with_knees_is_an_environment_by_the_same_means():
     """Its knee locks within a stride, so a system may have several phases."""
     gait = gpw.find_gait("lab", 0.036)
     start = dimensionless("kneed", gait.state)
     system = stated("kneed", start=start)
-    env = gym.make("PassiveWalker-v0", system=system, slope=0.036, actions=("hip",)).unwrapped
-    own = gym.make("PassiveWalker-v0", scene="lab").unwrapped
+    scene = {"slope": 0.036, "actions": ("hip",), "reward": straight_legs}
+    env = gym.make("PassiveWalker-v0", system=system, **scene).unwrapped
+    own = gym.make("PassiveWalker-v0", scene="lab", reward=straight_legs).unwrapped
     env.reset(seed=0, options={"state": start, "slope": 0.036})
     own.reset(seed=0, options={"state": gait.state, "slope": 0.036})
+    locked = set()
     for _ in range(60):
         found, expected = env.step(np.zeros(1)), own.step(np.zeros(1))
         np.testing.assert_allclose(found[0][:6], expected[0][:6], rtol=1e-5, atol=1e-6)
-        assert found[2:4] == expected[2:4] == (False, False)
+        assert found[1:4] == expected[1:4] and found[2:4] == (False, False)
+        locked.add(found[1])
+    assert locked == {0.0, 1.0}
     assert found[4]["strides"] == expected[4]["strides"] >= 2
+
+
+def test_legs_without_knees_are_straight():
+    env = gym.make("PassiveWalker-v0", system=TORSO, slope=0.01, reward=straight_legs).unwrapped
+    env.reset(seed=0)
+    assert env.step(np.zeros(env.action_space.shape))[1] == 1.0
 
 
 @pytest.mark.parametrize(("asked", "outcome"), [(None, "stubbed_toe"), (False, "fell_backward")])

@@ -128,7 +128,7 @@ def _noted(
             for name, place in _places(block).items()
             if name.partition(".")[0] not in left and not name.startswith(("blank", "before."))
         },
-        "links": [phase.links for phase in system.phases],
+        "locked": [phase.knee_locked for phase in system.phases],
         "options": {
             f"{tolerance:g}": [options(tolerance)[name].item() for name in _OPTIONS]
             for tolerance in TOLERANCES

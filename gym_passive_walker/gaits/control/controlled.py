@@ -504,8 +504,8 @@ class ControlledMap(StrideMap):
         """Return the controller's observations, as in the environment, (n, size)."""
         scene, records, ahead = self.scene, asked.records, asked.ahead
         body = [x[asked.lanes] if np.ndim(x) else x for x in self._seen_body]
-        links = np.array([phase.links for phase in self.walkers.system().phases])
-        locked = links[records["phase"][:, 0]] == 2
+        locked = np.array([phase.knee_locked for phase in self.walkers.system().phases])
+        locked = locked[records["phase"][:, 0]]
         # Without terrain the ground ahead is smooth.
         rows = np.atleast_2d(np.zeros(2 * scene.terrain_lookahead) if ahead is None else ahead)
         changes = rows.reshape(len(rows), scene.terrain_lookahead, 2).transpose(1, 2, 0)

@@ -231,7 +231,7 @@ class StrideReward:
         bodies = Walkers(walker=scene.walker).constants
         places = hip_places(self._system, bodies, states.swapaxes(1, 2))
         there = np.where(struck, rows[:, report.at["passed"]], places[1:])
-        locked = np.array([phase.links == 2 for phase in self._system.phases])
+        locked = np.array([phase.knee_locked for phase in self._system.phases])
         # Of what a record sums up since the stride began, it has the tangents of its own step.
         time, lost = at_end("time"), steps.rows[:, report.at["knee_loss"]].copy()
         duration = time.copy()

@@ -251,6 +251,17 @@ class Scene:
                     f"{name}={given:g} has no effect, since reward has its own weights: give "
                     f"the weight of {term!r} there"
                 )
+        weights = self.reward if isinstance(self.reward, Mapping) else {}
+        if "command" in weights and self.command is None:
+            raise SceneError(
+                "reward has a weight of 'command', and this scene commands no speed: give it a "
+                "command, or leave the weight out"
+            )
+        if "push_off_work" in weights and "push_off" not in self.actions:
+            raise SceneError(
+                "reward has a weight of 'push_off_work', and no action of this scene pushes off: "
+                "give actions with 'push_off', or leave the weight out"
+            )
         for name, none in OF_OWN_OBSERVATION.items():
             if getattr(self, name) != none and not self.shows_own:
                 raise SceneError(

@@ -204,6 +204,11 @@ class Phase(NamedTuple):
     push: Callable[[Any, State, Number, Number], tuple[Number, ...]] | None = None
 
     @property
+    def knee_locked(self) -> bool:
+        """Whether the swing leg is straight."""
+        return self.stage != Stage.FREE
+
+    @property
     def strike(self) -> int | None:
         """Index of the guard of the impact that ends the phase; None if there is none."""
         strikes = (i for i, guard in enumerate(self.guards) if guard.watch == Watch.STRIKE)

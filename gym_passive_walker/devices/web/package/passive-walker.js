@@ -670,7 +670,7 @@ export class PassiveWalker {
     block.functions.body(block.at("shape"), block.at("bodies"));
     block.set("phases", block.functions.phases(variant));
     block.set("hooks", block.functions.hooks(variant));
-    block.set("count", notes.links.length);
+    block.set("count", notes.locked.length);
     block.set("constants", notes.constants + notes.readings);
     block.set("radii", walker.foot_radius / this.legLength);
     this.seen = 8 + (scene.command !== null) + 2 * scene.terrain_lookahead;
@@ -916,7 +916,7 @@ export class PassiveWalker {
 
   /** Whether the swing leg's knee is free. */
   get kneeFree() {
-    return this.#block.notes.links[this.#block.get("record.phase")] === 3;
+    return !this.#block.notes.locked[this.#block.get("record.phase")];
   }
 
   /** Pushes the hip when the next control step begins: an impulse in m sqrt(g l), positive downhill; pushes add. */
@@ -1413,7 +1413,7 @@ export class SystemWalker {
     this.controls = notes.controls;
     this.terrain = this.#checkTerrain(terrain);
     this.#choose(this.terrain !== null);
-    block.set("count", notes.links.length);
+    block.set("count", notes.locked.length);
     block.set("bodies", block.scratch);
     block.set("constants", Object.keys(notes.body).length);
     block.set("table", block.table);
