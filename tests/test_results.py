@@ -280,7 +280,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
         gpw.stride_map("C", 0.0, controller=gpw.Actuation(hip_torque=0.05)), -0.05, 0.01
     ),
     "diagram under a policy": lambda: gpw.bifurcation_diagram(
-        gpw.stride_map(controller="steep-ppo"), [0.0, 0.01], n_transient=40
+        gpw.stride_map(controller="steep-ppo"), [0.0, 0.001], n_transient=40
     ),
     "exponents of lab": lambda: gpw.lyapunov_exponents("lab", [0.036], count=3, strides=50),
     "basin of lab": lambda: gpw.basin_of_attraction("lab", 0.036, resolution=12),

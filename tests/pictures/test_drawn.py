@@ -196,6 +196,12 @@ def branches(walkers: dict[str, Any], low: float, high: float, named: str) -> di
             for name, walker in walkers.items() for kind in ("long", "short")}  # fmt: skip
 
 
+def doubled() -> dict[str, Any]:
+    """Settled walks of periods 1, 2 and 4. Chaotic ones differ with the processor's rounding."""
+    slopes = np.linspace(0.07, 0.09, 6)
+    return {"settled walks": gpw.bifurcation_diagram(gpw.tune("C"), slopes, n_transient=500)}
+
+
 def detuned() -> dict[str, Any]:
     """Walkers of Fig. 4.8."""
     shares, first = (0.0, 0.05, 0.3, 0.6, 0.75, 1.0), gpw.tune("C")
@@ -269,7 +275,7 @@ FIGURES: dict[str, Callable[[], Any]] = {
     "tuned": lambda: figures.tuned_families(
         branches({name: gpw.tune(name) for name in "ABCDE"}, 0.01, 0.013, "{}, {} step")
     ),
-    "doublings": lambda: figures.period_doubling(figures.doublings(slopes=8)),
+    "doublings": lambda: figures.period_doubling(figures.doublings(slopes=1) | doubled()),
     "torus": lambda: gpw.parameter_family(
         DRIVEN_TORSO, "damping", 2e-4, 0.03, slope=0.03
     ).plot(OWN),
