@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import replace
-from itertools import combinations
+from itertools import chain, combinations
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -99,6 +99,18 @@ def together(chosen: dict[str, int]) -> Iterable[Pair]:
     return map(frozenset, combinations(chosen.items(), 2))
 
 
+def left(drawn: Iterable[dict[str, int]]) -> set[Pair]:
+    """Pairs of options that are in no scene."""
+    pairs = {pair for pair in map(frozenset, combinations(PICKS, 2)) if len(dict(pair)) == 2}
+    return pairs.difference(*map(together, drawn))
+
+
+def ways(pair: Pair, most: int) -> Iterable[dict[str, int]]:
+    """A pair of options alone, and with up to `most` others that it may need."""
+    needs = chain.from_iterable(combinations(PICKS, count) for count in range(most + 1))
+    return (dict(need) | dict(pair) for need in needs)
+
+
 def draw(seed: int) -> list[dict[str, int]]:
     """Draw scenes until no pair is missing.
 
@@ -106,30 +118,29 @@ def draw(seed: int) -> list[dict[str, int]]:
     order; each takes the value that adds most missing pairs, of those that can be.
     """
     rng, drawn = Random(seed), []
-    missing = {pair for pair in map(frozenset, combinations(PICKS, 2)) if len(dict(pair)) == 2}
-    needs = [{}, *(dict([pick]) for pick in PICKS), *map(dict, combinations(PICKS, 2))]
+    missing = left(drawn)
     while missing:
         pair = min(missing, key=sorted)
-        ways = (need | dict(pair) for need in needs)
-        chosen = next(filter(accepted, ways), None)
+        chosen = next(filter(accepted, ways(pair, 2)), None)
         if chosen is None:
             missing.remove(pair)
             continue
         for name in rng.sample([*OPTIONS], len(OPTIONS)):
             if name not in chosen:
-                ways = [chosen | {name: i} for i in range(len(OPTIONS[name]))]
-                rng.shuffle(ways)
-                ways.sort(key=lambda way: -len(missing.intersection(together(way))))
-                chosen = next(filter(accepted, ways))
+                tried = [chosen | {name: i} for i in range(len(OPTIONS[name]))]
+                rng.shuffle(tried)
+                tried.sort(key=lambda way: -len(missing.intersection(together(way))))
+                chosen = next(filter(accepted, tried))
         missing -= {*together(chosen)}
         drawn.append({name: chosen[name] for name in OPTIONS})
     return drawn
 
 
-PAIRS = {
-    f"pairs {number}": scene(dict(zip(OPTIONS, row, strict=True)))
-    for number, row in enumerate(json.loads(DRAWN.read_text("utf-8")) if DRAWN.exists() else [])
-}
+ROWS = [
+    dict(zip(OPTIONS, row, strict=True))
+    for row in (json.loads(DRAWN.read_text("utf-8")) if DRAWN.exists() else [])
+]
+PAIRS = {f"pairs {number}": scene(chosen) for number, chosen in enumerate(ROWS)}
 """Arguments of scenes by their names."""
 
 if __name__ == "__main__":
