@@ -290,7 +290,9 @@ def locate(curve: Curve, a: Point, b: Point, test: Callable[[Point], float]) -> 
     chord = chord / length
 
     def at(s: float) -> Point:
-        point = curve.correct(a.y + s * chord, chord, accuracy=1e-13)
+        # Where multipliers are large, rounding hides the last digits of a gait.
+        tried = (curve.correct(a.y + s * chord, chord, accuracy) for accuracy in (1e-13, 1e-10))
+        point = next((found for found in tried if found), None)
         if point is None:
             raise ArithmeticError
         return point
