@@ -197,7 +197,7 @@ def branches(walkers: dict[str, Any], low: float, high: float, named: str) -> di
 
 
 def doubled() -> dict[str, Any]:
-    """Settled walks of periods 1, 2 and 4. Chaotic ones differ with the processor's rounding."""
+    """Settled walks of periods 1, 2 and 4. Chaotic ones differ with the CPU's rounding."""
     slopes = np.linspace(0.07, 0.09, 6)
     return {"settled walks": gpw.bifurcation_diagram(gpw.tune("C"), slopes, n_transient=500)}
 
