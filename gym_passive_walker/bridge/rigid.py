@@ -137,12 +137,8 @@ def tree_of_walker(walker: Walker, name: str = "") -> Tree:
                 f"{body.name} of {describe(walker)} has no moment of inertia about its centre of "
                 "mass, which rigid-body simulators need: give it a mass and a radius of gyration"
             )
-    hip, left, right = "right_hip", "left_knee", "right_knee"
-    stiffness = {
-        hip: walker.hip_stiffness,
-        left: walker.knee_stiffness,
-        right: walker.knee_stiffness,
-    }
+    hip, knees = "right_hip", [f"{side}_knee" for side in SIDES]
+    stiffness = {hip: walker.hip_stiffness, **dict.fromkeys(knees, walker.knee_stiffness)}
     joints = {body.joint for body in bodies}
     return Tree(
         name=name or "walker",
@@ -155,28 +151,25 @@ def tree_of_walker(walker: Walker, name: str = "") -> Tree:
     )
 
 
-def _root(side: str) -> dict[str, Any]:
-    """Parent and joint of a leg: the right one hangs from the left one."""
+def _at_hip(
+    walker: Walker, side: str, link: str, mass: float, com: Place, inertia: float, **more: Any
+) -> Body:
+    """A link that hangs at the hip: the right one from the left one, which has the hip's mass."""
     first = side == SIDES[0]
-    return {
-        "parent": None if first else "left_thigh",
-        "joint": "pitch" if first else f"{side}_hip",
-        "place": (0.0, 0.0),
-    }
-
-
-def _with_hip(walker: Walker, side: str, mass: float, com: Place, inertia: float) -> dict[str, Any]:
-    """Mass, centre and inertia of a body that hangs at the hip; the left one has the hip mass."""
-    point = walker.hip_mass if side == SIDES[0] else 0.0
-    if not point:
-        return {"mass": mass, "com": com, "inertia": inertia}
-    total = mass + point
-    square = com[0] ** 2 + com[1] ** 2
-    return {
-        "mass": total,
-        "com": (com[0] * mass / total, com[1] * mass / total),
-        "inertia": inertia + mass * point / total * square,
-    }
+    if first and (point := walker.hip_mass):
+        total = mass + point
+        inertia += mass * point / total * (com[0] ** 2 + com[1] ** 2)
+        mass, com = total, (com[0] * mass / total, com[1] * mass / total)
+    return Body(
+        name=f"{side}_{link}",
+        parent=None if first else f"{SIDES[0]}_{link}",
+        joint="pitch" if first else f"{side}_hip",
+        place=(0.0, 0.0),
+        mass=mass,
+        com=com,
+        inertia=inertia,
+        **more,
+    )
 
 
 def _straight_leg(walker: Walker, side: str) -> list[Body]:
@@ -186,9 +179,7 @@ def _straight_leg(walker: Walker, side: str) -> list[Body]:
     spin = body.leg_spin * walker.total_mass * length**2
     centre = 0.0, -body.leg * length
     feet = (Foot(centre, walker.foot_radius),)
-    root = _root(side) | {"parent": None if side == SIDES[0] else "left_leg"}
-    own = _with_hip(walker, side, mass, com, spin)
-    return [Body(name=f"{side}_leg", **root, **own, feet=feet, end=centre)]
+    return [_at_hip(walker, side, "leg", mass, com, spin, feet=feet, end=centre)]
 
 
 def _thigh_and_shank(walker: Walker, side: str) -> list[Body]:
@@ -203,9 +194,9 @@ def _thigh_and_shank(walker: Walker, side: str) -> list[Body]:
         thigh = tuple((sums[i] - shank_mass * knee[i]) / thigh_mass for i in (0, 1))
     shank = -body.shank_across * moment / shank_mass, body.shank_along * moment / shank_mass
     centre = -knee[0], -body.leg * length - knee[1]
-    own = _with_hip(walker, side, thigh_mass, thigh, thigh_mass * walker.thigh_gyration**2)
+    spin = thigh_mass * walker.thigh_gyration**2
     return [
-        Body(name=f"{side}_thigh", **_root(side), **own, end=knee),
+        _at_hip(walker, side, "thigh", thigh_mass, thigh, spin, end=knee),
         Body(
             name=f"{side}_shank",
             parent=f"{side}_thigh",

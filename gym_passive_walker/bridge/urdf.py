@@ -40,7 +40,7 @@ def urdf(tree: Tree, about: str = "") -> str:
             for kind in ("visual", "collision"):
                 shape = ET.SubElement(link, kind, name=name)
                 ET.SubElement(shape, "origin", xyz=_flat(foot.centre))
-                ET.SubElement(ET.SubElement(shape, "geometry"), *_foot(foot))
+                ET.SubElement(ET.SubElement(shape, "geometry"), "cylinder", _sizes(foot))
         root.append(_joint(body, tree))
     for motor in tree.motors:
         transmission = ET.SubElement(root, "transmission", name=motor.name)
@@ -50,9 +50,9 @@ def urdf(tree: Tree, about: str = "") -> str:
     return xml_text(root)
 
 
-def _foot(foot: Foot) -> tuple[str, dict[str, str]]:
-    """A foot's shape: a cylinder about the axis across the plane."""
-    return "cylinder", {"radius": spelled(foot.radius or POINT), "length": spelled(_WIDTH)}
+def _sizes(foot: Foot) -> dict[str, str]:
+    """Sizes of a foot, which is a cylinder about the axis across the plane."""
+    return {"radius": spelled(foot.radius or POINT), "length": spelled(_WIDTH)}
 
 
 def _joint(body: Body, tree: Tree) -> Any:
@@ -84,87 +84,79 @@ def sdf(tree: Tree, slope: float, about: str = "") -> str:
     if about:
         root.append(ET.Comment(about))
     world = ET.SubElement(root, "world", name="ground and walker")
-    ET.SubElement(world, "gravity").text = spelled(0.0, 0.0, -tree.gravity)
+    _add(world, "gravity", spelled(0.0, 0.0, -tree.gravity))
     ground = ET.SubElement(world, "model", name="ground")
-    ET.SubElement(ground, "static").text = "true"
-    ET.SubElement(ground, "pose").text = spelled(0.0, 0.0, 0.0, 0.0, slope, 0.0)
+    _add(ground, "static", "true")
+    _add(ground, "pose", spelled(0.0, 0.0, 0.0, 0.0, slope, 0.0))
     link = ET.SubElement(ground, "link", name="ground")
     shape = ET.SubElement(link, "collision", name="ground")
-    _add(_add(_add(shape, "geometry"), "plane"), "normal", "0 0 1")
+    _add(shape, "geometry/plane/normal", "0 0 1")
     _surface(shape)
     model = ET.SubElement(world, "model", name=tree.name)
     before = "world"
     for name, axis in (("x", "1 0 0"), ("z", "0 0 1")):
-        _massless(model, f"slider_{name}")
-        joint = ET.SubElement(model, "joint", name=name, type="prismatic")
-        before = _ends(joint, before, f"slider_{name}", axis)
+        slider = f"slider_{name}"
+        _inertial(ET.SubElement(model, "link", name=slider), "0", "0")
+        _axis(model, name, "prismatic", before, slider, axis)
+        before = slider
     for body in tree.bodies:
         link = ET.SubElement(model, "link", name=body.name)
         where: dict[str, Any] = {"relative_to": body.parent} if body.parent else {}
         ET.SubElement(link, "pose", **where).text = f"{at(body.place)} 0 0 0"
-        inertial = ET.SubElement(link, "inertial")
-        _add(inertial, "pose", f"{at(body.com)} 0 0 0")
-        _add(inertial, "mass", spelled(body.mass))
-        inertia = _add(inertial, "inertia")
-        for name in ("ixx", "iyy", "izz"):
-            _add(inertia, name, spelled(max(body.inertia, LIGHTEST)))
+        moment = spelled(max(body.inertia, LIGHTEST))
+        _inertial(link, spelled(body.mass), moment, f"{at(body.com)} 0 0 0")
         for name, foot in foot_names(body):
             for kind in ("visual", "collision"):
                 shape = ET.SubElement(link, kind, name=name)
                 _add(shape, "pose", f"{at(foot.centre)} {_QUARTER}")
-                cylinder, sizes = _foot(foot)
-                geometry = _add(_add(shape, "geometry"), cylinder)
-                for size, value in sizes.items():
-                    _add(geometry, size, value)
+                cylinder = _add(shape, "geometry/cylinder")
+                for size, value in _sizes(foot).items():
+                    _add(cylinder, size, value)
             _surface(shape)
-        joint = ET.SubElement(model, "joint", name=body.joint, type="revolute")
-        _ends(joint, body.parent or before, body.name, "0 -1 0", body, tree)
-    return xml_text(root)
-
-
-def _add(parent: Any, tag: str, text: str | None = None) -> Any:
-    """Add an element with a text."""
-    made = ET.SubElement(parent, tag)
-    made.text = text
-    return made
-
-
-def _massless(model: Any, name: str) -> None:
-    """Add a link without mass; one without `inertial` would have a mass of 1 kg."""
-    inertial = ET.SubElement(ET.SubElement(model, "link", name=name), "inertial")
-    _add(inertial, "mass", "0")
-    inertia = _add(inertial, "inertia")
-    for each in ("ixx", "iyy", "izz"):
-        _add(inertia, each, "0")
-
-
-def _ends(
-    joint: Any,
-    parent: str,
-    child: str,
-    axis: str,
-    body: Body | None = None,
-    tree: Tree | None = None,
-) -> str:
-    """Write what a joint joins, and its axis; returns the child."""
-    _add(joint, "parent", parent)
-    _add(joint, "child", child)
-    along = _add(joint, "axis")
-    _add(along, "xyz", axis)
-    if body is not None and tree is not None:
+        parent = body.parent or before
+        axis = _axis(model, body.joint, "revolute", parent, body.name, "0 -1 0")
         if body.stop:
-            limit = _add(along, "limit")
+            limit = _add(axis, "limit")
             _add(limit, "lower", spelled(-math.pi))
             _add(limit, "upper", spelled(0.0))
-        dynamics = _add(along, "dynamics")
+        dynamics = _add(axis, "dynamics")
         _add(dynamics, "damping", spelled(tree.friction.get(body.joint, 0.0)))
         _add(dynamics, "spring_stiffness", spelled(tree.stiffness.get(body.joint, 0.0)))
         _add(dynamics, "spring_reference", "0")
-    return child
+    return xml_text(root)
+
+
+def _add(parent: Any, path: str, text: str | None = None) -> Any:
+    """Add elements, each in the one before, with a text in the last, which is returned."""
+    for tag in path.split("/"):
+        parent = ET.SubElement(parent, tag)
+    parent.text = text
+    return parent
+
+
+def _inertial(link: Any, mass: str, moment: str, pose: str | None = None) -> None:
+    """Add the mass of a link, which would be 1 kg without."""
+    inertial = _add(link, "inertial")
+    if pose is not None:
+        _add(inertial, "pose", pose)
+    _add(inertial, "mass", mass)
+    inertia = _add(inertial, "inertia")
+    for name in ("ixx", "iyy", "izz"):
+        _add(inertia, name, moment)
+
+
+def _axis(model: Any, name: str, kind: str, parent: str, child: str, along: str) -> Any:
+    """Add a joint, and return its axis."""
+    joint = ET.SubElement(model, "joint", name=name, type=kind)
+    _add(joint, "parent", parent)
+    _add(joint, "child", child)
+    axis = _add(joint, "axis")
+    _add(axis, "xyz", along)
+    return axis
 
 
 def _surface(shape: Any) -> None:
     """Write the friction of a collision shape."""
-    ode = _add(_add(_add(shape, "surface"), "friction"), "ode")
+    ode = _add(shape, "surface/friction/ode")
     for each in ("mu", "mu2"):
         _add(ode, each, spelled(FRICTION))
