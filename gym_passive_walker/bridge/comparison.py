@@ -173,22 +173,22 @@ def compare(
         )
     count = whole(strides, "strides", 2, 100_000)
     runs = [
-        (step, soft)
+        checked_steps(step, soft)
         for soft in _several(softness, "softness")
         for step in _several(timesteps, "timesteps")
     ]
-    checked = [checked_steps(step, soft) for step, soft in runs]
     policy, there, gait = _gait_of(controller, scene)
+    own = gait.dimensionless
     exact = {
-        name: float(getattr(gait.dimensionless, name))
-        for name in MEASURED[:-1]
-        if name != "stance_angle"
+        "step_period": own.step_period,
+        "stance_angle": np.mean(_starts(gait)[:, 0]),
+        "step_length": own.step_length,
+        "speed": own.speed,
+        "cost_of_transport": gait.cost_of_transport,
     }
-    exact["stance_angle"] = float(np.mean(_starts(gait)[:, 0]))
-    exact["cost_of_transport"] = float(gait.cost_of_transport)
     walks = []
-    with progress("walks", len(checked)) as done:
-        for step, soft in checked:
+    with progress("walks", len(runs)) as done:
+        for step, soft in runs:
             walks.append(_walk(policy, there, step, soft, count, len(_starts(gait))))
             done()
     found, depths, taken, outcomes = zip(*walks, strict=True)
@@ -196,9 +196,9 @@ def compare(
         simulator=f"MuJoCo {library().__version__}",
         controller_name=policy_name(policy),
         scene=there,
-        exact={name: exact[name] for name in MEASURED},
-        timestep=np.array([step for step, _ in checked]),
-        softness=np.array([math.nan if soft is None else soft for _, soft in checked]),
+        exact={name: float(value) for name, value in exact.items()},
+        timestep=np.array([step for step, _ in runs]),
+        softness=np.array([math.nan if soft is None else soft for _, soft in runs]),
         found={name: np.array([each[name] for each in found]) for name in MEASURED},
         penetration=np.array(depths),
         strides=np.array(taken),

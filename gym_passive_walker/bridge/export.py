@@ -134,14 +134,13 @@ def checked_format(path: str | PathLike[str], given: str | None) -> str:
                 f"{near(given, FORMATS)}"
             )
         return given
-    ending = Path(path).suffix.lower()
-    for kind, usual in FORMATS.items():
-        if ending == usual:
-            return kind
-    raise ValueError(
-        f"a file of a walker ends in {', '.join(FORMATS.values())}, or has a format, one of "
-        f"{', '.join(FORMATS)}: {shown(str(path))} has neither"
-    )
+    kinds = {ending: kind for kind, ending in FORMATS.items()}
+    if (ending := Path(path).suffix.lower()) not in kinds:
+        raise ValueError(
+            f"a file of a walker ends in {', '.join(FORMATS.values())}, or has a format, one of "
+            f"{', '.join(FORMATS)}: {shown(str(path))} has neither"
+        )
+    return kinds[ending]
 
 
 def _described(
@@ -182,14 +181,10 @@ def _comment(model: Any, tree: Tree, slope: float, pose: TreePose | None, kind: 
             "direction of x, and do not tilt gravity, of which this format has none either "
             f"({spelled(tree.gravity)} m/s^2)."
         )
-    if any(body.stop for body in tree.bodies):
+    if stops := any(body.stop for body in tree.bodies):
         lines.append("Knees have their stop at 0.")
-    absent = [
-        name
-        for name in ("potential", "dissipation", "forces")
-        if getattr(model, name, None) is not None
-    ]
-    if absent:
+    acting = "potential", "dissipation", "forces"
+    if absent := [name for name in acting if getattr(model, name, None) is not None]:
         lines.append(
             f"Not in this file, but in the system: its {', '.join(absent)}. Apply their forces."
         )
@@ -209,7 +204,6 @@ def _comment(model: Any, tree: Tree, slope: float, pose: TreePose | None, kind: 
     if reversed_motors and kind != "mjcf":
         lines.append(f"Positive torques turn hinges backwards: {reversed_motors}.")
     lines.append("A simulator walks with this model as the exact one does, if its user does this:")
-    stops = any(body.stop for body in tree.bodies)
     order = ("before", "after") if getattr(model, "knees", True) != "held" else ("after", "before")
     knees = [task.format(*order) for task in _KNEES * stops]
     tasks = _SWING.format("" if stops else "straight "), *knees, *_TASKS

@@ -102,12 +102,7 @@ class Linkage:
     def _arm(self, point: Callable[[NDArray], NDArray], slopes: NDArray | None = None) -> Arm:
         """The vectors of a point."""
         slopes = self._slopes if slopes is None else slopes
-        grid = (
-            2.0
-            * np.pi
-            / _GRID
-            * np.indices((_GRID,) * self.size).transpose(*range(1, self.size + 1), 0)
-        )
+        grid = 2.0 * np.pi / _GRID * np.moveaxis(np.indices((_GRID,) * self.size), 0, -1)
         values = np.broadcast_to(point(grid), grid.shape[:-1]) - grid @ slopes
         found = np.fft.fftn(values) / values.size
         arm: Arm = {}
@@ -170,13 +165,6 @@ class Linkage:
         joint = self.joints[turn]
         return self._own_turn(joint) if joint else None
 
-    def place(self, turn: Turn) -> complex:
-        """Place of a body's joint in the frame of its parent."""
-        parent = self.parent(turn)
-        if parent is None:
-            return 0j
-        return self.joints[turn][parent]
-
     def tree(self, length: float, mass: float, gravity: float = 9.81) -> Tree:
         """Return the tree in SI units.
 
@@ -203,7 +191,7 @@ class Linkage:
                     name=name,
                     parent=None if parent is None else self.name(parent),
                     joint="pitch" if parent is None else f"{name}_joint",
-                    place=_pair(self.place(turn) * length),
+                    place=_pair((0j if parent is None else self.joints[turn][parent]) * length),
                     mass=total * mass,
                     com=_pair(com * length),
                     inertia=spin * mass * length**2,

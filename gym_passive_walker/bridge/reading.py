@@ -321,11 +321,8 @@ def _joints_of(joint: Any, turn: Vector, place: Vector) -> list[Joint]:
     given = {} if dynamics is None else dynamics.attrib
     damping, rubbing = (float(given.get(each, 0.0)) for each in ("damping", "friction"))
     more = ("friction",) * (rubbing != 0.0) + ("mimic",) * (joint.find("mimic") is not None)
-    made = Joint(
-        joint.attrib["name"], kinds.get(kind, "free"), turn @ along / np.linalg.norm(along), place,
-        limits, 0.0, damping, more,
-    )  # fmt: skip
-    return [made]
+    name, along = joint.attrib["name"], turn @ along / np.linalg.norm(along)
+    return [Joint(name, kinds.get(kind, "free"), along, place, limits, 0.0, damping, more)]
 
 
 class _Leg(NamedTuple):
@@ -360,10 +357,11 @@ class _Reader:
     def __init__(self, name: str, parts: list[Element], gravity: float) -> None:
         self.name, self.gravity = name, gravity
         self.parts = self._welded(parts)
-        names = {part.name for part in self.parts}
+        self.known: dict[str | None, Element] = {part.name: part for part in self.parts}
         self.below: dict[str | None, list[Element]] = {}
         for part in self.parts:
-            self.below.setdefault(part.parent if part.parent in names else None, []).append(part)
+            above = part.parent if part.parent in self.known else None
+            self.below.setdefault(above, []).append(part)
 
     def refuse(self, reason: str) -> NoReturn:
         """Raise an error.
@@ -444,27 +442,23 @@ class _Reader:
         else:
             last = max(self.parts, key=self._depth)
             self.refuse(f"{last.name} is one link too many, or one of its legs has too few")
-        for leg in legs:
-            for part in leg:
-                if part.name in self.below and part is leg[-1] and part is not base:
-                    self.refuse(f"{self.below[part.name][0].name} hangs on a foot")
+        for *_, part in legs:
+            if part.name in self.below and part is not base:
+                self.refuse(f"{self.below[part.name][0].name} hangs on a foot")
         hip, sense = self._hip(hips), self._sense(legs)
         found = [self._leg(leg, hip, sense) for leg in legs]
         return self._of_legs(found, legs, rest, hips)
 
     def _depth(self, part: Element) -> int:
-        known = {each.name: each for each in self.parts}
-        return 0 if part.parent not in known else 1 + self._depth(known[part.parent])
+        return 1 + self._depth(self.known[part.parent]) if part.parent in self.known else 0
 
     def _axis(self) -> Vector:
         """The direction of all hinges."""
-        hinges = [
-            part.joints[0] for part in self.parts if part.parent in {p.name for p in self.parts}
-        ]
+        hinges = [part.joints[0] for part in self.parts if part.parent in self.known]
         if not hinges:
             self.refuse("it has no hinge")
-        first = hinges[0]
-        for other in hinges[1:]:
+        first, *others = hinges
+        for other in others:
             if np.linalg.norm(np.cross(first.axis, other.axis)) > _CLOSE:
                 self.refuse(f"the hinge {other.name} is not parallel to {first.name}")
         return first.axis
