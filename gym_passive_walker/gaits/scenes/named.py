@@ -20,8 +20,8 @@ from gym_passive_walker._tools.loading import (
     read_content,
     untrusted,
 )
-from gym_passive_walker.gaits.scenes.checks import SceneError
-from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS
+from gym_passive_walker.gaits.scenes.checks import SceneError, checked
+from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, as_row
 from gym_passive_walker.models.model import Model
 from gym_passive_walker.models.walkers import Walker, WalkerError, as_walker
 
@@ -35,10 +35,7 @@ def task_arguments(name: Any) -> Any:
     """
     if not is_file(name):
         return name
-    try:
-        content = read_content(name)
-    except ValueError as error:
-        raise SceneError(str(error)) from None
+    content = checked(read_content, name)
     if not isinstance(content, dict):
         raise SceneError(
             f"{name} must map arguments of a scene to values, as in slope: 0.02, not "
@@ -61,8 +58,7 @@ def outside(name: Any, arguments: Mapping[str, Any] | None = None) -> dict[str, 
             for each in _CODE:
                 row = [part.get(each)]
                 if each == "observation" and isinstance(row[0], Mapping):
-                    row = [_rows(value) for value in row[0].values()]
-                    row = [value for values in row for value in values]
+                    row = [part for parts in row[0].values() for part in as_row(parts)]
                 found |= {value: each for value in row if has_address(value)}
     return found
 
@@ -110,42 +106,22 @@ def _returned(address: str) -> Any:
 
 
 def _with_code(arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Return arguments of a scene with what they name in modules; these are imported.
-
-    Raises:
-        SceneError: if there is no such function.
-        WalkerError: if there is no such system.
-    """
+    """Return arguments of a scene with what they name in modules; these are imported."""
     found = dict(arguments)
     if isinstance(groups := found.get("observation"), Mapping):
         found["observation"] = {
-            group: [_coded("observation", part) for part in _rows(parts)]
+            group: [_coded("observation", part) for part in as_row(parts)]
             for group, parts in groups.items()
         }
     for name in _CODE:
-        if not has_address(found.get(name)):
-            continue
-        found[name] = _coded(name, found[name]) if name in FUNCTIONS else named_walker(found[name])
+        if has_address(part := found.get(name)):
+            found[name] = _coded(name, part) if name in FUNCTIONS else named_walker(part)
     return found
 
 
-def _rows(parts: Any) -> list[Any]:
-    """Return the parts of a group of an observation as a list."""
-    return list(parts) if isinstance(parts, list | tuple) else [parts]
-
-
 def _coded(name: str, part: Any) -> Any:
-    """Return the function that a text names, or another value as it is.
-
-    Raises:
-        SceneError: if there is no such function.
-    """
-    if not has_address(part):
-        return part
-    try:
-        return function_at(part, f"the {name}")
-    except ValueError as error:
-        raise SceneError(str(error)) from None
+    """Return the function that a text names, or another value as it is."""
+    return checked(function_at, part, f"the {name}") if has_address(part) else part
 
 
 def named_walker(name: Any) -> Walker:

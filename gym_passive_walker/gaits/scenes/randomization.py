@@ -7,7 +7,7 @@ number of environments nor on the device that simulates them.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 from zlib import crc32
 
@@ -163,6 +163,17 @@ def of_episodes(given: Mapping[str, Any]) -> dict[str, Any]:
     return {} if {*found} == {CURRICULUM} else found
 
 
+def ends_of(
+    entries: Sequence[Distribution], name: str, nominal: float, *, grows: bool
+) -> tuple[float, float]:
+    """Return the smallest and the largest value of a parameter, in a curriculum if it `grows`."""
+    for entry in entries:
+        if name in entry.names:
+            low, high = entry.ends(nominal)
+            return (min(low, nominal), max(high, nominal)) if grows else (low, high)
+    return nominal, nominal
+
+
 class Randomization:
     """The draws of a scene.
 
@@ -184,18 +195,11 @@ class Randomization:
         self.walker, self._pool = walker, scene.randomization_pool
         own = {name: getattr(scene, name) for name in SCENE_PARAMETERS} | {SLOPE: slope}
         self.nominal = {name: {**walker.parameters, **own}[name] for name in self.names}
-        self._body = [name not in SCENE_PARAMETERS for name in self.names]
 
     def ends(self, name: str) -> tuple[float, float]:
         """Return the smallest and the largest value of a parameter; its own if it is not drawn."""
-        for entry in self.entries:
-            if name in entry.names:
-                nominal = self.nominal[name]
-                low, high = entry.ends(nominal)
-                grows = self.curriculum > 0
-                return (min(low, nominal), max(high, nominal)) if grows else (low, high)
-        value = self.walker.parameters[name]
-        return value, value
+        nominal = {**self.walker.parameters, **self.nominal}[name]
+        return ends_of(self.entries, name, nominal, grows=self.curriculum > 0)
 
     def level(self, episode: int) -> int:
         """Return the level of an environment's episode, by its number from 0; see `draw`."""
@@ -228,8 +232,8 @@ class Randomization:
             values = self._values(key, level, attempt)
             body = {
                 name: value
-                for name, value, own in zip(self.names, values, self._body, strict=True)
-                if own
+                for name, value in zip(self.names, values, strict=True)
+                if name not in SCENE_PARAMETERS
             }
             try:
                 return Drawn(self.walker.with_body(body) if body else self.walker, values)
@@ -268,18 +272,16 @@ def checked_randomization(scene: Any) -> dict[str, Any]:
     found: dict[str, Any] = {}
     known = (*scene.walker.parameters, *SCENE_PARAMETERS, CURRICULUM)
     keys = {key: _names(key) for key in given}
-    if said := unknown(
-        [n for names in keys.values() for n in names], known, f"{_ARGUMENT}: a walker"
-    ):
-        raise SceneError(said)
     names = [name for each in keys.values() for name in each]
+    if said := unknown(names, known, f"{_ARGUMENT}: a walker"):
+        raise SceneError(said)
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise SceneError(f"{_ARGUMENT} must draw each parameter once, and draws {twice[0]} twice")
     for key in sorted(given):
         value = given[key]
         if key == CURRICULUM:
             continue
-        entry = _entry(", ".join(keys[key]), value, check=True)
+        entry = _entry(", ".join(keys[key]), value)
         if DELAY in entry.names:
             _check_delay(entry)
         _check_units(entry, scene.walker)
@@ -324,36 +326,18 @@ def _row(value: Any, title: str, count: int | None = None) -> tuple[float, ...]:
     return tuple(checked(number, each, f"{title}[{i}]") for i, each in enumerate(row))
 
 
-def _entry(key: str, value: Any, *, check: bool = False) -> Distribution:
-    """Return the entry of a key; its numbers are checked if `check`."""
+def _entry(key: str, value: Any) -> Distribution:
+    """Return the entry of a key, after a check of its numbers."""
     names = _names(key)
     title = f"{_ARGUMENT}[{key!r}]"
-    some = np.iterable(value) and not isinstance(value, str)
-    if not some:
-        if check:
-            _check_share(title, value)
-        share: Any = value
+    if not np.iterable(value) or isinstance(value, str):
+        try:
+            share = bounded(title, value, 0.0, 0.5)
+        except SceneError:
+            raise SceneError(f"{title} must be {_FORMS}; not {shown(value)}") from None
         ends = 1.0 - share, 1.0 + share
         return Distribution(names, "uniform", ends, "scale", ends)
-    if not isinstance(value, Mapping):
-        value = {"uniform": value}
-    if check:
-        return _checked_entry(names, value, title)
-    kind = next(name for name in DISTRIBUTIONS if name in value)
-    numbers = tuple(value[kind])
-    clip = tuple(value["clip"]) if kind == "normal" else (min(numbers), max(numbers))
-    return Distribution(names, kind, numbers, value.get("operation", "scale"), clip)  # type: ignore[arg-type]
-
-
-def _check_share(title: str, value: Any) -> None:
-    try:
-        bounded(title, value, 0.0, 0.5)
-    except SceneError:
-        raise SceneError(f"{title} must be {_FORMS}; not {shown(value)}") from None
-
-
-def _checked_entry(names: tuple[str, ...], given: Mapping[str, Any], title: str) -> Distribution:
-    """Return an entry from a mapping, after a check of its numbers."""
+    given = value if isinstance(value, Mapping) else {"uniform": value}
     kinds = [name for name in DISTRIBUTIONS if name in given]
     allowed = (*DISTRIBUTIONS, "operation", "clip")
     if said := unknown(given, allowed, title):

@@ -75,10 +75,12 @@ OWN, DRAWN = "default", "randomized"
 
 def observation_parts(observation: Any) -> list[tuple[str, Any]]:
     """Return group and part of each part of a checked observation with groups, in order."""
-    rows = {
-        name: part if isinstance(part, tuple) else (part,) for name, part in observation.items()
-    }
-    return [(name, part) for name, row in rows.items() for part in row]
+    return [(name, part) for name, parts in observation.items() for part in as_row(parts)]
+
+
+def as_row(parts: Any) -> tuple[Any, ...]:
+    """Return the parts of a group of an observation as a row: one part, or several of them."""
+    return tuple(parts) if isinstance(parts, list | tuple) else (parts,)
 
 
 def checked_groups(given: Mapping[str, Any], *, draws: bool) -> dict[str, Any]:
@@ -99,7 +101,7 @@ def checked_groups(given: Mapping[str, Any], *, draws: bool) -> dict[str, Any]:
     found = {}
     for name in OBSERVERS:
         part = given[name]
-        row = tuple(part) if isinstance(part, list | tuple) else (part,)
+        row = as_row(part)
         for each in row:
             if each == DRAWN and name == "critic" and not draws:
                 raise SceneError(

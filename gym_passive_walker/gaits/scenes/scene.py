@@ -38,6 +38,7 @@ from gym_passive_walker.gaits.scenes.randomization import (
     CURRICULUM,
     OF_STEPS,
     checked_randomization,
+    ends_of,
     entries_of,
     of_episodes,
     randomized_names,
@@ -325,13 +326,10 @@ class Scene:
     def ends(self, name: str) -> tuple[float, float]:
         """Return the smallest and the largest value of an argument that can be drawn."""
         own: Any = getattr(self, name)
-        low, high = own if isinstance(own, tuple) else (own, own)
-        for entry in entries_of(self.domain_randomization):
-            if name in entry.names:
-                ends = entry.ends(low)
-                grows = CURRICULUM in self.domain_randomization
-                low, high = (min(low, ends[0]), max(high, ends[1])) if grows else ends
-        return low, high
+        if isinstance(own, tuple):
+            return own
+        given = self.domain_randomization
+        return ends_of(entries_of(given), name, own, grows=CURRICULUM in given)
 
     @property
     def randomized(self) -> tuple[str, ...]:
