@@ -42,8 +42,8 @@ def walker_diagram() -> Figure:
     knee, foot, tip = (
         level(part, _SLOPE) for part in (posture.swing.knee, posture.swing.foot, posture.swing.tip)
     )
-    for top, bottom, part, side in ((hip, knee, "thigh", 1.0), (knee, tip, "shank", 1.0)):
-        _segment(ax, top, bottom, part, side)
+    _segment(ax, hip, knee, "thigh")
+    _segment(ax, knee, tip, "shank")
     ax.plot(*np.array([foot, tip]).T, "--", **_THIN)
     _note(ax, 0.5 * (foot + level(posture.swing.sole[-1], _SLOPE)), (0.1, 0.02), "foot_radius")
     ax.plot(*np.array([foot, level(posture.swing.sole[-1], _SLOPE)]).T, **_THIN)
@@ -116,8 +116,7 @@ def heelstrike_diagram(found: Approach) -> Figure:
         _note(ax, 0.5 * (start + end), aside, text)
     foot, hip = (level(part, slope) for part in (soon.swing.foot, soon.hip))
     ax.plot(*foot, "+", color=BLACK, markersize=8.0)
-    down = (foot - hip) / math.dist(foot, hip)
-    _measure(ax, hip, foot, -0.08, np.array([down[1], -down[0]]))
+    _measure(ax, hip, foot, -0.08, _along(hip, foot)[1])
     _note(ax, 0.5 * (hip + foot) + [0.08, 0.0], (0.06, 0.03), "hip to\nfoot centre")
     upright = np.array([math.sin(slope), math.cos(slope)])
     stance, top = (level(part, slope) for part in (lands.stance.foot, lands.hip))
@@ -140,7 +139,7 @@ def standing_diagram() -> Figure:
         ax.plot(*leg.foot, "+", color=BLACK, markersize=8.0)
         _note(ax, leg.foot, (0.1, 0.05), "foot centre")
         thigh, shank = (
-            _centre(walker, *ends, name)[1]
+            centre_of(walker, *ends, name)[1]
             for name, ends in (("thigh", (top, leg.knee)), ("shank", (leg.knee, leg.tip)))
         )
         masses = np.array([walker.hip_mass, 2.0 * walker.thigh_mass, 2.0 * walker.shank_mass])
@@ -178,14 +177,13 @@ def _down(angle: float) -> NDArray[np.float64]:
     return level([math.sin(angle), -math.cos(angle)], _SLOPE)
 
 
-def _segment(ax: Axes, top: NDArray, bottom: NDArray, name: str, side: float) -> None:
+def _segment(ax: Axes, top: NDArray, bottom: NDArray, name: str) -> None:
     """Draw the length, centre of mass, offset and radius of gyration of a thigh or a shank."""
     length, com, gyration = (
         getattr(SHOWN, f"{name}_{what}") for what in ("length", "com", "gyration")
     )
-    foot_point, centre = _centre(SHOWN, top, bottom, name)
-    down = (bottom - top) / math.dist(top, bottom)
-    back = np.array([down[1], -down[0]])
+    foot_point, centre = centre_of(SHOWN, top, bottom, name)
+    down, back = _along(top, bottom)
     ax.plot(*centre, "o", color=BLACK, markersize=8.0, zorder=4)
     _note(ax, centre, (-0.33, -0.02), f"{name}_mass")
     turn = np.linspace(0.0, 2.0 * np.pi, 100)
@@ -196,17 +194,23 @@ def _segment(ax: Axes, top: NDArray, bottom: NDArray, name: str, side: float) ->
     _note(ax, edge, (-0.3, 0.05), f"{name}_gyration")
     _measure(ax, foot_point, centre, 0.0, back)
     _note(ax, 0.5 * (foot_point + centre), (-0.34, -0.12), f"{name}_offset")
-    _measure(ax, top, top + com * down, -0.1 * side, back)
-    _note(ax, top + 0.5 * com * down - 0.1 * side * back, (0.06, 0.03), f"{name}_com")
-    _measure(ax, top, bottom, -0.3 * side, back)
-    _note(ax, top + 0.6 * length * down - 0.3 * side * back, (0.05, 0.02), f"{name}_length")
+    _measure(ax, top, top + com * down, -0.1, back)
+    _note(ax, top + 0.5 * com * down - 0.1 * back, (0.06, 0.03), f"{name}_com")
+    _measure(ax, top, bottom, -0.3, back)
+    _note(ax, top + 0.6 * length * down - 0.3 * back, (0.05, 0.02), f"{name}_length")
 
 
-def _centre(walker: Walker, top: NDArray, bottom: NDArray, name: str) -> tuple[NDArray, NDArray]:
-    """Centre of mass of a thigh or a shank, after the point of its line beside it."""
+def _along(top: NDArray, bottom: NDArray) -> tuple[NDArray, NDArray]:
+    """The direction down a segment, and that to its back."""
     down = (bottom - top) / math.dist(top, bottom)
+    return down, np.array([down[1], -down[0]])
+
+
+def centre_of(walker: Walker, top: NDArray, bottom: NDArray, name: str) -> tuple[NDArray, NDArray]:
+    """Centre of mass of a thigh or a shank, after the point of its line beside it."""
+    down, back = _along(top, bottom)
     beside = top + getattr(walker, f"{name}_com") * down
-    return beside, beside + getattr(walker, f"{name}_offset") * np.array([down[1], -down[0]])
+    return beside, beside + getattr(walker, f"{name}_offset") * back
 
 
 def _measure(ax: Axes, start: NDArray, end: NDArray, aside: float, back: NDArray) -> None:

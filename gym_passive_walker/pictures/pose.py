@@ -63,16 +63,10 @@ def _turned(along: float | NDArray, across: float | NDArray, angle: NDArray) -> 
     return np.stack([-back, up], axis=-1)
 
 
-class Joints(NamedTuple):
-    """Points of a leg below the hip; see `Leg`."""
-
-    knee: NDArray[np.float64]
-    foot: NDArray[np.float64]
-    tip: NDArray[np.float64]
-
-
-def joints(walker: Walker, hip: NDArray, thigh: NDArray, shank: NDArray) -> Joints:
-    """Positions of a leg's joints below a hip, from its angles in rad."""
+def joints(
+    walker: Walker, hip: NDArray, thigh: NDArray, shank: NDArray
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Knee, foot and tip of a leg below a hip, as in `Leg`, from its angles in rad."""
     radius, bend = walker.foot_radius, walker.shank_angle
     reach = walker.shank_length - radius
     knee = hip + _turned(
@@ -82,7 +76,7 @@ def joints(walker: Walker, hip: NDArray, thigh: NDArray, shank: NDArray) -> Join
     )
     down = _turned(-math.cos(bend), -math.sin(bend), shank)
     foot = knee + down * reach
-    return Joints(knee, foot, foot + down * radius)
+    return knee, foot, foot + down * radius
 
 
 def hip_over(walker: Walker, contact: NDArray, stance: NDArray, tilt: NDArray) -> NDArray:
@@ -94,10 +88,10 @@ def hip_over(walker: Walker, contact: NDArray, stance: NDArray, tilt: NDArray) -
 
 def _leg(walker: Walker, hip: NDArray, thigh: NDArray, shank: NDArray) -> Leg:
     """Positions of a leg below a hip, from its angles in rad."""
-    radius, below = walker.foot_radius, joints(walker, hip, thigh, shank)
+    radius, (knee, foot, tip) = walker.foot_radius, joints(walker, hip, thigh, shank)
     spread = np.linspace(-SOLE_SPAN, SOLE_SPAN, SOLE_POINTS)
     arc = _turned(-radius * np.cos(spread), -radius * np.sin(spread), shank[..., None])
-    return Leg(*below, below.foot[..., None, :] + arc)
+    return Leg(knee, foot, tip, foot[..., None, :] + arc)
 
 
 def pose(

@@ -170,30 +170,41 @@ class Screen:
         if np.shape(state) != (size := (self.walker.size,)):
             raise ValueError(f"a frame shows one state of shape {size}, not {np.shape(state)}")
         ground = _LEVEL if profile is None else np.asarray(profile, dtype=float)
-        if "legs" not in self.walker.supports:
-            foot, walker = np.array([contact_x, contact_y]), self.walker.in_stride(strides)
+        foot, walker = np.array([contact_x, contact_y]), self.walker.in_stride(strides)
+        posture = None
+        if "legs" in walker.supports:
+            posture = pose(walker, state, contact_x, contact_y, tilt)
+            centre = posture.hip
+        else:
             centre = foot + walker.centre_of_mass(np.asarray(state))
-            self._look_at(centre, slope, ground)
-            self._begin(centre[0], strides)
+        self._look_at(centre, slope, ground)
+        self._begin(centre[0], strides)
+        if posture is not None:
+            self._draw_legs(posture, strides, torque)
+        else:
             self._draw_lines([foot + line for line in walker.drawn(state)])
-            self._pushed(centre, push, tilt)
-            self._ground(ground)
-            return self._finished(notes, warning)
-        brush, posture = self._brush, pose(self.walker, state, contact_x, contact_y, tilt)
-        self._look_at(posture.hip, slope, ground)
-        self._begin(posture.hip[0], strides)
+        self._pushed(centre, push, tilt)
+        self._ground(ground)
+        if posture is not None:
+            self._scuff(posture.swing, ground)
+        self._write(notes, warning)
+        frame = self._pygame.transform.smoothscale(self._canvas, self.size)
+        if self.mode == "rgb_array":
+            pixels = bytearray(self._pygame.image.tobytes(frame, "RGB"))
+            return np.frombuffer(pixels, np.uint8).reshape(self.size[1], self.size[0], 3)
+        self._show(frame)
+        return None
+
+    def _draw_legs(self, posture: Pose, strides: int, torque: float) -> None:
+        """Draw a walker by its legs and hip, with the hip torque and the ghosts of its walk."""
         self._follow(posture, strides)
-        hip = brush.at(posture.hip)
+        brush, hip = self._brush, self._brush.at(posture.hip)
         near, far = legs_by_identity(posture, strides)
         self._leg(hip, far, colours.LEGS[1])
         self._leg(hip, near, colours.LEGS[0])
         brush.disc(hip, 0.050, colours.HIP)
         brush.disc(hip, 0.018, colours.SKY)
         brush.turn(hip, 0.17, 1.9 * torque, colours.TORQUE)
-        self._pushed(posture.hip, push, tilt)
-        self._ground(ground)
-        self._scuff(posture.swing, ground)
-        return self._finished(notes, warning)
 
     def _draw_lines(self, lines: list[NDArray]) -> None:
         """Draw a system by its lines of points."""
@@ -203,18 +214,6 @@ class Screen:
             brush.line(places, 0.026, colours.LEGS[number % len(colours.LEGS)])
             for place in places:
                 brush.disc(place, 0.034, colours.HIP)
-
-    def _finished(
-        self, notes: tuple[Sequence[str], Sequence[str]], warning: str
-    ) -> NDArray[np.uint8] | None:
-        """Write the text, and return or show the frame."""
-        self._write(notes, warning)
-        frame = self._pygame.transform.smoothscale(self._canvas, self.size)
-        if self.mode == "rgb_array":
-            pixels = bytearray(self._pygame.image.tobytes(frame, "RGB"))
-            return np.frombuffer(pixels, np.uint8).reshape(self.size[1], self.size[0], 3)
-        self._show(frame)
-        return None
 
     @property
     def seen(self) -> float:

@@ -10,7 +10,8 @@ import numpy as np
 from gym_passive_walker._tools.shown import picture
 from gym_passive_walker.models.walkers import Walker, name_of
 from gym_passive_walker.pictures.axes import BLACK, GREY, axes_for, legend
-from gym_passive_walker.pictures.pose import Leg, pose
+from gym_passive_walker.pictures.diagram import centre_of
+from gym_passive_walker.pictures.pose import pose
 from gym_passive_walker.pictures.strobe import LEG_COLOURS, ground
 
 if TYPE_CHECKING:
@@ -36,9 +37,11 @@ def _walker(walker: Walker, ax: Axes | None = None) -> Axes:
         ax.plot(*leg.sole.T, color=colour, linewidth=2.0)
         if walker.knees:
             ax.plot(*leg.knee, "o", color="white", markeredgecolor=colour, markersize=6.0)
-        for mass, gyration, centre in _bodies(walker, posture.hip, leg):
+        for top, bottom, part in ((posture.hip, leg.knee, "thigh"), (leg.knee, leg.tip, "shank")):
+            _, centre = centre_of(walker, top, bottom, part)
+            mass, gyration = (getattr(walker, f"{part}_{what}") for what in ("mass", "gyration"))
             _mass(ax, walker, mass, centre)
-            if leg is posture.swing:
+            if mass and leg is posture.swing:
                 turn = gyration * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 100))
                 ax.plot(centre[0] + turn.real, centre[1] + turn.imag, "--", color=GREY, lw=0.8)
         if walker.massless_legs:
@@ -57,19 +60,6 @@ def _walker(walker: Walker, ax: Axes | None = None) -> Axes:
     )
     legend(ax, columns=2, gap=4.0)
     return ax
-
-
-def _bodies(walker: Walker, hip: NDArray, leg: Leg) -> list[tuple[float, float, NDArray]]:
-    """Mass, radius of gyration and centre of mass of thigh and shank."""
-    found = []
-    for top, bottom, name in ((hip, leg.knee, "thigh"), (leg.knee, leg.tip, "shank")):
-        down = (bottom - top) / math.dist(top, bottom)
-        back = np.array([down[1], -down[0]])
-        com, offset = (getattr(walker, f"{name}_{what}") for what in ("com", "offset"))
-        mass, gyration = (getattr(walker, f"{name}_{what}") for what in ("mass", "gyration"))
-        if mass:
-            found.append((mass, gyration, top + com * down + offset * back))
-    return found
 
 
 def _mass(ax: Axes, walker: Walker, mass: float, centre: NDArray) -> None:

@@ -193,21 +193,22 @@ def strobe_of(
     ground(ax, span, slope, length, surface)
     struck = np.append(True, np.diff(strides) != 0)
     struck[-1] = True
-    for drawn, heavy in zip(lines, struck, strict=False):
-        for line in drawn:
-            ax.plot(
-                *level(line, slope).T, color=LEG_COLOURS[0], solid_capstyle="round",
-                linewidth=2.0 if heavy else 1.0, alpha=1.0 if heavy else _FAINT,
-            )  # fmt: skip
-    for index in range(len(states) if not lines else 0):
-        own = pose(walker, states[index], x[index], y[index], tilts[index])
-        for leg, colour in zip(
-            legs_by_identity(own, int(strides[index])), LEG_COLOURS, strict=True
-        ):
-            stands = leg is own.stance and not struck[index]
-            width, alpha = (2.0, 1.0) if struck[index] else (1.0, _FAINT if stands else 0.9)
-            _leg(ax, own, leg, slope, not stands, color=colour, linewidth=width, alpha=alpha)
-    if not lines:
+    if lines:
+        for drawn, heavy in zip(lines, struck, strict=True):
+            width, alpha = (2.0, 1.0) if heavy else (1.0, _FAINT)
+            for line in drawn:
+                ax.plot(
+                    *level(line, slope).T, color=LEG_COLOURS[0], solid_capstyle="round",
+                    linewidth=width, alpha=alpha,
+                )  # fmt: skip
+    else:
+        for index, heavy in enumerate(struck):
+            own = pose(walker, states[index], x[index], y[index], tilts[index])
+            legs = legs_by_identity(own, int(strides[index]))
+            for leg, colour in zip(legs, LEG_COLOURS, strict=True):
+                stands = leg is own.stance and not heavy
+                width, alpha = (2.0, 1.0) if heavy else (1.0, _FAINT if stands else 0.9)
+                _leg(ax, own, leg, slope, not stands, color=colour, linewidth=width, alpha=alpha)
         hips = level(posture.hip, slope)
         ax.plot(*hips.T, "-", color=HIP, linewidth=0.6, zorder=2.5)
         ax.plot(*hips.T, "o", color=HIP, markersize=3.0, zorder=3, label="hip")

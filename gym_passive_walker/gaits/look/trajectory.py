@@ -23,12 +23,7 @@ from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.gaits.look.series import OverTime, look_at
 from gym_passive_walker.gaits.stride import stride, together
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.gaits.terrain import (
-    TerrainLike,
-    contacts,
-    ground_of,
-    terrain_from,
-)
+from gym_passive_walker.gaits.terrain import TerrainLike, contacts, ground_of, terrain_from
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.model import check_heights_only
 from gym_passive_walker.models.walkers import name_of
@@ -213,7 +208,6 @@ def simulate(
     seen_ahead = strides_of.terrain_lookahead
     ground = ground_of(footholds, terrain_seed, strides + seen_ahead)
     check_heights_only(walker, ground[:, [0, 2]])
-    ahead = np.array([ground[k : k + seen_ahead, 1:].ravel() for k in range(strides)])
     rises = ground[:strides, 1] * walker.leg_length
     starts, walks = [state], []
     for k, held in enumerate(map(Actuation._make, np.stack(parts, axis=1).tolist())):
@@ -224,7 +218,8 @@ def simulate(
             walks.append(stride(own, *here, tolerance=tolerance, **foothold, **held._asdict()))
         else:
             now = strides_of.swapped if k % 2 else strides_of
-            walks.append(now.stride(*here[::-1], **foothold, ahead=ahead[k]))
+            ahead = ground[k : k + seen_ahead, 1:].ravel()
+            walks.append(now.stride(*here[::-1], **foothold, ahead=ahead))
         if walks[-1].outcome != Outcome.HEELSTRIKE:
             break
         starts.append(walks[-1].state)
