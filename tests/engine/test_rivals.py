@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import Outcome, stride
-from gym_passive_walker.gaits.look.dense_stride import states_at
 from gym_passive_walker.models.equations.hybrid import SMOOTH, State, Watch
 from gym_passive_walker.models.walkers import WALKERS
+from tests.instants import states_at
 
 COUNT = 600
 

@@ -17,11 +17,11 @@ from gym_passive_walker import (
     stride_jacobian,
 )
 from gym_passive_walker.engine.run import advance, new_records
-from gym_passive_walker.gaits.look.dense_stride import states_at
 from gym_passive_walker.gaits.look.forces import forces
 from gym_passive_walker.models.equations.systems import FITTINGS, SYSTEMS
 from gym_passive_walker.models.model import bodies
 from tests.equations.examples import GAITS, KNEED, LONG_GAITS, MASSIVE, fitted
+from tests.instants import states_at
 
 
 @pytest.mark.parametrize("name", MASSIVE)

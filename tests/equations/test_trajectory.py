@@ -5,10 +5,10 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker import Outcome, stride
-from gym_passive_walker.gaits.look.dense_stride import states_at
 from gym_passive_walker.gaits.look.trajectory import simulate
 from gym_passive_walker.models.equations.hybrid import Stage
 from tests.before_impact import just_before
+from tests.instants import states_at
 
 SLOPE = 0.036
 GAIT = np.array([0.24395, -0.24395, -0.24395, -1.0491, -0.3015, -1.4831])

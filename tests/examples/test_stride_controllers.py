@@ -21,9 +21,9 @@ from examples.stride_controllers import (
 )
 from gym_passive_walker import WALKERS, Actuation, Outcome, find_gait, stride, stride_map
 from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, simulate_episodes
-from gym_passive_walker.gaits.look.dense_stride import states_at
 from gym_passive_walker.gaits.scenes.scene import make_scene
 from gym_passive_walker.gaits.section import Section
+from tests.instants import states_at
 
 D = WALKERS["D"]
 KUO = kuo_gait().walker

@@ -17,8 +17,9 @@ from gym_passive_walker import (
     tune,
 )
 from gym_passive_walker.gaits.find.search import at_heelstrike
-from gym_passive_walker.gaits.look.dense_stride import clearance_of, states_at
+from gym_passive_walker.gaits.look.dense_stride import clearance_of
 from gym_passive_walker.gaits.section import Section
+from tests.instants import states_at
 
 ALL = WALKERS | {
     "weighted": lab_walker_from_parts(),

@@ -17,14 +17,10 @@ from gym_passive_walker import (
     stride_map,
     tune,
 )
-from gym_passive_walker.gaits.look.dense_stride import (
-    Impulse,
-    TimedExtremum,
-    clearance_of,
-    states_at,
-)
+from gym_passive_walker.gaits.look.dense_stride import Impulse, TimedExtremum, clearance_of
 from gym_passive_walker.gaits.look.forces import forces
 from gym_passive_walker.gaits.map_result import NoStride
+from tests.instants import states_at
 
 SLOPE = 0.036
 START = np.array([0.25, -0.25, -0.25, -1.06, -0.35, -1.5])

@@ -10,12 +10,12 @@ import gym_passive_walker as gpw
 from gym_passive_walker import WALKERS, Outcome, find_gait, stride
 from gym_passive_walker.gaits.actuation import Actuation, actuation_units
 from gym_passive_walker.gaits.find.newton import newton
-from gym_passive_walker.gaits.look.dense_stride import states_at
 from gym_passive_walker.gaits.map_result import Change
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.units import unit_of
 from tests.before_impact import just_before
 from tests.equations.examples import LONG_GAITS
+from tests.instants import states_at
 
 NAMES = ["lab", "lab-straight", "B", "D"]
 TOLD = [field.name for field in fields(Change)]

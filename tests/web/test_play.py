@@ -281,7 +281,7 @@ def drawn(monkeypatch):
 
 def test_a_picture_is_the_last_frame_of_a_walk_of_some_seconds(drawn, tmp_path):
     """Frames are a thirtieth of a second apart, and show the nearest sample of 200 in a stride."""
-    from gym_passive_walker.gaits.look.dense_stride import states_at
+    from tests.instants import states_at
 
     gait, start = gpw.find_gait("lab", 0.036), 0.99 * gpw.find_gait("lab", 0.036).state
     for ending in ("png", "bmp"):

@@ -1,4 +1,4 @@
-"""States at any instant of a stride, its phases as series, and the collisions between them.
+"""The phases of a stride as series, and the collisions between them.
 
 Between impacts everything is analytic. A Chebyshev series through a few dozen exact samples of a
 phase holds a quantity to rounding at every instant, ends included. Its derivative says where it
@@ -16,14 +16,12 @@ import numpy as np
 import scipy
 from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import chebinterpolate, chebpts1
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.actuation import Actuation
-from gym_passive_walker.gaits.given import walk_of
 from gym_passive_walker.gaits.look.forces import forces, landing, pushed_off, struck
 from gym_passive_walker.gaits.map_result import NoStride
 from gym_passive_walker.gaits.stride import Stride
-from gym_passive_walker.gaits.stride_map import MapLike, Samples, StrideMap
+from gym_passive_walker.gaits.stride_map import Samples, StrideMap
 from gym_passive_walker.models.equations.hybrid import SMOOTH, Ground, State
 from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 from gym_passive_walker.models.walkers import Walker
@@ -33,42 +31,6 @@ _PIECES = 10_000  # in which torques may be held
 _FEWEST, _MOST = 32, 256  # samples of a phase
 _ROUNDING = 1e-14
 _LOOKS = 6  # at a series, for each of its coefficients, when its turns are sought
-
-
-def states_at(
-    walker: MapLike,
-    slope: float,
-    state: ArrayLike,
-    times: ArrayLike,
-    *,
-    hip_torque: float | None = None,
-    ankle_torque: float | None = None,
-    tolerance: float = 1e-10,
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return states inside one stride at any instants.
-
-    Args:
-        walker: The walker, in a form that `as_walker` takes, or a stride map.
-        slope: Slope in rad.
-        state: State just after heelstrike, shape (6,).
-        times: Times since the start, shape (n,), in any order. A time after the stride's end gives
-            its final state.
-        hip_torque: Torque, as for `stride`.
-        ankle_torque: Torque, as for `stride`.
-        tolerance: Tolerance of the integration, as for `stride`.
-
-    Returns:
-        States (n, 6) and stages (n,).
-    """
-    walker, slope, state, motors, _, controlled = walk_of(
-        walker, slope, state, hip_torque, ankle_torque
-    )
-    held = Actuation(*map(float, motors))
-    strides = controlled or StrideMap.of(walker, controller=held)
-    strides, units = strides.with_tolerance(tolerance), walker.units
-    instants = np.asarray(times, dtype=float)[None] / units.time
-    seen = strides.look(strides.dimensionless(state), np.array([slope], dtype=float), instants)
-    return units.to_own(seen.states[0]), seen.stages[0]
 
 
 def clearance_of(walker: Walker, states: NDArray) -> tuple[NDArray, NDArray]:
