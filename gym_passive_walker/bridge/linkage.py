@@ -125,14 +125,7 @@ class Linkage:
         return max(point, key=self._order.index)
 
     def _check_rolling(self, foot: str, rolled: NDArray, radius: float, turn: Turn) -> None:
-        """Refuse a foot that moves otherwise than a circle that rolls, or a point that stands.
-
-        Args:
-            foot: Its name.
-            rolled: How far it rolls per angle of each coordinate, (m,).
-            radius: Its radius.
-            turn: How its body turns.
-        """
+        """Refuse a foot unless it rolls (per angle of each coordinate, (m,)) as a circle does."""
         if radius < -_SMALL or np.abs(rolled - radius * np.array(turn)).max() > _SMALL:
             raise self._refuse(f"the {foot} foot does not roll as a circle of radius {radius:.6g}")
 
@@ -165,13 +158,12 @@ class Linkage:
         joint = self.joints[turn]
         return self._own_turn(joint) if joint else None
 
-    def tree(self, length: float, mass: float, gravity: float = 9.81) -> Tree:
+    def tree(self, length: float, mass: float) -> Tree:
         """Return the tree in SI units.
 
         Args:
             length: Unit of length in m.
             mass: Unit of mass in kg.
-            gravity: Acceleration of gravity in m/s^2.
         """
         bodies = []
         for turn in self._order:
@@ -200,7 +192,7 @@ class Linkage:
                 )
             )  # fmt: skip
         return Tree(
-            name=self.system.title, bodies=tuple(bodies), gravity=gravity, knees=False,
+            name=self.system.title, bodies=tuple(bodies), gravity=9.81, knees=False,
             motors=self._motors(),
         )  # fmt: skip
 

@@ -87,7 +87,7 @@ class Loop:
         self.model = mujoco.MjModel.from_xml_string(self.changed(text))
         self.data = mujoco.MjData(self.model)
         self.model.geom_sameframe[self.model.geom("ground").id] = 0  # else its tilt is not read
-        self._step, self._mujoco = mujoco.mj_step, mujoco
+        self._mujoco = mujoco
         self._kneed = bool(walker.knees)
         self._leg = body_from(walker, StraightBody).leg * walker.leg_length
         self._feet = [self.model.geom(name).id for name in tree.feet]
@@ -102,11 +102,10 @@ class Loop:
         return text
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_mujoco": None, "_step": None}
+        return self.__dict__ | {"_mujoco": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        mujoco = library()
-        self.__dict__.update(state | {"_mujoco": mujoco, "_step": mujoco.mj_step})
+        self.__dict__.update(state | {"_mujoco": library()})
 
     def reset(
         self, state: Sequence[float] | NDArray, slope: float, *, stance: int = 0, place: float = 0.0
@@ -312,7 +311,7 @@ class Loop:
         hip, data = 4 if self._kneed else 3, self.data
         before = data.qpos[hip].item()
         self.model.opt.timestep = step
-        self._step(self.model, data)
+        self._mujoco.mj_step(self.model, data)
         self.time += step
         moved = data.qpos[hip].item() - before
         self.turned += abs(moved)
@@ -341,9 +340,9 @@ class Loop:
         before = data.qpos.copy(), data.qvel.copy(), data.qacc_warmstart.copy(), data.time
         data.ctrl[0] = 0.0
         model.opt.integrator, model.opt.timestep = implicit, self.timestep
-        self._step(model, data)
+        self._mujoco.mj_step(model, data)
         once = data.qvel.copy()
-        self._step(model, data)
+        self._mujoco.mj_step(model, data)
         rates = 2.0 * once - data.qvel
         model.opt.integrator = explicit
         data.qpos[:], data.qvel[:], data.qacc_warmstart[:], data.time = before

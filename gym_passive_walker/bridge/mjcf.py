@@ -98,14 +98,13 @@ def mjcf(
             ET.SubElement(
                 actuators, "motor", name=motor.name, joint=motor.joint, gear=spelled(motor.gear)
             )
-    if any(body.stop for body in tree.bodies):
+    if knees := [body.joint for body in tree.bodies if body.stop]:
         latches = ET.SubElement(root, "equality")
-        for body in tree.bodies:
-            if body.stop:
-                ET.SubElement(
-                    latches, "joint", name=f"{body.joint}_latch", joint1=body.joint,
-                    polycoef="0 0 0 0 0", active="false", **stiff,
-                )  # fmt: skip
+        for knee in knees:
+            ET.SubElement(
+                latches, "joint", name=f"{knee}_latch", joint1=knee, polycoef="0 0 0 0 0",
+                active="false", **stiff,
+            )  # fmt: skip
     if pose is not None:
         keys = ET.SubElement(root, "keyframe")
         ET.SubElement(keys, "key", name="gait", qpos=spelled(*pose[0]), qvel=spelled(*pose[1]))
@@ -117,14 +116,9 @@ def _body(
 ) -> Any:
     """Add a body to its parent."""
     here = ET.SubElement(parent, "body", name=body.name, pos=at(body.place))
-    inertia = max(body.inertia, LIGHTEST)
-    ET.SubElement(
-        here,
-        "inertial",
-        pos=at(body.com),
-        mass=spelled(body.mass),
-        diaginertia=spelled(*[inertia] * 3),
-    )
+    inertia = spelled(*[max(body.inertia, LIGHTEST)] * 3)
+    mass = spelled(body.mass)
+    ET.SubElement(here, "inertial", pos=at(body.com), mass=mass, diaginertia=inertia)
     if body.parent is None:
         for name, axis in (("x", "1 0 0"), ("z", "0 0 1")):
             ET.SubElement(here, "joint", name=name, type="slide", axis=axis)

@@ -82,14 +82,9 @@ def panels(
     figure = new(figsize=size, layout="constrained")  # this layout leaves room for legends
     axes = list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
     for each in axes:
-        _bare(each)
+        each.spines[["top", "right"]].set_visible(False)
+        each.tick_params(labelsize="small")
     return figure, axes
-
-
-def _bare(ax: Axes) -> None:
-    """Hide the top and right borders, and shrink the tick labels."""
-    ax.spines[["top", "right"]].set_visible(False)
-    ax.tick_params(labelsize="small")
 
 
 def axes_for(ax: Axes | None, size: tuple[float, float] = (5.6, 4.0)) -> Axes:

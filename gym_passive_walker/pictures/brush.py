@@ -82,11 +82,9 @@ class Brush:
             [arc[-1] + 1.4 * head * ahead, arc[-1] + head * out, arc[-1] - head * out], colour
         )
 
-    def arrow(
-        self, start: NDArray, along: NDArray, colour: colours.Colour, width: float = 0.012
-    ) -> None:
+    def arrow(self, start: NDArray, along: NDArray, colour: colours.Colour) -> None:
         """A straight arrow from a pixel on, by so many pixels."""
-        length = math.hypot(*along)
+        length, width = math.hypot(*along), 0.012
         if length == 0.0:
             return
         ahead = along / length

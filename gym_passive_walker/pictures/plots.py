@@ -107,8 +107,11 @@ def draw_family(
     value = family.stance_angle if by == "stance_angle" else family.columns()[by]
     style = {"color": BLUE, "solid_capstyle": "butt", **style}
     ax.plot(family.value, value, label=label or None, **{"linewidth": LIGHT, **style})
-    doublings = [_place(family, x, -_to_minus_one(family)) for x in family.period_doublings]
-    circles = [_place(family, x, -_to_circle(family)) for x in family.neimark_sackers]
+    to_minus_one = np.abs(family.multipliers + 1.0).min(axis=1)
+    doublings = [_place(family, x, -to_minus_one) for x in family.period_doublings]
+    to_circle = np.abs(np.abs(family.multipliers) - 1.0)
+    to_circle = np.where(family.multipliers.imag == 0.0, np.inf, to_circle).min(axis=1)
+    circles = [_place(family, x, -to_circle) for x in family.neimark_sackers]
     halts = [_place(family, x, family.step_period) for x in family.halts]
     along = np.arange(len(family))
     # The heavy line continues from the last stable gait to the bifurcation.
@@ -134,17 +137,6 @@ def varied_label(parameter: str) -> str:
         return SLOPE if parameter == "slope" else "foot angle (rad)"
     words, kind = parameter.replace("_", " "), KINDS.get(parameter, "")
     return words + f" (in the walker's unit of {_OWN_UNITS.get(kind, kind)})" * bool(kind)
-
-
-def _to_minus_one(family: GaitFamily) -> NDArray[np.float64]:
-    """Distance of each gait's Floquet multipliers to -1, where the period doubles, shape (n,)."""
-    return np.abs(family.multipliers + 1.0).min(axis=1)
-
-
-def _to_circle(family: GaitFamily) -> NDArray[np.float64]:
-    """Distance of each gait's complex multipliers to the unit circle, shape (n,)."""
-    distance = np.abs(np.abs(family.multipliers) - 1.0)
-    return np.where(family.multipliers.imag == 0.0, np.inf, distance).min(axis=1)
 
 
 def _place(family: GaitFamily, value: float, likely: NDArray) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.gaits.given import GaitLike
 from gym_passive_walker.gaits.look.trajectory import Trajectory, simulate
-from gym_passive_walker.models.walkers import Walker, name_of
+from gym_passive_walker.models.walkers import name_of
 from gym_passive_walker.pictures.axes import (
     BLACK,
     BLUE,
@@ -91,17 +91,11 @@ def impacts(ax: Axes, walk: Trajectory) -> None:
             ax.axvline(time, color=GREY, linewidth=0.8, linestyle=dash, label=label * (not index))
 
 
-def rates_over_angles(ax: Axes, states: NDArray, struck: NDArray, walker: Walker) -> None:
-    """Draw angular velocities over angles, for the stance leg and the swing leg.
-
-    Args:
-        ax: Axes to draw on.
-        states: Angles in rad and dimensionless angular velocities, shape (n, 6).
-        struck: Index of the first sample after each impact, where a dotted line bridges the jump.
-        walker: The walker; of a `System`, all coordinates are drawn.
-    """
+def portrait_of(ax: Axes, walk: Trajectory) -> None:
+    """Draw the phase portrait of a walk: angular velocities over angles of its coordinates."""
+    states, struck = walk.walker.units.to_dimensionless(walk.states), walk.struck
     half = states.shape[1] // 2
-    for part, (name, colour, dash) in reversed(list(enumerate(parts_of(walker.parts)))):
+    for part, (name, colour, dash) in reversed(list(enumerate(parts_of(walk.walker.parts)))):
         angle, rate = states[:, part], states[:, half + part]
         style: dict[str, Any] = {"color": colour, "linewidth": 1.5}
         moves = broken(angle, struck), broken(rate, struck)
@@ -114,12 +108,6 @@ def rates_over_angles(ax: Axes, states: NDArray, struck: NDArray, walker: Walker
     ax.plot([], [], ":", color=BLACK, linewidth=0.7, label="impact")
     ax.axhline(0.0, color=GREY, linewidth=0.4)
     ax.set(xlabel=ANGLES, ylabel=RATES)
-
-
-def portrait_of(ax: Axes, walk: Trajectory) -> None:
-    """Draw the phase portrait of a walk: angular velocities over angles."""
-    states = walk.walker.units.to_dimensionless(walk.states)
-    rates_over_angles(ax, states, walk.struck, walk.walker)
 
 
 def phase_portrait(

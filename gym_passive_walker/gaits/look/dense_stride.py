@@ -246,13 +246,7 @@ def dense_phases(
 def kneestrike_impulses(
     walker: Walker, before: NDArray, after: NDArray, time: float
 ) -> tuple[Impulse, TimedExtremum]:
-    """Impulses of a kneestrike.
-
-    Args:
-        walker: The walker.
-        before: State (6,) just before it.
-        after: State (6,) just after it.
-        time: Its time.
+    """Impulses of a kneestrike, from the states (6,) just before and just after it.
 
     Returns:
         That on the stance foot, and that on the stance knee's stop, positive when it is pressed.

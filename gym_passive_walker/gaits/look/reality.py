@@ -155,10 +155,7 @@ class RealityCheck(InUnits, Table):
         weight = units.force if "units" in self.walker.supports else self.walker.weight
         knee, heel = self.kneestrike_impulse, self.heelstrike_impulse
         push = self.push_off_impulse
-        knee_normal, heel_normal = (
-            TimedExtremum(knee.normal_impulse, knee.time),
-            TimedExtremum(heel.normal_impulse, heel.time),
-        )
+        knee_normal, heel_normal = (TimedExtremum(x.normal_impulse, x.time) for x in (knee, heel))
 
         def pushed(what: str, extreme: TimedExtremum, unit: float, name: str) -> list[Any]:
             there = not np.isnan([push.normal_impulse, extreme.value]).all()
@@ -191,13 +188,11 @@ class RealityCheck(InUnits, Table):
                 (_DEPTH, self.release_depth, length, "l"),
             ],
         }
-        if self.walker.equations().ground_force is not None:  # its equations hold what knees it has
-            table = {
-                item: [row for row in rows if not np.isnan(row[1].value)]
-                for item, rows in table.items()
-                if item not in _OF_KNEES
-            }
-        return [Reading(item, *row) for item, rows in table.items() for row in rows]
+        found = [Reading(item, *row) for item, rows in table.items() for row in rows]
+        if self.walker.equations().ground_force is None:
+            return found
+        found = [each for each in found if each.item not in _OF_KNEES]  # its equations hold knees
+        return [each for each in found if not np.isnan(each.extreme.value)]
 
     def __str__(self) -> str:
         plural = "s" if self.strides > 1 else ""

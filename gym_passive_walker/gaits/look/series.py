@@ -43,6 +43,9 @@ SERIES = {
 }
 """Quantities over time, by the plot that shows them; those of actuators join the powers."""
 
+_NUMBERS = "normal_impulse", "tangential_impulse", "stance_knee_impulse", "loss"
+"""Quantities of impacts and push-offs."""
+
 
 @dataclass(frozen=True, repr=False)
 class Strikes(InUnits, Table):
@@ -84,12 +87,11 @@ class Strikes(InUnits, Table):
 
     def columns(self) -> dict[str, NDArray]:
         """One row for each impact or push-off."""
-        names = "normal_impulse", "tangential_impulse", "stance_knee_impulse", "loss"
         return {
             "time": self.times,
             "stride": self.stride_index,
             "strike": self.kinds,
-            **{name: getattr(self, name) for name in names},
+            **{name: getattr(self, name) for name in _NUMBERS},
         }
 
 
@@ -252,10 +254,11 @@ class OverTime(InUnits):
         walker, taken, units = self.walker, self.taken, self.units
         system, began = walker.equations(), np.cumsum([0.0, *taken.duration])
         resets = {phase.stage: phase.resets for phase in system.phases}
-        rows: list[tuple[float, int, str, Impulse, TimedExtremum, float]] = []
+        rows: list[tuple[float, int, str, float, float, float, float]] = []
 
         def enter(k: int, kind: str, given: tuple[Impulse, TimedExtremum], loss: NDArray) -> None:
-            rows.append((given[0].time, k, kind, *given, float(loss[k])))
+            (normal, tangential, time), (stop, _) = given
+            rows.append((time, k, kind, normal, tangential, stop, float(loss[k])))
 
         knees = np.isfinite(taken.kneestrike_time).any()
         folded, stages, _ = self._before(taken.kneestrike_time if knees else taken.duration)
@@ -277,17 +280,13 @@ class OverTime(InUnits):
                 if push_offs[k]:
                     enter(k, "push-off", push, -taken.push_off_work)
                 enter(k, "heelstrike", heel, taken.heelstrike_loss)
-        times, strides, kinds, given, stops, losses = zip(*rows, strict=True) if rows else [()] * 6
-        impulses = np.array(given, dtype=float).reshape(-1, 3)
+        times, strides, kinds, *numbers = zip(*rows, strict=True) if rows else [()] * 7
         return Strikes(
             walker=walker,
             times=np.array(times, dtype=float),
             stride_index=np.array(strides, dtype=np.int64),
             kinds=np.array(kinds, dtype=str),
-            normal_impulse=impulses[:, 0],
-            tangential_impulse=impulses[:, 1],
-            stance_knee_impulse=np.array([stop.value for stop in stops], dtype=float),
-            loss=np.array(losses, dtype=float),
+            **{name: np.array(x, dtype=float) for name, x in zip(_NUMBERS, numbers, strict=True)},
         )
 
     @cached_property

@@ -277,10 +277,8 @@ def checked_randomization(scene: Any) -> dict[str, Any]:
         raise SceneError(said)
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise SceneError(f"{_ARGUMENT} must draw each parameter once, and draws {twice[0]} twice")
-    for key in sorted(given):
+    for key in sorted({*given} - {CURRICULUM}):
         value = given[key]
-        if key == CURRICULUM:
-            continue
         entry = _entry(", ".join(keys[key]), value)
         if DELAY in entry.names:
             _check_delay(entry)
@@ -290,12 +288,12 @@ def checked_randomization(scene: Any) -> dict[str, Any]:
             if found[entry.key] != 0.0 or name in SCENE_PARAMETERS:  # 0 leaves a body as it is
                 _check_effect(entry, name, scene, tolerance=not np.iterable(value))
     if CURRICULUM in given:
+        title = f"{_ARGUMENT}['{CURRICULUM}']"
         if not found:
             raise SceneError(
-                f"{_ARGUMENT}['{CURRICULUM}'] is a number of episodes in which what is drawn "
-                "grows, and nothing is drawn: give parameters beside it"
+                f"{title} is a number of episodes in which what is drawn grows, and nothing is "
+                "drawn: give parameters beside it"
             )
-        title = f"{_ARGUMENT}['{CURRICULUM}']"
         found[CURRICULUM] = checked(whole, given[CURRICULUM], title, most=2**31)
     return found
 

@@ -54,7 +54,7 @@ class Weighted:
 
     def __call__(self, step: Any) -> Any:
         """Return the weighted sum."""
-        return sum(part for part in self.terms(step).values())
+        return sum(self.terms(step).values())
 
     def terms(self, step: Any) -> dict[str, Any]:
         """Return the weighted terms by name."""
@@ -102,12 +102,11 @@ def checked_groups(given: Mapping[str, Any], *, draws: bool) -> dict[str, Any]:
     for name in OBSERVERS:
         part = given[name]
         row = as_row(part)
-        for each in row:
-            if each == DRAWN and name == "critic" and not draws:
-                raise SceneError(
-                    f"observation['critic'] has {DRAWN!r}, and this scene draws nothing: give it a "
-                    "domain_randomization"
-                )
+        if name == "critic" and DRAWN in row and not draws:
+            raise SceneError(
+                f"observation['critic'] has {DRAWN!r}, and this scene draws nothing: give it a "
+                "domain_randomization"
+            )
         allowed = (OWN, DRAWN) if name == "critic" else (OWN,)
         strange = [each for each in row if not callable(each) and each not in allowed]
         names = [each for each in row if isinstance(each, str)]
