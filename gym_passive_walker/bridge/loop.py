@@ -176,8 +176,7 @@ class Loop:
     @property
     def depth(self) -> float:
         """Depth of the stance foot below the ground in m; negative above it."""
-        x, z = self.data.qpos[:2].tolist()
-        return -self._height(x, z, self.stance, self.state[0])
+        return -self._height(self.stance, self.state[0])
 
     @property
     def centre_height(self) -> float:
@@ -212,8 +211,9 @@ class Loop:
         self.locked, self._clear = bool(locked), bool(clear)
         self._rates = rates if striking else None
 
-    def _height(self, x: float, z: float, leg: int, angle: float) -> float:
+    def _height(self, leg: int, angle: float) -> float:
         """Height of the foot of a straight leg over the ground."""
+        x, z = self.data.qpos[:2].tolist()
         hip = x * self._sine + z * self._cosine
         return hip - self._leg * math.cos(angle) - self._radius[leg]
 
@@ -294,9 +294,7 @@ class Loop:
 
     def _swing_foot(self, angles: tuple[float, ...]) -> tuple[float, float]:
         """Height of a straight swing leg's foot over the ground, and its rate."""
-        x, z, *_ = self.data.qpos.tolist()
-        rates = self.data.qvel.tolist()
-        height = self._height(x, z, 1 - self.stance, angles[1])
+        rates, height = self.data.qvel.tolist(), self._height(1 - self.stance, angles[1])
         up = rates[0] * self._sine + rates[1] * self._cosine
         turning = self._angles(rates, 0.0)[1]
         return height, up + self._leg * math.sin(angles[1]) * turning

@@ -269,8 +269,7 @@ def _basin(basin: Basin, ax: Axes | None = None) -> Axes:
     # The shades differ in brightness, so that they stay distinct when printed in grey.
     shades = ["#f2f2f2", "#8c8c8c", BLUE, SKY_BLUE, GREEN, VERMILION]
     kinds = [(-1, "falls"), (UNSETTLED, "walks, without convergence")]
-    for i, gait in enumerate(basin.gaits):
-        kinds.append((i, f"converges to {_gait_in_words(gait)}"))
+    kinds += [(i, f"converges to {_gait_in_words(gait)}") for i, gait in enumerate(basin.gaits)]
     code = np.zeros(settled.shape)
     for index, (kind, _) in enumerate(kinds):
         code[settled == kind] = index
