@@ -145,16 +145,12 @@ def number(
         ValueError: if the value is not such a number.
     """
     found = _single(value, name)
-    if not least <= found <= most or (found <= above and above > -math.inf):
-        limit = f" above {above:g}" if above > -math.inf else ""
-        if most < sys.float_info.max:
-            limit = f"{limit} up to {most:g}"
+    if not least <= found <= most or found <= above:
+        bounded = most < sys.float_info.max
         if least > -sys.float_info.max:
-            limit = (
-                f" from {least:g} to {most:g}"
-                if most < sys.float_info.max
-                else f" from {least:g} on"
-            )
+            limit = f" from {least:g} to {most:g}" if bounded else f" from {least:g} on"
+        else:
+            limit = f" above {above:g}" * (above > -math.inf) + f" up to {most:g}" * bounded
         finite = "" if math.isfinite(found) or most == math.inf else "finite "
         raise ValueError(f"{name} must be a {finite}number{limit}, not {shown(value)}")
     return found

@@ -110,10 +110,8 @@ def _abandoned(writer: str) -> bool:
         return False  # on Windows `os.kill` would end the process
     try:
         os.kill(number, 0)
-    except ProcessLookupError:
-        return True
-    except (OSError, OverflowError):  # another user's process, or an invalid id
-        return False
+    except (OSError, OverflowError) as error:  # or another user's process, or an invalid id
+        return isinstance(error, ProcessLookupError)
     return False
 
 

@@ -141,10 +141,15 @@ def content_of(setup: Setup) -> tuple[dict[str, bytes], dict[str, Any]]:
     preset, changes = page_data.as_changes(walker)
     given |= {"walker": preset, "changes": changes}
     if isinstance(controller, TrainedPolicy):
-        _check_scene(controller)
+        policy = page_data.of_policy(controller.folder)
+        if lacking := [name for name in page_data.IN_PYTHON if policy["scene"].get(name)]:
+            raise PolicyError(
+                f"{controller.folder}: a page has no {', '.join(lacking)}, which this policy's "
+                "scene has: draw it by picture= or video="
+            )
         given["policy"] = name = controller.folder.name
         data = json.loads(content[DATA])
-        data["policies"][name] = page_data.of_policy(controller.folder)
+        data["policies"][name] = policy
         content[DATA] = json.dumps(data).encode()
         content[f"policies/{name}.safetensors"] = (controller.folder / TENSORS).read_bytes()
     return content, given
@@ -164,17 +169,6 @@ def page_of(setup: Setup) -> dict[str, bytes]:
     content |= {name: (PACKAGE / name).read_bytes() for name in (LIBRARY, PLAYER, STYLE)}
     settings = json.dumps(given, allow_nan=False).encode()
     return content | {"index.html": PAGE.read_bytes(), "settings.json": settings}
-
-
-def _check_scene(policy: TrainedPolicy) -> None:
-    """Refuse a policy if its scene has what a page lacks."""
-    scene = page_data.of_policy(policy.folder)["scene"]
-    lacking = [name for name in page_data.IN_PYTHON if scene.get(name)]
-    if lacking:
-        raise PolicyError(
-            f"{policy.folder}: a page has no {', '.join(lacking)}, which this policy's scene has: "
-            "draw it by picture= or video="
-        )
 
 
 def _gentle_slope(walker: Walker) -> float:

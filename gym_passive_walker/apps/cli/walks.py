@@ -33,6 +33,7 @@ from gym_passive_walker.gaits.control.controllers import acting
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.look.trajectory import simulate as simulated
 from gym_passive_walker.gaits.scenes.named import named_walker
+from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.walkers import describe
 
@@ -57,8 +58,8 @@ def simulate(
         table_ending(out)
         prepare(out)
     walked = simulated(
-        walk.map, walk.slope, walk.start, whole(walk.strides, "--strides"), samples=samples,
-        terrain=walk.terrain, terrain_seed=walk.terrain_seed,
+        walk.map, walk.slope, walk.start, walk.strides, samples=samples, terrain=walk.terrain,
+        terrain_seed=walk.terrain_seed,
     )  # fmt: skip
     view, units = walk.machine.shown(walked.taken)
     rows = table_rows({
@@ -155,17 +156,18 @@ def compare(
     passive-walker compare passive --walker lab --slope 0.036
     passive-walker compare level-ppo --timesteps 0.002 0.001 --softness 2 0
     """
-    asked = {"slope": slope, "walker": walker}
-    changes = {name: value for name, value in asked.items() if value is not None}
     given = read_policy(controller, trust)
-    _, where = acting(given, scene, **changes)
     found = compared(
-        given, where, timesteps=timesteps, strides=strides,
-        softness=[soft or None for soft in softness],
+        given, _scene_of(given, scene, slope=slope, walker=walker), timesteps=timesteps,
+        strides=strides, softness=[soft or None for soft in softness],
     )  # fmt: skip
-    columns = found.columns()
-    rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-    return Report(str(found), {"exact": found.exact, "walks": rows})
+    return Report(str(found), {"exact": found.exact, "walks": table_rows(found.columns())})
+
+
+def _scene_of(controller: Any, scene: Any, **asked: Any) -> Scene:
+    """Return the scene in which a controller acts, with the arguments that are not None."""
+    changes = {name: value for name, value in asked.items() if value is not None}
+    return acting(controller, scene, **changes)[1]
 
 
 def scene(scene: AScene, *, trust: Trust = False) -> Report:
@@ -198,10 +200,8 @@ def evaluate(
     passive-walker evaluate level-ppo --terrain waves:height=0.002,strides=6
     """
     whole(episodes, "--episodes")
-    asked = {"slope": slope, "walker": walker, "terrain": terrain}
-    changes = {name: value for name, value in asked.items() if value is not None}
     controller = read_policy(policy, trust)
-    _, where = acting(controller, scene, **changes)
+    where = _scene_of(controller, scene, slope=slope, walker=walker, terrain=terrain)
     found = evaluated(controller, where, episodes=episodes, seed=seed, time_limit=time_limit)
     rows = [
         row | {"least_cost": found.least_cost[name]}

@@ -18,8 +18,8 @@ from gym_passive_walker.gaits.scenes.named import outside, task_arguments
 from gym_passive_walker.gaits.scenes.scene import kept_argument
 from gym_passive_walker.models.model import Model
 
-HOW = ("grid", "list", "sobol", "latin-hypercube")
 _SAMPLERS = {"sobol": "Sobol", "latin-hypercube": "LatinHypercube"}  # in scipy.stats.qmc
+HOW = ("grid", "list", *_SAMPLERS)
 
 RESERVED = ("task", "sweep", "version", "seed", "status", "error", "seconds")
 """Columns of every sweep, besides those of parameters and results."""

@@ -115,7 +115,8 @@ def sweep(
         raise ValueError("out must be a folder; only a description in a file has a default")
     description = _described(analysis, described)
     folder = Path(analysis).with_suffix("") if out is None else Path(out)  # type: ignore[arg-type]
-    trust = check_trust(description.outside, trust or _is_function(analysis))
+    is_function = callable(analysis) and not isinstance(analysis, Mapping | Description)
+    trust = check_trust(description.outside, trust or is_function)
     if branch and holds_another(folder, description):
         folder = folder.with_name(f"{folder.name}-{description.digest[:8]}")
     if workers is not None:
@@ -128,7 +129,12 @@ def sweep(
     try:
         left = [pair for pair in enumerate(description.tasks) if pair[0] not in store.done]
         if left:
-            made = _create_workers(description, outside, computing, len(left), workers, ray)
+            name, time_out = description.analysis, description.time_out
+            if ray is None:
+                count = min(processes(workers or os.cpu_count() or 1), len(left))
+                made = Workers(name, count, time_out)
+            else:
+                made = Cluster(name, workers, time_out, ray, computing, outside)
             _work(made, store, left)
         store.flush(last=True)
     except KeyboardInterrupt:
@@ -140,11 +146,6 @@ def sweep(
         store.close()
     failures = sum(status != DONE for status in store.done.values())
     return SweepResult(folder, len(description.tasks), failures, trust)
-
-
-def _is_function(analysis: Any) -> bool:
-    """Return whether the analysis is a function, not a name or a description."""
-    return callable(analysis) and not isinstance(analysis, Mapping | Description)
 
 
 def _described(analysis: Any, rest: dict[str, Any]) -> Description:
@@ -160,21 +161,6 @@ def _described(analysis: Any, rest: dict[str, Any]) -> Description:
             raise ValueError(f"{name} cannot be found by other processes: put it into a module")
         analysis = f"{module}:{name}"
     return Description.of({"analysis": analysis, **rest})
-
-
-def _create_workers(
-    description: Description,
-    outside: list[str],
-    computing: str,
-    tasks: int,
-    workers: int | None,
-    ray: str | None,
-) -> Workers | Cluster:
-    """Create the workers: on a Ray cluster, or as processes on this machine."""
-    analysis, time_out = description.analysis, description.time_out
-    if ray is not None:
-        return Cluster(analysis, workers, time_out, ray, computing, outside)
-    return Workers(analysis, min(processes(workers or os.cpu_count() or 1), tasks), time_out)
 
 
 def _work(workers: Workers | Cluster, store: Store, left: list[Task]) -> None:

@@ -63,7 +63,7 @@ class Store:
         self._arrow, self._parquet = pyarrow, pyarrow.parquet
         self.folder, self._rows_folder = folder, folder / "rows"
         self._same = {"sweep": description.digest, "version": version}
-        self._parameters = _columns(description.tasks)
+        self._fixed = {**_BEFORE, **_parameters(description.tasks), **_AFTER}
         self.done: dict[int, str] = {}
         self._pending: list[dict[str, Any]] = []
         self._written = time.monotonic()
@@ -89,8 +89,7 @@ class Store:
         if (self.folder / _MANIFEST).exists():
             self._manifest = read_manifest(self.folder)
         else:
-            with self._writing():
-                self._save_manifest()
+            self._save_manifest()
         self._read(retry)
 
     def _read(self, retry: bool) -> None:
@@ -111,9 +110,7 @@ class Store:
                 self.done[row["task"]] = row["status"]
                 self._pending.append(row)
         with self._writing():
-            aside = self.folder / f"{_JOURNAL}.aside"
-            aside.write_bytes(b"".join(map(_line, self._pending)))
-            os.replace(aside, self.folder / _JOURNAL)
+            self._replace(self.folder / _JOURNAL, b"".join(map(_line, self._pending)))
             self._journal = (self.folder / _JOURNAL).open("ab")
         self.flush()
         for path in failed:  # its finished rows move to the journal, and to another file
@@ -170,8 +167,7 @@ class Store:
     @property
     def _kinds(self) -> dict[str, str]:
         """Types of the dataset's columns, by name."""
-        results = self._manifest["columns"] or {}
-        return {**_BEFORE, **self._parameters, **_AFTER, **results}
+        return self._fixed | (self._manifest["columns"] or {})
 
     @property
     def _schema(self) -> Any:
@@ -210,13 +206,12 @@ class Store:
         Raises:
             OSError: if the folder cannot be written.
         """
-        results = _renamed(results, {**_BEFORE, **self._parameters, **_AFTER})
+        results = _renamed(results, self._fixed)
         if results:
             kinds = {name: _TYPES[type(value)] for name, value in results.items()}
             if self._manifest["columns"] is None:
                 self._manifest["columns"] = kinds
-                with self._writing():
-                    self._save_manifest()
+                self._save_manifest()
             columns = self._manifest["columns"]
             if kinds != columns and not _fits(kinds, columns):
                 said = f"it found {_said(kinds)}, where others found {_said(columns)}"
@@ -245,11 +240,9 @@ class Store:
             sink = self._arrow.BufferOutputStream()
             self._parquet.write_table(table, sink, write_page_checksum=True)
             data = sink.getvalue()
-            name = f"{rows[0]['task']:08d}-{_digest(data)}.parquet"
-            aside = self.folder / f"{name}.aside"
             with self._writing():
-                aside.write_bytes(data)
-                os.replace(aside, self._rows_folder / name)
+                name = f"{rows[0]['task']:08d}-{_digest(data)}.parquet"
+                self._replace(self._rows_folder / name, data)
                 self._pending = []
                 self._journal.truncate(0)
 
@@ -259,9 +252,14 @@ class Store:
             self._journal.close()
 
     def _save_manifest(self) -> None:
-        aside = self.folder / f"{_MANIFEST}.aside"
-        aside.write_text(json.dumps(self._manifest, indent=1), encoding="utf-8")
-        os.replace(aside, self.folder / _MANIFEST)
+        with self._writing():
+            self._replace(self.folder / _MANIFEST, json.dumps(self._manifest, indent=1).encode())
+
+    def _replace(self, path: Path, data: Any) -> None:
+        """Write a file under another name, then rename it."""
+        aside = self.folder / f"{path.name}.aside"
+        aside.write_bytes(data)
+        os.replace(aside, path)
 
 
 _REMEDIES = {
@@ -416,7 +414,7 @@ def _check(folder: Path, description: Description, version: str) -> None:
         )
 
 
-def _columns(tasks: list[dict[str, Any]]) -> dict[str, str]:
+def _parameters(tasks: list[dict[str, Any]]) -> dict[str, str]:
     """Return the types of the parameters by name; values other than scalars become JSON text."""
     found: dict[str, str] = {}
     for name in tasks[0]:
@@ -424,7 +422,8 @@ def _columns(tasks: list[dict[str, Any]]) -> dict[str, str]:
         if kinds == {"int64", "double"}:
             kinds = {"double"}
         found[name] = kinds.pop() if len(kinds) == 1 else "string"
-    return {name: kind for name, kind in found.items() if name != "seed"}
+    found.pop("seed", None)
+    return found
 
 
 def _renamed(results: Mapping[str, Any], taken: Collection[str]) -> dict[str, Any]:

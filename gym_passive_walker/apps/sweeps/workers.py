@@ -18,6 +18,7 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from typing import Any, NamedTuple
 
@@ -182,10 +183,8 @@ class _Worker:
         """Send tasks to the process."""
         self.tasks.extend(tasks)
         self.since = time.monotonic()
-        try:
+        with suppress(OSError):  # the process has ended, which the next receive reports
             self.pipe.send(tasks)
-        except OSError:  # the process has ended, which the next receive reports
-            pass
 
     def hear(self) -> TaskOutcome | None:
         """Receive an outcome; None for a message on whether the process is ready."""
@@ -211,13 +210,11 @@ def _serve(pipe: Connection, analysis: str, silent: bool) -> None:
     disable_progress(notices=silent)  # all workers compile the same
     os.environ[THREADS] = "1"
     COMPILING.append(lambda begins: pipe.send(not begins))
-    try:
+    with suppress(EOFError, OSError):
         pipe.send(True)
         while True:
             for number, given in pipe.recv():
                 pipe.send(_done(analysis, number, given))
-    except (EOFError, OSError):
-        return
 
 
 def _done(analysis: str, number: int, given: dict[str, Any]) -> TaskOutcome:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker.devices.gpu import device, episodes, primitives
 from gym_passive_walker.devices.gpu.columns import WalkerColumns
-from gym_passive_walker.devices.gpu.lane import DeviceCode, device_code, scratch_types
+from gym_passive_walker.devices.gpu.lane import DeviceCode, device_code
 from gym_passive_walker.engine import lanes
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.engine.run import options
@@ -33,7 +33,6 @@ from gym_passive_walker.envs.randomized import settled
 from gym_passive_walker.gaits.scenes.randomization import CURRICULUM, CURRICULUM_LEVELS, Drawn
 from gym_passive_walker.gaits.scenes.scene import SceneError, SceneLike, make_scene
 from gym_passive_walker.gaits.scenes.starts import Starts
-from gym_passive_walker.models.equations.systems import SYSTEMS
 from gym_passive_walker.models.model import bodies
 
 DRAWN = 4096
@@ -44,13 +43,12 @@ _LARGEST_KEY = 2**64 - 1
 
 @lru_cache
 def _kernels(
-    here: DeviceCode, system: str, has_disturbances: bool, kinds: Any, own: Any, read: int
+    here: DeviceCode, has_disturbances: bool, kinds: Any, own: Any, read: int
 ) -> list[Any]:
     """Return the kernels that reset and step walkers of a system; see `episodes`.
 
     Args:
         here: Code of the system.
-        system: Its name.
         has_disturbances: Whether the scene has disturbances.
         kinds: Types of the arrays, from `primitives.type_of_arrays`.
         own: Names of arrays in the columns, and their places.
@@ -58,16 +56,15 @@ def _kernels(
     """
     places = dict(own)
     records = places["records"]
-    phase = records.first + records.kind.fields["phase"][1] // 8
-    words = {
+    names = here.scratch | {
         "READ": read,
         "WORDS": sum(place.words for place in places.values()),
-        "PHASE_WORD": phase,
+        "PHASE_WORD": records.first + records.kind.fields["phase"][1] // 8,
     }
     bound = here.bound.instead({episodes.unpack: primitives.unpacker(kinds, places)})
     for each in (episodes.fetch, episodes.store):
         moved = bound.rebound(each)
-        moved.__globals__.update(words)
+        moved.__globals__.update(names)
         bound = bound.instead({each: primitives.jitted(moved)})
     if has_disturbances:
         bound = bound.instead({
@@ -92,7 +89,7 @@ def _kernels(
         bound.rebound(episodes.reset_kernel),
     ]
     for kernel in made:
-        kernel.__globals__.update(words | scratch_types(SYSTEMS[system]))
+        kernel.__globals__.update(names)
     return [device.cuda.jit(kernel) for kernel in made]
 
 
@@ -165,8 +162,8 @@ class DeviceBatch:
         self._place()
         self.seed(seed)
         kinds, own = primitives.type_of_arrays(there.ones), tuple(there.own.items())
-        of = here, self._system.name, disturbed(self.scene)
-        self._plain, self._events, self._reset = _kernels(*of, kinds, own, there.read)
+        kernels = _kernels(here, disturbed(self.scene), kinds, own, there.read)
+        self._plain, self._events, self._reset = kernels
 
     def _drawn(self, starts: Starts) -> list[Drawn]:
         """Return what episodes draw, of each level of a curriculum one after another."""

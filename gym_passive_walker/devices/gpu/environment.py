@@ -84,9 +84,7 @@ class PassiveWalkerGpuEnv:
             self.batch.seed(seed)
         self.batch.reset(stream=_stream())
         infos = self._infos()
-        drawn = infos.pop("randomized", None)
-        infos = {name: torch.zeros_like(x) for name, x in infos.items()}
-        infos |= {} if drawn is None else {"randomized": drawn}
+        infos |= {name: torch.zeros_like(x) for name, x in infos.items() if name != "randomized"}
         infos["final_obs"] = self._rows("shown")
         return self._rows("shown"), infos
 

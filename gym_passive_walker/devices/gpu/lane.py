@@ -7,7 +7,6 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gym_passive_walker.devices.gpu import primitives
 from gym_passive_walker.devices.gpu.device import kind
@@ -19,20 +18,12 @@ from gym_passive_walker.engine.layout import PAIR, history_for, layout_of, tile_
 from gym_passive_walker.engine.one_walker import entry, integrate_phase
 from gym_passive_walker.envs.constraints import equipped, look_code, push_code
 from gym_passive_walker.envs.rule import Rule
-from gym_passive_walker.models.equations.hybrid import System
 from gym_passive_walker.models.equations.systems import SYSTEMS
 from gym_passive_walker.models.math import where
 
 ONE_TILE: Any = None
 ONE_HISTORY: Any = None
 """Types of the tile and of the guard history of one walker, which kernels have of their system."""
-
-
-def scratch_types(system: System) -> dict[str, np.dtype]:
-    """Return both of a system; a user's system can have more coordinates."""
-    layout = layout_of(system)
-    tile = tile_for(PAIR, width=1, layout=layout)
-    return {"ONE_TILE": kind(tile), "ONE_HISTORY": kind(history_for(layout))}
 
 
 class DeviceCode:
@@ -49,11 +40,9 @@ class DeviceCode:
             addresses.
         hooks: Functions for pushes and checks, (phases,) of `constraints.HOOK`.
         bound: Compiles functions of the package for the GPU.
+        scratch: ONE_TILE and ONE_HISTORY of the system, by name.
         rules: Numbers by which users' functions are called, by name.
     """
-
-    phases: NDArray
-    hooks: NDArray
 
     def __init__(
         self,
@@ -79,6 +68,9 @@ class DeviceCode:
             rule.write(source)
             self.rules[rule.name] = source.get_function_address("rule")
         self.phases, self.hooks = equipped(of, phases, pushes, looks)
+        layout = layout_of(of)
+        tile, history = tile_for(PAIR, width=1, layout=layout), history_for(layout)
+        self.scratch = {"ONE_TILE": kind(tile), "ONE_HISTORY": kind(history)}
         call = _compiled(source, f"<equations of {system}>")
         own = {getattr(jit, name): primitives.BY_NAME[name] for name in ("address", "copy", "fma")}
         own |= {jit.call: call, where: primitives.BY_NAME["select"]}

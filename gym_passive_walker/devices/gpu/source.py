@@ -25,7 +25,7 @@ class Source(Module):
     numbers. The function `call` in the source selects one by its number, which replaces an address.
 
     Args:
-        before: Source of functions that precede these in the text.
+        before: Source that this one continues, with its functions first.
         kind: Prefix of the functions' names.
         fuses: Whether a product that only a sum uses is fused with the sum.
 
@@ -36,9 +36,11 @@ class Source(Module):
 
     def __init__(self, before: Source | None = None, kind: str = "", *, fuses: bool = True) -> None:
         super().__init__(fuses=fuses, group=1)
-        self.before, self.kind = before, kind
-        self.names: list[str] = list(before.names) if before else []
-        self.parts: list[str] = list(before.parts) if before else []
+        self.kind = kind
+        self.names: list[str] = []
+        self.parts: list[str] = []
+        if before is not None:
+            self.functions, self.names, self.parts = before.functions, before.names, before.parts
 
     def function(
         self, name: str, layouts: tuple[np.dtype, ...], *, active: Collection[str] = ()
@@ -54,13 +56,9 @@ class Source(Module):
         """Return 0: constants are part of the text."""
         return 0
 
-    def text(self) -> str:
-        """Return the source of these functions and of those before."""
-        before = self.before.text() if self.before else ""
-        return before + "".join(f"{function}\n\n" for function in self.functions)
-
     def __str__(self) -> str:
         """Return the source of all functions, and of `call`, which calls them by number."""
+        functions = "".join(f"{function}\n\n" for function in self.functions)
         cases = "".join(
             f"    if function == {i}:\n        return {name}(first, second, x, y)\n"
             for i, name in enumerate(self.names, 1)
@@ -68,7 +66,7 @@ class Source(Module):
         # Without lanes and tangents, which are constants, `dispatch` is compiled only once.
         head = "def dispatch(function, first, second, x, y):\n    apart()\n"
         call = "\n\ndef call(function, first, second, lane, tangents, x, y):\n"
-        return f"{self.text()}{head}{cases}{call}    dispatch(function, first, second, x, y)\n"
+        return f"{functions}{head}{cases}{call}    dispatch(function, first, second, x, y)\n"
 
 
 class _Function(Function):

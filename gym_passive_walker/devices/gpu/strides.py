@@ -7,10 +7,9 @@ from typing import Any
 
 from gym_passive_walker.devices.gpu import device
 from gym_passive_walker.devices.gpu.device import cuda
-from gym_passive_walker.devices.gpu.lane import ONE_HISTORY, ONE_TILE, device_code, scratch_types
+from gym_passive_walker.devices.gpu.lane import ONE_HISTORY, ONE_TILE, device_code
 from gym_passive_walker.engine import run
 from gym_passive_walker.models.equations.hybrid import System
-from gym_passive_walker.models.equations.systems import SYSTEMS
 
 
 def _stride_kernel(records, bodies, phases, options):
@@ -27,7 +26,7 @@ def _made(system: str) -> tuple[Any, Any]:
     """Return the phases of a system on the GPU, and the kernel that integrates its walkers."""
     here = device_code(system)
     kernel = here.bound.rebound(_stride_kernel)
-    kernel.__globals__.update(scratch_types(SYSTEMS[system]))
+    kernel.__globals__.update(here.scratch)
     return device.upload(here.phases), cuda.jit(kernel)
 
 

@@ -9,7 +9,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 
 import llvmlite
@@ -78,14 +78,17 @@ def bookkeeping(name: str) -> bytes:
     packed = machine.packed(f"web-{name}")
     if packed is not None:
         return packed
-    kept = f"web-{_name(_OF_CODE)}-{name}.bc"
-    found = cache.found(kept)
+    return _kept(f"{name}.bc", "what web pages share", lambda: _compile(name))
+
+
+def _kept(name: str, what: str, compile: Callable[[], bytes]) -> bytes:
+    """Return code of this name from the cache, or compile and cache it."""
+    name = f"web-{_name(_OF_CODE)}-{name}"
+    found = cache.found(name)
     if found is None:
-        with compiling("what web pages share"), tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "shared.bc"
-            _compile(file, name)
-            found = file.read_bytes()
-        cache.keep(kept, found)
+        with compiling(what):
+            found = compile()
+        cache.keep(name, found)
     return found
 
 
@@ -102,22 +105,19 @@ def modules() -> dict[str, bytes]:
     Raises:
         WebError: if they cannot be compiled here.
     """
-    made = {}
-    for kind in MODULES:
-        name = f"{kind}.wasm"
-        if (machine.BUILT / name).exists():
-            made[name] = (machine.BUILT / name).read_bytes()
-            continue
-        kept = f"web-{_name(_OF_CODE)}-{kind}.o"
-        found = cache.found(kept)
-        if found is None:
-            with compiling(f"the {kind} walkers for web pages"):
-                found = _object(code.of_kind(kind), code.EXPORTED, "walkers")
-            cache.keep(kept, found)
-        end = container.data_end(found)
-        notes = page_data.of_module(code.SYSTEMS_OF[kind], code.VARIANTS, end)
-        made[name] = container.module(found, code.EXPORTED, {page_data.SECTION: notes})
-    return made
+    return {f"{kind}.wasm": _module(kind) for kind in MODULES}
+
+
+def _module(kind: str) -> bytes:
+    built = machine.BUILT / f"{kind}.wasm"
+    if built.exists():
+        return built.read_bytes()
+    made = _kept(
+        f"{kind}.o", f"the {kind} walkers for web pages",
+        lambda: _object(code.of_kind(kind), code.EXPORTED, "walkers"),
+    )  # fmt: skip
+    notes = page_data.of_module(code.SYSTEMS_OF[kind], code.VARIANTS, container.data_end(made))
+    return container.module(made, code.EXPORTED, {page_data.SECTION: notes})
 
 
 def data() -> bytes:
@@ -143,25 +143,27 @@ def system_module(system: own.System, gait: Gait | None = None) -> bytes:
     check_supports(system, "pages")
     texts = code.code_of_system(system)
     digest = hashlib.sha256("".join(texts).encode()).hexdigest()[:16]
-    kept = f"web-{_name(_OF_CODE)}-{digest}.o"
-    made = cache.found(kept)
-    if made is None:
-        with compiling("a system for web pages"):
-            name = "narrow" if layout_of(system.hybrid) == NARROW else "wide"
-            made = _object(texts, code.EXPORTED_OF_SYSTEM, name)
-        cache.keep(kept, made)
+    name = "narrow" if layout_of(system.hybrid) == NARROW else "wide"
+    made = _kept(
+        f"{digest}.o", "a system for web pages",
+        lambda: _object(texts, code.EXPORTED_OF_SYSTEM, name),
+    )  # fmt: skip
     section = page_data.of_system(system, container.data_end(made), code.variants(system), gait)
     return container.module(made, code.EXPORTED_OF_SYSTEM, {page_data.SECTION: section})
 
 
-def _compile(file: Path, name: str) -> None:
-    command = [sys.executable, "-m", "gym_passive_walker.devices.web.bookkeeping", str(file), name]
+def _compile(name: str) -> bytes:
     path = os.pathsep.join([str(_ROOT.parents[2]), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, **_PLAIN, "PYTHONPATH": path.rstrip(os.pathsep)}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    if done.returncode:
-        last = (done.stderr.strip() or "no message").splitlines()[-1]
-        raise WebError(f"the WebAssembly modules cannot be compiled: {last}")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "shared.bc"
+        module = "gym_passive_walker.devices.web.bookkeeping"
+        command = [sys.executable, "-m", module, str(file), name]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        if done.returncode:
+            last = (done.stderr.strip() or "no message").splitlines()[-1]
+            raise WebError(f"the WebAssembly modules cannot be compiled: {last}")
+        return file.read_bytes()
 
 
 def files() -> dict[str, bytes]:

@@ -13,10 +13,10 @@ from llvmlite import binding as llvm
 from numpy.typing import NDArray
 
 from gym_passive_walker.devices.web import kernels
-from gym_passive_walker.engine.compiled import OF_LANE, OF_LANES, phases_of, written
+from gym_passive_walker.engine.compiled import OF_LANE, OF_LANES, body_layout, phases_of, written
 from gym_passive_walker.engine.layout import NARROW, WIDE, Layout
 from gym_passive_walker.engine.machine import context
-from gym_passive_walker.engine.native import Emitter, Function, Memory, Module
+from gym_passive_walker.engine.native import Code, Emitter, Function, Memory, Module
 from gym_passive_walker.engine.own import system as own
 from gym_passive_walker.engine.own.stated import StatementError
 from gym_passive_walker.envs.constraints import HOOK, equipped, push_code
@@ -125,20 +125,20 @@ def equations(systems: Sequence[System], *, pushed: bool = True) -> list[str]:
 
 def _prefixed(module: Module, prefix: str) -> str:
     """Return a module's text with a prefix to the names of its functions."""
-    text = re.sub(r"^@table = [^\n]*\n?", "", str(module), flags=re.M)
+    text = _without_table(module)
     text = re.sub(r"^define void @(?!\w*move\d)", f"define void @{prefix}", text, flags=re.M)
     text = re.sub(r"^define void @move", f"define internal void @{prefix}move", text, flags=re.M)
     return with_own_functions(text)
 
 
-class _Geometry(Module):
-    """A module with expressions that may use functions of a library."""
-
-    def function(self, name: str, layouts: Any, *, active: Any = ()) -> Function:
-        return _GeometryFunction(self, name, layouts)
+def _without_table(module: Module) -> str:
+    """Return a module's text; code over single numbers uses no table of constants."""
+    return re.sub(r"^@table = [^\n]*\n?", "", str(module), flags=re.M)
 
 
 class _GeometryFunction(Function):
+    """A function with expressions that may use functions of a library."""
+
     def _emitter(self, uses: Any, *, group: int, lane: bool) -> Emitter:
         return _GeometryEmitter(self, uses, group=group, lane=lane)
 
@@ -168,21 +168,25 @@ def _with(function: Any, **names: Any) -> Any:
 
 def geometry(kind: System) -> str:
     """Return the text of two functions of a walker's parameters: its constants, and its joints."""
-    module = _Geometry(fuses=False, group=1)
-    body = np.dtype([("body", "f8", (len(kind.Body._fields),))])  # type: ignore[attr-defined]
-    points = np.dtype([("points", "f8", (2 * len(kernels.POINTS),))])
-    for name, layout, code in (("body", body, _body), ("joints", points, _joints)):
-        function = module.function(f"traced_{name}", (kernels.SHAPE, layout))
-        function.once(partial(code, kind))
+    return _called(
+        body=(kernels.SHAPE, body_layout(kind), partial(_body, kind)),
+        joints=(kernels.SHAPE, _points(len(kernels.POINTS)), partial(_joints, kind)),
+    )
+
+
+def _points(count: int) -> np.dtype:
+    return np.dtype([("points", "f8", (2 * count,))])
+
+
+def _called(**traced: tuple[np.dtype, np.dtype, Code]) -> str:
+    """Return the text of functions that a page calls, from their two memories and their code."""
+    module = Module(fuses=False, group=1)
+    for name, (first, second, code) in traced.items():
+        function = _GeometryFunction(module, f"traced_{name}", (first, second))
+        function.once(code)
         function.end()
-    return _called(module, "body", "joints")
-
-
-def _called(module: Module, *names: str) -> str:
-    """Return a module's text with its functions `traced_NAME` by their names, for a page."""
-    text = re.sub(r"^@table = [^\n]*\n?", "", str(module), flags=re.M)
-    text = text.replace("define void @traced", "define internal void @traced")
-    for name in names:
+    text = _without_table(module).replace("define void @traced", "define internal void @traced")
+    for name in traced:
         text += (
             f"\ndefine void @{name}(i32 %first, i32 %second) {{\n"
             "%a = zext i32 %first to i64\n%b = zext i32 %second to i64\n"
@@ -194,18 +198,11 @@ def _called(module: Module, *names: str) -> str:
 
 def code_of_system(system: own.System) -> list[str]:
     """Return the texts of a user's system: its equations, and the lines that show it."""
-    lines = [len(line) for line in system.drawn(np.zeros(2 * system.coordinates))]
-    module = Module(fuses=False, group=1)
-    given = np.dtype(
-        [("body", "f8", (len(system.body),)), ("state", "f8", (2 * system.coordinates,))]
-    )
-    function = module.function(
-        "traced_pose", (given, np.dtype([("points", "f8", (2 * sum(lines),))]))
-    )
-    function.once(partial(_pose, system))
-    function.end()
-    pushed = "pushes" in system.supports
-    return [*equations(variants(system), pushed=pushed), _called(module, "pose")]
+    size = 2 * system.coordinates
+    given = np.dtype([("body", "f8", (len(system.body),)), ("state", "f8", (size,))])
+    points = _points(sum(map(len, system.drawn(np.zeros(size)))))
+    pose = _called(pose=(given, points, partial(_pose, system)))
+    return [*equations(variants(system), pushed="pushes" in system.supports), pose]
 
 
 def variants(system: own.System) -> list[System]:
