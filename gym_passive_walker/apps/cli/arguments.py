@@ -262,10 +262,10 @@ class Machine:
             self.torque, self.ankle_torque, self.push_off
         )
         if self.controller is None:
-            for name, given in (("scene", self.scene is not None), ("trust", self.trust)):
-                if given:
-                    what = "is that of" if name == "scene" else "permits"
-                    raise ValueError(f"--{name} {what} a --controller, which is not given")
+            if self.scene is not None:
+                raise ValueError("--scene is that of a --controller, which is not given")
+            if self.trust:
+                raise ValueError("--trust permits a --controller, which is not given")
             return stride_map(self.model, slope, controller=None if held.passive else held)
         if not held.passive:
             raise ValueError("--controller determines the actuation: omit torques and the push-off")

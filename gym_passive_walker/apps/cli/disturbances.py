@@ -14,7 +14,7 @@ from gym_passive_walker.apps.cli.arguments import (
     Trust,
     read_policy,
 )
-from gym_passive_walker.apps.cli.report import Report, listing, table, table_rows
+from gym_passive_walker.apps.cli.report import Report, listing, record, table, table_rows
 from gym_passive_walker.envs.evaluation.gauntlet import gauntlet as tested
 from gym_passive_walker.envs.evaluation.robustness import robustness as tried
 from gym_passive_walker.gaits.scenes.named import named_walker
@@ -87,7 +87,7 @@ def robustness(
         strides=strides, seed=seed,
     )  # fmt: skip
     lasting = found.first_passage
-    data = {name: getattr(found, name) for name in _MEASURES} | {
+    data = record(found, _MEASURES) | {
         "controller": found.controller_name, "slope": found.slope,
         "first_passage": lasting.mean, "first_passage_error": lasting.error,
         "first_passage_interval": lasting.interval,

@@ -58,8 +58,8 @@ def simulate(
         table_ending(out)
         prepare(out)
     walked = simulated(
-        walk.map, walk.slope, walk.start, walk.strides, samples=samples, terrain=walk.terrain,
-        terrain_seed=walk.terrain_seed,
+        walk.map, walk.slope, walk.start, whole(walk.strides, "--strides"), samples=samples,
+        terrain=walk.terrain, terrain_seed=walk.terrain_seed,
     )  # fmt: skip
     view, units = walk.machine.shown(walked.taken)
     rows = table_rows({

@@ -198,16 +198,9 @@ ANALYSES: dict[str, Analysis] = {
 
 
 def check_trust(outside: Mapping[str, str], trust: bool) -> bool:
-    """Check that the user trusts the code from outside the package.
+    """Return `trust`, if it is True or there is no code in `outside`, see `Description.outside`.
 
     A description may be another person's file, and importing a module runs its code.
-
-    Args:
-        outside: What that is, by its "module:name", as in `Description.outside`.
-        trust: Whether it is trusted.
-
-    Returns:
-        The argument `trust`.
 
     Raises:
         ValueError: if trust is required and `trust` is False.

@@ -149,10 +149,7 @@ class WalkerColumns:
 def _passed(array: NDArray, count: int, *, rows: bool) -> tuple[Any, Any, int]:
     """Return an array of all walkers, that of the first walker, and the bytes to the next.
 
-    Args:
-        array: The array of one walker.
-        count: Number of walkers.
-        rows: Whether each walker has a row, which compiled code finds by its address.
+    With `rows`, each walker has a row, which compiled code finds by its address.
     """
     if rows:
         there = device.upload(np.zeros((count, *array.shape[1:]), array.dtype))

@@ -157,8 +157,7 @@ def _of_library(name: str) -> Any:
 
 
 _SIN, _COS, _ARCSIN = map(_of_library, ("sin", "cos", "asin"))
-_NUMPY = SimpleNamespace(sin=_SIN, cos=_COS)
-_MATH = SimpleNamespace(sin=_SIN, cos=_COS, asin=_ARCSIN)
+_LIBRARY = SimpleNamespace(sin=_SIN, cos=_COS, asin=_ARCSIN)
 
 
 def _with(function: Any, **names: Any) -> Any:
@@ -232,7 +231,7 @@ def _given(shape: Memory) -> SimpleNamespace:
 
 def _body(kind: System, shape: Memory, body: Memory) -> None:
     """Write a walker's constants."""
-    constants = _with(bodies.body_from, np=_NUMPY, inverse_sine=_ARCSIN)(_given(shape), kind.Body)
+    constants = _with(bodies.body_from, np=_LIBRARY, inverse_sine=_ARCSIN)(_given(shape), kind.Body)
     for i, value in enumerate(constants):
         body["body", i] = value
 
@@ -244,7 +243,7 @@ def _joints(kind: System, shape: Memory, points: Memory) -> None:
     reach = given.shank_length - given.foot_radius
     line = given.thigh_length * _COS(given.foot_angle) + reach * _COS(given.shank_angle)
     hip = _with(hip_over, leg_line=lambda _: line)(given, np.zeros(2), stance, tilt)
-    below = _with(joints, math=_MATH)
+    below = _with(joints, math=_LIBRARY)
     found = hip, *below(given, hip, stance, stance), *below(given, hip, thigh, shank)
     for i, value in enumerate(np.concatenate(found)):
         points["points", i] = value
