@@ -58,11 +58,7 @@ class WebError(RuntimeError):
 
 
 def _name(sources: Collection[str]) -> str:
-    """Return the name under which something is cached: a hash of what it is made of.
-
-    Args:
-        sources: Patterns of the package's files on which it depends.
-    """
+    """Return a hash of the package's files of these patterns; it names what is made of them."""
     digest = hashlib.sha256(f"{sys.version} {llvmlite.__version__}".encode())
     for source in sorted(path for pattern in sources for path in _SOURCES.glob(pattern)):
         digest.update(source.relative_to(_SOURCES).as_posix().encode() + source.read_bytes())
