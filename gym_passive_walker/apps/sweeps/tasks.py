@@ -253,15 +253,13 @@ def task(analysis: str, given: Mapping[str, Any]) -> Callable[[], Any]:
             rest["walker"] = named_walker(rest["walker"])
             if not isinstance(rest["walker"], Walker):
                 numbers = tuple(rest["walker"].parameters)
-        parts = {name: rest.pop(name) for name in numbers if name in rest and name not in takes}
+        parts = _taken(rest, [name for name in numbers if name not in takes])
         if parts and "walker" not in rest:
             raise ValueError(f"{', '.join(parts)} needs a walker, as in walker: lab")
         if parts:
             rest["walker"] = rest["walker"].with_parameters(**parts)
     if "changes" in takes:
-        rest["changes"] = {
-            name: rest.pop(name) for name in _SCENE if name in rest and name not in takes
-        }
+        rest["changes"] = _taken(rest, [name for name in _SCENE if name not in takes])
     if "seed" not in takes and not anything:
         rest.pop("seed", None)
     known = [name for name in takes if name != "changes"]
