@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from gym_passive_walker._tools.loading import read_content
 from gym_passive_walker.apps.sweeps.description import Description
 from gym_passive_walker.apps.sweeps.tasks import task
 from gym_passive_walker.gaits.scenes.scene import make_scene
@@ -168,11 +169,11 @@ def test_a_sweep_keeps_what_a_file_held(folder):
         'analysis = "gait"\n[over]\nslope = [0.01]\n[given]\nwalker = "mine.json"'
     )
     formed("E", "JSON", folder)
-    before = Description.of("sweep.toml")
+    before = Description.of(read_content("sweep.toml"))
     formed("D", "JSON", folder)
     assert before.tasks[0]["walker"]["title"] == "mine"
     assert as_walker(before.tasks[0]["walker"]) == gpw.WALKERS["E"]
-    assert Description.of("sweep.toml").digest != before.digest
+    assert Description.of(read_content("sweep.toml")).digest != before.digest
 
 
 def test_a_sweep_is_given_by_its_file(folder):

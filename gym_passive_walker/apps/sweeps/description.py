@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gym_passive_walker._tools.arguments import number, unknown, whole
-from gym_passive_walker._tools.loading import has_address, is_file, read_content
+from gym_passive_walker._tools.loading import has_address
 from gym_passive_walker.gaits.scenes.named import outside, task_arguments
 from gym_passive_walker.gaits.scenes.scene import kept_argument
 from gym_passive_walker.models.model import Model
@@ -102,23 +102,14 @@ class Description:
             whole(self.samples, "samples")
 
     @classmethod
-    def of(cls, content: Any) -> Description:
-        """Return a description from any form that it may be given in.
-
-        Args:
-            content: A `Description`, a mapping of its attributes, or the path of a JSON, YAML or
-                TOML file of such a mapping.
+    def of(cls, content: Mapping[str, Any]) -> Description:
+        """Return a description from a mapping of its attributes.
 
         Raises:
             ValueError: if the description is invalid.
-            ImportError: if the file is YAML and pyyaml is not installed.
         """
-        if isinstance(content, cls):
-            return content
-        if is_file(content):
-            content = read_content(content)
         known = tuple(f.name for f in fields(cls))
-        if not isinstance(content, Mapping) or not {"analysis", "over"} <= content.keys():
+        if not {"analysis", "over"} <= content.keys():
             raise ValueError("a sweep needs an analysis, and `over` for what varies")
         if said := unknown(content, known, "a sweep"):
             raise ValueError(said)
