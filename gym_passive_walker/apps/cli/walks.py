@@ -33,7 +33,6 @@ from gym_passive_walker.gaits.control.controllers import acting
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.look.trajectory import simulate as simulated
 from gym_passive_walker.gaits.scenes.named import named_walker
-from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.walkers import describe
 
@@ -164,7 +163,7 @@ def compare(
     return Report(str(found), {"exact": found.exact, "walks": table_rows(found.columns())})
 
 
-def _scene_of(controller: Any, scene: Any, **asked: Any) -> Scene:
+def _scene_of(controller: Any, scene: Any, **asked: Any) -> Any:
     """Return the scene in which a controller acts, with the arguments that are not None."""
     changes = {name: value for name, value in asked.items() if value is not None}
     return acting(controller, scene, **changes)[1]
