@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker._tools.files import prepare, replacing
 from gym_passive_walker._tools.shown import WRITERS, table_ending
 from gym_passive_walker.apps.cli.arguments import (
@@ -57,7 +56,7 @@ def simulate(
         table_ending(out)
         prepare(out)
     walked = simulated(
-        walk.map, walk.slope, walk.start, whole(walk.strides, "--strides"), samples=samples,
+        walk.map, walk.slope, walk.start, walk.strides, samples=samples,
         terrain=walk.terrain, terrain_seed=walk.terrain_seed,
     )  # fmt: skip
     view, units = walk.machine.shown(walked.taken)
@@ -198,7 +197,6 @@ def evaluate(
     passive-walker evaluate lab-ppo --scene level --walker lab --slope 0.01
     passive-walker evaluate level-ppo --terrain waves:height=0.002,strides=6
     """
-    whole(episodes, "--episodes")
     controller = read_policy(policy, trust)
     where = _scene_of(controller, scene, slope=slope, walker=walker, terrain=terrain)
     found = evaluated(controller, where, episodes=episodes, seed=seed, time_limit=time_limit)
