@@ -15,7 +15,7 @@ going there in steps and extrapolating the rest.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar, NamedTuple
@@ -29,7 +29,7 @@ from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.branches.varied_map import MapOfValue, VariedMap, map_at
 from gym_passive_walker.gaits.find.newton import newton, solved
 from gym_passive_walker.gaits.flow import RATE_BEFORE
-from gym_passive_walker.gaits.gait import gait_equations
+from gym_passive_walker.gaits.gait import Violation, gait_equations
 from gym_passive_walker.gaits.section import Points
 from gym_passive_walker.gaits.stride_map import Samples, StrideMap
 
@@ -161,30 +161,49 @@ class Curve:
     last_step: ClassVar[float] = math.inf
     """Longest step that may be the last one of a rough correction."""
 
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """All k varied quantities; the last k coordinates of a point are theirs."""
+        return (self.axis,)
+
+    def values_at(self, point: Point) -> Any:
+        """Return the varied quantities at a point, (k,)."""
+        each = zip(self.axes, point.y[-len(self.axes) :], strict=True)
+        return tuple(float(axis.value(y)) for axis, y in each)
+
     def value_at(self, point: Point) -> float:
-        """Return the varied quantity at a point."""
-        return float(self.axis.value(point.y[-1]))
+        """Return the first varied quantity at a point."""
+        return self.values_at(point)[0]
 
     def gaits_at(self, points: list[Point]) -> tuple[StrideMap, NDArray, NDArray, NDArray]:
         """Return points of the curve as points of the section, with walkers and slopes.
 
         Returns:
-            Their stride map; points of the section (n, m), slopes in rad (n,), and the varied
+            Their stride map; points of the section (n, m), slopes in rad (n,), and the first varied
             quantity (n,).
         """
         ys = np.array([point.y for point in points])
-        stride_map, slopes, values = self._setting(ys)
-        return stride_map, stride_map.searched(ys[:, :-1]).values, slopes, values
+        stride_map, slopes = self._settings(ys)
+        u, values = ys[:, : -len(self.axes)], self.axis.value(ys[:, -len(self.axes)])
+        return stride_map, stride_map.searched(u).values, slopes, values
 
     def one(self, point: Point) -> tuple[StrideMap, float, Points]:
         """Return the stride map of a gait's own walker, its slope in rad, and its point."""
-        own, slope = self.axis.setting(self.stride_map, self.value_at(point))
-        return own, slope, own.searched(point.y[None, :-1])
+        own, slope = self._set(Axis.setting, self.values_at(point))
+        return own, slope, own.searched(point.y[None, : -len(self.axes)])
 
-    def _setting(self, ys: NDArray) -> tuple[StrideMap, NDArray, NDArray]:
-        """Return stride map, slopes and varied quantity at coordinates (n, m + 1)."""
-        values = self.axis.value(ys[:, -1])
-        return *self.axis.settings(self.stride_map, values), values
+    def _settings(self, ys: NDArray) -> tuple[StrideMap, NDArray]:
+        """Return the stride map and the slopes in rad at coordinates (n, m + k)."""
+        each = zip(self.axes, ys[:, -len(self.axes) :].T, strict=True)
+        return self._set(Axis.settings, [axis.value(column) for axis, column in each])
+
+    def _set(self, setting: Callable[..., Any], values: Sequence[Any]) -> tuple[StrideMap, Any]:
+        """Return stride map and slope, with each axis set to its value."""
+        own, slope = self.stride_map, None
+        for axis, value in zip(self.axes, values, strict=True):
+            own, given = setting(axis, own, value)
+            slope = given if slope is None or axis.parameter == "slope" else slope
+        return own, slope
 
     def correct(
         self,
@@ -222,20 +241,28 @@ class Curve:
     def _equations(
         self, ys: NDArray, guesses: NDArray, across: NDArray
     ) -> tuple[NDArray, NDArray, NDArray]:
-        """Return residuals (n, m + 1) of gaits across directions from guesses, and derivatives."""
-        stride_map, slopes, _ = self._setting(ys)
-        gaits = gait_equations(
-            stride_map, ys[:, :-1], slopes, period=self.period, by=(self.axis.parameter,)
-        )
-        rates = np.array([self.axis.rate(y) for y in ys[:, -1]]) / self.axis.unit
-        gaits.derivatives[:, :, -1] *= rates[:, None]
+        """Return residuals (n, m + k) of gaits across directions from guesses, and derivatives."""
+        values, derivatives, maps = self._residuals(ys)
         moved = ((ys - guesses) * across).sum(axis=1)
         ways = np.broadcast_to(across[:, None], (len(ys), 1, ys.shape[1]))
-        return (
-            np.append(gaits.values, moved[:, None], axis=1),
-            np.append(gaits.derivatives, ways, axis=1),
-            gaits.map,
-        )
+        values = np.append(values, moved[:, None], axis=1)
+        return values, np.append(derivatives, ways, axis=1), maps
+
+    def _residuals(self, ys: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Return what vanishes on the curve (n, m + k - 1), derivatives, and the stride map's."""
+        _, gaits, _ = self._gaits(ys)
+        return gaits.values, gaits.derivatives, gaits.map
+
+    def _gaits(self, ys: NDArray) -> tuple[StrideMap, Violation, NDArray]:
+        """Return stride map, gait equations, and rates of the map's parameters, (n, 1, k)."""
+        axes, k = self.axes, len(self.axes)
+        stride_map, slopes = self._settings(ys)
+        by = tuple(axis.parameter for axis in axes)
+        gaits = gait_equations(stride_map, ys[:, :-k], slopes, period=self.period, by=by)
+        each = zip(axes, ys[:, -k:].T, strict=True)
+        rates = np.array([[axis.rate(y) / axis.unit for y in column] for axis, column in each])
+        gaits.derivatives[:, :, -k:] *= rates.T[:, None]
+        return stride_map, gaits, rates.T[:, None]
 
     def polished(self, points: list[Point]) -> list[Point]:
         """Improve rough gaits to rounding, by two steps of Newton's method for all of them.
@@ -259,6 +286,19 @@ class Curve:
             else self.correct(point.y, point.tangent) or point
             for y, point, own, good in zip(ys, points, maps, closed, strict=True)
         ]  # fmt: skip
+
+
+def past_bound(curve: Curve, here: Point, there: Point) -> tuple[float, Point | None] | None:
+    """Return the bound between two points, as a coordinate, and the curve's point there, if any."""
+    for i, axis in zip(range(-len(curve.axes), 0), curve.axes, strict=True):
+        low, high = (axis.coordinate(bound) for bound in (axis.low, axis.high))
+        y = there.y[i]
+        if not low <= y <= high:
+            bound = low if y < low else high
+            guess = here.y + (bound - here.y[i]) / (y - here.y[i]) * (there.y - here.y)
+            guess[i] = bound
+            return bound, curve.correct(guess, np.eye(len(guess))[i])
+    return None
 
 
 def doubling_test(point: Point) -> float:
@@ -371,7 +411,6 @@ class Branch(NamedTuple):
 
 def follow_branch(curve: Curve, start: Point, resolution: float) -> Branch:
     """Follow the curve from a point along its tangent to an end of the curve or of its axis."""
-    low, high = (curve.axis.coordinate(bound) for bound in (curve.axis.low, curve.axis.high))
     points, folds, doublings, torus = [start], [], [], []
     at_bound: Point | None = None
     end: End | None = None
@@ -393,16 +432,12 @@ def follow_branch(curve: Curve, start: Point, resolution: float) -> Branch:
     with progress("gaits along a curve") as followed:
         for there in steps:
             followed()
-            here, p = points[-1], there.y[-1]
+            here = points[-1]
             if vanishes(curve, there):
                 end = End(curve.value_at(here), VANISHED)
                 break
-            if not low <= p <= high:
-                bound = low if p < low else high
-                fraction = (bound - here.y[-1]) / (p - here.y[-1])
-                guess = here.y + fraction * (there.y - here.y)
-                guess[-1] = bound
-                at_bound = curve.correct(guess)
+            if past := past_bound(curve, here, there):
+                bound, at_bound = past
                 end = End(float(curve.axis.value(bound)), BOUND)
                 if at_bound is not None:
                     multipliers_cross(at_bound)
@@ -516,14 +551,10 @@ def _of_stride(
     sample: Callable[[NDArray], Samples],
     roughly: Callable[[NDArray], Samples],
 ) -> tuple[NDArray, NDArray, NDArray]:
-    """Return the knee, landing and pace of n strides, without knees NaN for the knee.
+    """Return the knee, landing and pace of n strides, as in `Margins`; without knees NaN for knee.
 
-    Args:
-        durations: Durations, (n,).
-        knee_times: Times of the kneestrikes, (n,); NaN without knees.
-        first: First rates of the stance legs, (n,).
-        sample: Function that samples the strides at times (n, k).
-        roughly: The same, of a coarse tolerance.
+    `first` are the first rates of the stance legs. `sample` and `roughly`, which has a coarse
+    tolerance, sample the strides at times (n, k).
     """
     rates = sample((durations * (1.0 - RATE_BEFORE))[:, None]).states[:, 0, 3:5]
     landing = -rates.sum(axis=1) / np.abs(rates).max(axis=1)

@@ -33,6 +33,7 @@ from gym_passive_walker.gaits.branches.continuation import (
     Curve,
     Point,
     locate,
+    past_bound,
     points_along,
     reason_of,
     vanishes,
@@ -46,13 +47,10 @@ from gym_passive_walker.gaits.branches.family import (
 )
 from gym_passive_walker.gaits.gait import (
     GaitNotFound,
-    gait_equations,
     multiplier_columns,
     multipliers_of,
     state_columns,
 )
-from gym_passive_walker.gaits.section import Points
-from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.models.walkers import Walker, name_of
 
 Bifurcation = Literal["fold", "period doubling", "Neimark-Sacker"]
@@ -233,30 +231,10 @@ class _LocusCurve(Curve):
     careful: bool = False
     last: list[_Singular] = field(default_factory=list)
 
-    def values_at(self, point: Point) -> tuple[float, float]:
-        """Return both parameters at a point."""
-        return float(self.axis.value(point.y[-2])), float(self.second.value(point.y[-1]))
-
-    def gaits_at(self, points: list[Point]) -> tuple[StrideMap, NDArray, NDArray, NDArray]:
-        """Return points of the curve as points of the section, with walkers and slopes."""
-        ys = np.array([point.y for point in points])
-        stride_map, slopes, values = self._setting(ys)
-        return stride_map, stride_map.searched(ys[:, :-2]).values, slopes, values
-
-    def one(self, point: Point) -> tuple[StrideMap, float, Points]:
-        """Return the stride map of a gait's own walker, its slope in rad, and its point."""
-        first, second = self.values_at(point)
-        own, slope = self.axis.setting(self.stride_map, first)
-        own, other = self.second.setting(own, second)
-        slope = other if self.second.parameter == "slope" else slope
-        return own, slope, own.searched(point.y[None, :-2])
-
-    def _setting(self, ys: NDArray) -> tuple[StrideMap, NDArray, NDArray]:
-        """Return stride map, slopes and first parameter at coordinates (n, m + 2)."""
-        first, second = self.axis.value(ys[:, -2]), self.second.value(ys[:, -1])
-        stride_map, slopes = self.axis.settings(self.stride_map, first)
-        stride_map, others = self.second.settings(stride_map, second)
-        return stride_map, others if self.second.parameter == "slope" else slopes, first
+    @property
+    def axes(self) -> tuple[Axis, Axis]:
+        """Both parameters."""
+        return self.axis, self.second
 
     def _matrices(self, ys: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Return what a bifurcation's equations consist of, at coordinates (n, m + 2).
@@ -266,15 +244,9 @@ class _LocusCurve(Curve):
             (n, m, m + 2); derivatives of the stride map, (n, m, m + 2); and those of the two in
             which the bifurcation's matrix is.
         """
-        m, axes = ys.shape[1] - 2, (self.axis, self.second)
-        stride_map, slopes, _ = self._setting(ys)
-        by = tuple(axis.parameter for axis in axes)
-        gaits = gait_equations(stride_map, ys[:, :m], slopes, period=self.period, by=by)
+        stride_map, gaits, rates = self._gaits(ys)
         ends = stride_map.at(gaits.passage.ends).in_search(gaits.change.ends)
-        for column, axis in enumerate(axes, m):
-            rates = np.array([axis.rate(y) for y in ys[:, column]]) / axis.unit
-            gaits.derivatives[:, :, column] *= rates[:, None]
-            ends[:, :, column] *= rates[:, None]
+        ends[:, :, -2:] *= rates
         own = gaits.derivatives if self.bifurcation == "fold" else ends
         return gaits.values, gaits.derivatives, ends, own
 
@@ -285,10 +257,8 @@ class _LocusCurve(Curve):
             return replace(self, careful=True).correct(*arguments, **options)
         return found
 
-    def _equations(
-        self, ys: NDArray, guesses: NDArray, across: NDArray
-    ) -> tuple[NDArray, NDArray, NDArray]:
-        """Return residuals (n, m + 2) of gaits at the bifurcation, and derivatives."""
+    def _residuals(self, ys: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Return residuals (n, m + 1) of gaits at the bifurcation, and derivatives."""
         n, m = len(ys), ys.shape[1] - 2
         before = self.last
         if self.careful or n > 1 or not before:
@@ -310,11 +280,9 @@ class _LocusCurve(Curve):
         bent = (own[:, 1::2] - own[:, 2::2]) / (2.0 * _SHIFT)
         weights, sizes = (np.array([x[i] for x in here]) for i in (1, 0))
         gradient = np.einsum("nij,nkj,nkil->nl", weights, directions, bent)
-        moved = ((ys - guesses) * across).sum(axis=1)
-        ways = np.broadcast_to(across, ys.shape)
         return (
-            np.concatenate([values[:, 0], sizes[:, None], moved[:, None]], axis=1),
-            np.concatenate([derivatives[:, 0], gradient[:, None], ways[:, None]], axis=1),
+            np.append(values[:, 0], sizes[:, None], axis=1),
+            np.append(derivatives[:, 0], gradient[:, None], axis=1),
             ends[:, 0, :, :m],
         )
 
@@ -357,11 +325,6 @@ def _tests(bifurcation: Bifurcation, here: Point) -> dict[str, Callable[[Point],
     return {"1:1": turn(1.0), "1:2": turn(-1.0), "1:3": turn(-0.5), "1:4": turn(0.0)}
 
 
-def _is_cusp(point: Point) -> bool:
-    """Return whether both parameters stand still, rather than turn sharply."""
-    return bool(np.abs(point.tangent[-2:]).max() < _CUSP)
-
-
 class _Part(NamedTuple):
     """One direction of a locus."""
 
@@ -372,8 +335,6 @@ class _Part(NamedTuple):
 
 def _follow(curve: _LocusCurve, start: Point, resolution: float) -> _Part:
     """Follow a locus from a point along its tangent to an end, or until it closes."""
-    axes = curve.axis, curve.second
-    bounds = [(axis.coordinate(axis.low), axis.coordinate(axis.high)) for axis in axes]
     points, special = [start], []
 
     def crossings(there: Point) -> Point | None:
@@ -381,7 +342,8 @@ def _follow(curve: _LocusCurve, start: Point, resolution: float) -> _Part:
         for kind, test in _tests(curve.bifurcation, points[-1]).items():
             if test(points[-1]) * test(there) < 0.0:
                 located = locate(curve, points[-1], there, test)
-                if located and (kind != "cusp" or _is_cusp(located)):
+                # At a cusp both parameters stand still; elsewhere they only turn sharply.
+                if located and (kind != "cusp" or np.abs(located.tangent[-2:]).max() < _CUSP):
                     special.append(SpecialPoint(kind, curve.values_at(located)))
                     if curve.bifurcation == "Neimark-Sacker" and kind in ("1:1", "1:2"):
                         return located
@@ -394,14 +356,8 @@ def _follow(curve: _LocusCurve, start: Point, resolution: float) -> _Part:
             here = points[-1]
             if vanishes(curve, there):
                 return _Part(points, special, LocusEnd(curve.values_at(here), VANISHED))
-            for i, (low, high) in zip((-2, -1), bounds, strict=True):
-                p = there.y[i]
-                if low <= p <= high:
-                    continue
-                bound = low if p < low else high
-                guess = here.y + (bound - here.y[i]) / (p - here.y[i]) * (there.y - here.y)
-                guess[i] = bound
-                last = curve.correct(guess, np.eye(len(guess))[i])
+            if past := past_bound(curve, here, there):
+                _, last = past
                 if last is not None and np.abs(last.y - here.y).max() > _SAME:  # or it began there
                     points.append(crossings(last) or last)
                 return _Part(points, special, LocusEnd(curve.values_at(points[-1]), BOUND))
@@ -523,7 +479,7 @@ def _start(curve: _LocusCurve, family: GaitFamily, at: float, own: float) -> Poi
     _, passed = states_between(family, at)
     for state in (*passed, family.state[nearest]):
         y = np.array([0.0, curve.axis.coordinate(at), curve.second.coordinate(own)])
-        stride_map, _, _ = curve._setting(y[None])
+        stride_map, _ = curve._settings(y[None])
         found = curve.correct(np.concatenate([stride_map.points(state[None]).search[0], y[1:]]))
         if found is not None and np.isclose(curve.values_at(found)[0], at, rtol=1e-6, atol=0.0):
             return found
