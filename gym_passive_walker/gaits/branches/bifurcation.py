@@ -103,12 +103,9 @@ class BifurcationDiagram(InUnits, Table):
     def columns(self) -> dict[str, NDArray]:
         """A row for each recorded stride, value by value."""
         count, n_recorded = self.stance_angle.shape
-        varied = {} if self.parameter == "slope" else {self.parameter: self.value}
         return {
-            **{
-                name: np.repeat(x, n_recorded)
-                for name, x in (varied | {"slope": self.slope}).items()
-            },
+            self.parameter: np.repeat(self.value, n_recorded),
+            "slope": np.repeat(self.slope, n_recorded),
             "period": np.repeat(self.period, n_recorded),
             "stride": np.tile(np.arange(n_recorded), count),
             "stance_angle": self.stance_angle.ravel(),
@@ -210,14 +207,9 @@ class _Walks(NamedTuple):
         return self.axis.settings(self.own, self.values[which])
 
     def beginnings(self, kind: GaitKind, start: ArrayLike | None) -> NDArray[np.float64]:
-        """Return the points from which the walks begin.
+        """Return the points (n, m) from which the walks begin; NaN where there is no gait.
 
-        Args:
-            kind: Gait to begin beside.
-            start: Initial states instead, (6,) or (n, 6), in the walker's own units.
-
-        Returns:
-            Points (n, m); NaN where there is no gait.
+        They are beside a gait of this kind, or at states (6,) or (n, 6) in the walker's own units.
         """
         kind, (there, slopes), n = gait_kind(kind), self.at(), len(self.values)
         if start is not None:
@@ -390,14 +382,11 @@ def crisis(
         ValueError: if the walker falls at `low`, or walks on at `high`; or if there is no such
             parameter, or a walker cannot have one of these values.
     """
-    low, high = (
-        (one_slope(low, "low"), one_slope(high, "high"))
-        if parameter == "slope"
-        else (number(low, "low"), number(high, "high"))
-    )
+    steep = parameter == "slope"
+    checked = one_slope if steep else number
+    low, high = checked(low, "low"), checked(high, "high")
     own = None if callable(walker) else map_of(walker, tolerance=tolerance)
     downhill = own is not None and own.passive and own.terrain is None
-    steep = parameter == "slope"
     if low == high or (steep and (not low < high or (downhill and low <= 0.0))):
         allowed = (
             ("0 < low < high" if downhill else "low < high") if steep else "low and another high"

@@ -88,10 +88,9 @@ class Cascade(Table):
 
     def columns(self) -> dict[str, NDArray]:
         """A row for each doubling."""
-        varied = {} if self.parameter == "slope" else {self.parameter: np.array(self.values)}
         return {
             "period": np.array(self.periods),
-            **varied,
+            self.parameter: np.array(self.values),
             "slope": np.array(self.slopes),
             "stance_angle": np.array([gait.stance_angle for gait in self.gaits]),
         }
@@ -147,8 +146,8 @@ def doubling_cascade(
     with progress("period doublings", doublings) as located:
         while here is not None:
             values.append(curve.value_at(here))
-            there, at = axis.setting(own, values[-1])
-            gaits.append(gait_at(there.searched(here.y[None, :-1]), at, curve.period))
+            _, at, place = curve.one(here)
+            gaits.append(gait_at(place, at, curve.period))
             located()
             if len(gaits) == doublings:
                 break

@@ -245,8 +245,8 @@ class GaitFamily(InUnits, Table):
 
     def columns(self) -> dict[str, NDArray]:
         """A row for each gait, in order along the curve."""
-        varied = {} if self.parameter == "slope" else {self.parameter: self.value}
-        return varied | {
+        return {
+            self.parameter: self.value,
             "slope": self.slope,
             "kind": self.kind,
             **state_columns(self.walker, self.state),
