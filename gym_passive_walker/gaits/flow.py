@@ -9,7 +9,7 @@ carried beside the values through the motion, the impacts and the moments at whi
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache, partial
 from typing import Any, NamedTuple
 
@@ -80,14 +80,12 @@ def _report(coordinates: int, controls: int, room: int) -> Reported:
     return Reported(entries, len(states), {entry: place for place, entry in enumerate(entries)})
 
 
-def offsets(entries: Sequence[Entry], layout: Layout) -> list[int]:
+@lru_cache
+def offsets(entries: tuple[Entry, ...], layout: Layout) -> list[int]:
     """Places of entries among the numbers of a record."""
     fields: Any = record_for(layout).fields
     pairs = [entry if isinstance(entry, tuple) else (entry, 0) for entry in entries]
     return [fields[name][1] // 8 + index for name, index in pairs]
-
-
-_offsets = lru_cache(offsets)
 
 
 def numbers_of(records: NDArray) -> NDArray[np.float64]:
@@ -101,7 +99,7 @@ def rows_of(records: NDArray, entries: tuple[Entry, ...]) -> NDArray[np.float64]
     Returns:
         Shape (n, entries, 1 + k).
     """
-    places = _offsets(entries, layout_in(records.dtype))
+    places = offsets(entries, layout_in(records.dtype))
     rows = numbers_of(records).swapaxes(1, 2)[:, places]
     rows[records["outcome"][:, 0] > _STRUCK, :, 1:] = 0.0
     return rows
@@ -195,14 +193,6 @@ class Walkers:
         if not self.parameters:
             return bodies(self.walker)
         return self.walker.constants(**self.parameters)[:, None]
-
-    @property
-    def swapped(self) -> Walkers:
-        """The walkers of the next stride, with the legs exchanged; the same if they are alike."""
-        if self.walker.legs_alike:
-            return self
-        own = {self.walker.counterpart(name): value for name, value in self.parameters.items()}
-        return replace(self, walker=self.walker.swapped, parameters=own)
 
     @cached_property
     def _changes(self) -> dict[str, NDArray[np.float64]]:
@@ -371,15 +361,10 @@ class Flow:
     def _verges(
         self, lanes: NDArray, time: str, outcome: Outcome
     ) -> Iterator[tuple[NDArray, Flow, Phase, Callable[[NDArray], NDArray]]]:
-        """Yield some walkers just before a strike, for each phase that it ends.
+        """Yield walkers just before a strike, for each phase that it ends.
 
-        Args:
-            lanes: The walkers.
-            time: Name of the strike's time in their records.
-            outcome: The strike.
-
-        Yields:
-            Its walkers, and just before the strike; the phase, and its guard of states.
+        `time` names the strike's time in records. Yielded are the phase's walkers, their flow to
+        just before the strike, the phase, and its guard as a function of states.
         """
         if len(lanes) == 0:
             return
@@ -497,7 +482,7 @@ def flow(
             for x in (states, slopes, controls, push_offs, rises, turns)
         )
     uneven = rises is not None or turns is not None
-    tangents = _tangents_by(walkers, by, along) if by else _NONE
+    tangents = _tangents_by(walkers, by, along)
     system = walkers.system((*by, *UNEVEN) if uneven else by)
 
     def began(planes: int = 0) -> NDArray:
@@ -511,8 +496,7 @@ def flow(
         return records
 
     records = began(len(tangents.names))
-    if by:
-        _seed(records, tangents)
+    _seed(records, tangents)
     bodies = walkers.bodies(tangents.names, lanes)
     walked = Flow(walkers, system, tangents, bodies, records, began, True, instants)
     return walked.integrate(backend, threads)
@@ -541,12 +525,11 @@ def go_on(
         on_section: Whether a stride begins here.
     """
     uneven = np.count_nonzero(records["ground"][..., 2:])  # heights, slopes of next footholds
-    tangents = _tangents_by(walkers, by) if by else _NONE
+    tangents = _tangents_by(walkers, by)
     walked = np.zeros((len(records), 1 + len(tangents.names)), records.dtype)
     numbers_of(walked)[:, :1] = numbers_of(records)
     walked["outcome"] = 0
-    if by:
-        _seed(walked, tangents)
+    _seed(walked, tangents)
     system = walkers.system((*by, *UNEVEN) if uneven else by)
     bodies = walkers.bodies(tangents.names, lanes)
     return Flow(walkers, system, tangents, bodies, walked, lambda: records, on_section).integrate()
@@ -554,6 +537,8 @@ def go_on(
 
 def _tangents_by(walkers: Walkers, by: Sequence[str], along: NDArray | None = None) -> FlowTangents:
     """Tangents by name, with changes of the states (n, 6, k) if they are given."""
+    if not by:
+        return _NONE
     if along is None:
         return _tangents(walkers.walker, tuple(by))
     others = sum(name != "point" for name in by)

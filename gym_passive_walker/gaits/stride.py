@@ -271,7 +271,7 @@ def stride(
 
 @lru_cache
 def _places(layout: Layout) -> NDArray[np.int64]:
-    return np.array(offsets([each.of for each in RECORDED if each.name in _OWN], layout))
+    return np.array(offsets(tuple(each.of for each in RECORDED if each.name in _OWN), layout))
 
 
 @lru_cache(maxsize=4096)  # one walker's stride waits for it

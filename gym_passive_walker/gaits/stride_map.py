@@ -406,19 +406,19 @@ class StrideMap(Section):
         walking = np.flatnonzero(np.isfinite(points).all(axis=1))
         outcomes = np.full(len(points), Outcome.DIVERGED, np.int8)
         outcomes[walking] = _STRUCK
-        actuations, ground, first = self._actuations(lanes[walking]), self.ground, {}
+        actuations, ground, uneven = self._actuations(lanes[walking]), self.ground, {}
         if self.terrain is not None:
-            first = {"rises": ground[0, 1], "turns": ground[0, 2]}
-        moving, chosen = {}, along is not None or self.terrain is not None
-        if by and (chosen or "units" not in self.walker.supports):
+            uneven = {"rises": ground[0, 1], "turns": ground[0, 2]}
+        moving = {}
+        if by:
             seeds = self.seeds(len(walking), by, None if along is None else along[walking])
             moving = seeds.moving
-            if chosen:
+            if along is not None or uneven:
                 along = self.state_by(points[walking], seeds, 0, lanes[walking])
         slopes, begun = slopes[walking], self.state(points[walking], lanes=lanes[walking])
         with np.errstate(all="ignore"), progress("strides", strides) as taken:
             walked = flow(
-                self.walkers, begun, slopes + ground[0, 0], **first,
+                self.walkers, begun, slopes + ground[0, 0], **uneven,
                 controls=actuations[:, :2], push_offs=actuations[:, 2], until=self.max_stride_time,
                 by=by, along=along, lanes=lanes[walking],
             )  # fmt: skip
@@ -428,7 +428,6 @@ class StrideMap(Section):
                 if stride:
                     tilt, *foothold = ground[stride % len(ground)]
                     slopes = slopes[on]
-                    uneven = self.terrain is not None
                     walked = walked.next_stride(on, (slopes + tilt, *foothold) if uneven else None)
                 self._add(totals, walked, lanes[walking], moving, stride % len(ground))
                 if (stride + 1) % len(ground) == 0:
@@ -516,10 +515,9 @@ class StrideMap(Section):
         strides: list[Stride] = []
         now = self
         for tilt, height_change, slope_change in np.tile(self.ground, (count, 1)).tolist():
-            here = state if not strides else strides[-1].state
             rise, seen = height_change * self.walker.leg_length, self.ahead(len(strides))
-            strides.append(now._taken(here, slope + tilt, rise, slope_change, seen))
-            now = now.swapped
+            strides.append(now._taken(state, slope + tilt, rise, slope_change, seen))
+            state, now = strides[-1].state, now.swapped
         return strides
 
     def steepness(self, points: NDArray, slopes: NDArray) -> NDArray[np.float64]:
@@ -529,13 +527,15 @@ class StrideMap(Section):
             points: Points of the section where the strides start, (n, m).
             slopes: Slope in rad, (n,).
         """
-        states, walkers, least = self.state(points), self.walkers, np.full(len(points), np.inf)
+        now, states, least = self, self.state(points), np.full(len(points), np.inf)
         uneven = self.terrain is not None
         for tilt, rise, turn in self.ground.tolist():
             foothold = {"rises": rise, "turns": turn} if uneven else {}
-            walked = flow(walkers, states, slopes + tilt, until=self.max_stride_time, **foothold)
+            walked = flow(
+                now.walkers, states, slopes + tilt, until=self.max_stride_time, **foothold
+            )
             least, states = np.minimum(least, walked.steepness), walked.states
-            walkers = walkers.swapped
+            now = now.swapped
         return least
 
     def stride(
