@@ -226,9 +226,7 @@ def step_kind(walker: Walker, multipliers: NDArray, duration: float) -> GaitKind
         multipliers: Floquet multipliers, (m,).
         duration: Time of a stride in sqrt(l/g).
     """
-    if "step kinds" not in walker.supports:
-        return "long"
-    if np.prod(1.0 - multipliers).real > 0.0:
+    if "step kinds" not in walker.supports or np.prod(1.0 - multipliers).real > 0.0:
         return "long"
     return "short" if duration < 1.1 * _half_swing(walker) else "long"
 

@@ -136,12 +136,8 @@ def _in_size(preset: Walker, walker: Walker) -> Walker:
 def _followed(gait: Gait, place: Callable[[float], tuple[Walker, float]]) -> tuple[float, Gait]:
     """Follow a gait as far as possible towards a walker and slope without one.
 
-    Args:
-        gait: The gait at the beginning.
-        place: Function from a share of the way, 0 to 1, to a walker and a slope in rad.
-
-    Returns:
-        The share of the way, and the gait there.
+    `place` gives walker and slope in rad at a share of the way, 0 to 1. Returned are the share
+    reached, and the gait there.
     """
     share, step = 0.0, _FIRST
     for _ in range(_TRIES):

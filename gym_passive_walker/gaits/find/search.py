@@ -93,15 +93,7 @@ def at_heelstrike(
 
 
 def _starts(stride_map: StrideMap, slope: float) -> NDArray:
-    """Return initial guesses for a gait of one stride at this slope.
-
-    Args:
-        stride_map: Stride map of one walker.
-        slope: Slope in rad; positive, unless actuators drive the walker.
-
-    Returns:
-        Initial guesses in logarithmic coordinates, (n, m).
-    """
+    """Return initial guesses for a gait of one stride, in logarithmic coordinates, (n, m)."""
     held = stride_map.actuation
     u, loss, pushed = _grid(stride_map.walker, held.push_off)
     # Over a step, the hip opens by four stance angles and the stance leg turns by two. A step is
@@ -154,17 +146,9 @@ def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray, NDArray | 
 
 
 def _returns(stride_map: StrideMap, slope: float, gaits: list[Gait]) -> NDArray:
-    """Return points of walks that begin beside some gaits, after a transient.
+    """Return points (k, m) in the chart along walks that begin beside gaits, after a transient.
 
     After a period doubling, or in chaos, such walks pass near every gait.
-
-    Args:
-        stride_map: Stride map of one walker.
-        slope: Slope in rad.
-        gaits: Gaits of one stride.
-
-    Returns:
-        Coordinates (k, m) in the chart of points along the walks that did not fall.
     """
     roughly = stride_map.with_tolerance(_RETURNING)
     beside = np.random.default_rng(0).standard_normal((_WALKERS, stride_map.dimension))
@@ -235,7 +219,7 @@ def _search(
         period: Strides until a gait repeats.
         enough: Function of the gaits found; the search ends when it returns True.
         batches: Number of guesses in each batch for Newton's method.
-        patience: Iterations after the first convergence, as for `newton`; None for no limit.
+        patience: As for `newton`.
     """
     gaits: list[Gait] = []
     found: list[NDArray] = []

@@ -132,8 +132,8 @@ def mesh_passage(
         )
     if not 0.0 < number(error, "error") < 1.0:
         raise ValueError(f"error must be a share between 0 and 1, not {error!r}")
-    seed, height_std = seed_number(seed), number(terrain.height_std, "height_std")
-    chain = Chain(strides, np.asarray(state, float), height_std, strides.chosen(None))
+    seed = seed_number(seed)
+    chain = Chain(strides, np.asarray(state, float), terrain.height_std, strides.chosen(None))
     return _passage(chain, error, seed)
 
 
