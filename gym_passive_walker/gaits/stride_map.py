@@ -286,11 +286,8 @@ class StrideMap(Section):
 
     def _actuations(self, lanes: NDArray) -> NDArray[np.float64]:
         """Return dimensionless hip torque, ankle torque and push-off of n points, (n, 3)."""
-        actuation = self.actuation._replace(**self._driven)
-        actuations = np.empty((len(lanes), len(actuation)))
-        for column, part in zip(actuations.T, actuation, strict=True):
-            column[:] = part[lanes] if np.ndim(part) else part
-        return actuations
+        each, n = self.actuation._replace(**self._driven), len(lanes)
+        return np.stack([for_each(x[lanes] if np.ndim(x) else x, n) for x in each], axis=1)
 
     def _checked(
         self, points: ArrayLike | Points, slopes: ArrayLike | None, strides: int

@@ -272,15 +272,18 @@ class Curve:
         """
         ys, across = (np.array([getattr(x, name) for x in points]) for name in ("y", "tangent"))
         guess = ys.copy()
-        maps, sizes = np.empty((len(points), 0, 0)), np.full(len(points), np.inf)
-        here = np.zeros(len(points), bool)
-        for _ in range(2):
+
+        def step() -> tuple[NDArray, NDArray]:
+            """Take a step; return which gaits were closed before it, and their maps."""
             with np.errstate(all="ignore"):
                 values, derivatives, maps = self._equations(ys, guess, across)
                 sizes = np.abs(values).max(axis=1)
             here = np.isfinite(sizes) & np.isfinite(derivatives).all(axis=(1, 2))
             ys[here] -= solved(derivatives[here], values[here])
-        closed = here & (sizes < _CLOSED)
+            return here & (sizes < _CLOSED), maps
+
+        step()
+        closed, maps = step()
         return [
             Point(y, point.tangent, own) if good
             else self.correct(point.y, point.tangent) or point

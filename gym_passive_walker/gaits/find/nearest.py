@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from operator import itemgetter
 from typing import Literal
 
 import numpy as np
@@ -109,19 +110,16 @@ def at_nearest_slope(walker: Walker, slope: float, kind: GaitKind) -> Gait | Non
 
 def _of_nearest_walker(walker: Walker, slope: float, kind: GaitKind) -> Gait | None:
     """Follow gaits of presets towards this walker, and return the gait of the nearest walker."""
-    best = None
+    found = []
     for preset in WALKERS.values():
         alike = bool(preset.knees) == bool(walker.knees)
         if not alike or preset.massless_legs != walker.massless_legs:
             continue
         scaled = replace(_in_size(preset, walker), knees=walker.knees)
         gait = seek(scaled, slope, kind, quick=True).gait
-        if gait is None:
-            continue
-        followed = _followed(gait, lambda s, a=scaled: (interpolate(a, walker, s), slope))
-        if best is None or followed[0] > best[0]:
-            best = followed
-    return None if best is None else best[1]
+        if gait is not None:
+            found.append(_followed(gait, lambda s, a=scaled: (interpolate(a, walker, s), slope)))
+    return max(found, key=itemgetter(0))[1] if found else None
 
 
 def _in_size(preset: Walker, walker: Walker) -> Walker:
