@@ -43,6 +43,11 @@ def cost_of_transport(strides: Any, energy: str = "absolute") -> Any:
     return strides.gravity_cost + motor_cost(strides, energy)
 
 
+def collision_cost(strides: Any) -> Any:
+    """Energy lost at kneestrike and heelstrike over weight and distance."""
+    return strides.collision_loss / (strides.weight * strides.step_length)
+
+
 class Measure(NamedTuple):
     """A quantity that strides report.
 
@@ -98,8 +103,7 @@ MEASURES = tuple(
         ("motor_cost", "", motor_cost, "Absolute work of all actuators over weight and distance."),
         ("cost_of_transport", "", cost_of_transport,
          "Energy spent over weight and distance: gravity's and the actuators' absolute work."),
-        ("collision_cost", "", lambda s: s.collision_loss / (s.weight * s.step_length),
-         "Energy lost at impacts over weight and distance."),
+        ("collision_cost", "", collision_cost, "Energy lost at impacts over weight and distance."),
         ("friction_cost", "", lambda s: s.friction_loss / (s.weight * s.step_length),
          "Energy lost to friction over weight and distance."),
     )
