@@ -1,7 +1,8 @@
 """Saved states of a batch, and the checks before `set_state` writes them.
 
 Compiled code uses the indices in a record without checks: an invalid phase leads to an invalid
-address. A saved state may come from a file, so each of its entries is checked.
+address. A saved state may come from a file, so each of its entries is checked. Functions that
+check raise a `StateError`, whose message names what is wrong.
 """
 
 from __future__ import annotations
@@ -36,11 +37,7 @@ class StateError(ValueError):
 
 
 def entries(state: Any, names: Sequence[str]) -> Mapping[str, Any]:
-    """Return a saved state after a check that its entries have these names.
-
-    Raises:
-        StateError: if it is no mapping, an entry is missing, or there is another entry.
-    """
+    """Return a saved state after a check that its entries have these names."""
     if not isinstance(state, Mapping):
         raise StateError(f"a state is what get_state returned, a mapping, not {shown(state)}")
     lacking = [name for name in names if name not in state]
@@ -60,11 +57,7 @@ def _array(given: Any, name: str) -> NDArray:
 
 
 def flags(given: Any, name: str, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Return a copy of an entry of booleans; the shape () is that of a single one.
-
-    Raises:
-        StateError: if the shape or the type of the entry is wrong.
-    """
+    """Return a copy of an entry of booleans; the shape () is that of a single one."""
     array = _array(given, name)
     if array.dtype != np.bool_ or array.shape != shape:
         wanted = f"booleans of shape {shape}" if shape else "True or False"
@@ -73,11 +66,7 @@ def flags(given: Any, name: str, shape: tuple[int, ...]) -> NDArray[np.bool_]:
 
 
 def like(given: Any, name: str, own: NDArray) -> NDArray:
-    """Return a copy of an entry with the shape and type of the batch's own array.
-
-    Raises:
-        StateError: if the shape or the type differs.
-    """
+    """Return a copy of an entry with the shape and type of the batch's own array."""
     array = _array(given, name)
     if array.dtype != own.dtype:
         raise StateError(
@@ -120,15 +109,7 @@ def _described(value: Any) -> Any:
 
 
 def check_scene(given: Any, own: str) -> None:
-    """Raise an error for a state of another scene.
-
-    Args:
-        given: Description of the state's scene.
-        own: Description of the batch's scene, from `described`.
-
-    Raises:
-        StateError: if the scenes differ; the message names the arguments that differ.
-    """
+    """Check that descriptions of a state's scene and of the batch's own are equal."""
     try:
         if str(given) == own:
             return
@@ -147,11 +128,7 @@ def check_scene(given: Any, own: str) -> None:
 
 
 def check_energy(given: Any) -> str:
-    """Return the kind of work that the energy term counts, after a check.
-
-    Raises:
-        StateError: if there is no such kind.
-    """
+    """Return the kind of work that the energy term counts, after a check."""
     if str(given) not in ENERGIES:  # a file has text as an array
         allowed = " or ".join(map(repr, ENERGIES))
         raise StateError(f"the state's 'energy_cost' must be {allowed}, not {shown(given)}")
@@ -165,9 +142,6 @@ def check_walkers(given: Any, own: Sequence[Walker], starts: Sequence[Starts]) -
         given: Walkers in the state, in the form of `kept`.
         own: Walkers of the batch, (count,).
         starts: Starts of each walker, with its nominal one and the draws, (count,).
-
-    Raises:
-        StateError: if the batch does not permit one of the walkers.
     """
     row = list(given) if isinstance(given, Sequence) else []
     found = [_restored(entry, each.walker) for entry, each in zip(row, starts, strict=False)]
@@ -218,11 +192,7 @@ def _parameters(walker: Any) -> dict[str, Any]:
 
 
 def check_randoms(given: Any, count: int, kind: type) -> list[dict[str, Any]]:
-    """Return the states of bit generators of a class, (count,) or none, after a check.
-
-    Raises:
-        StateError: if their number is neither 0 nor `count`, or a generator rejects one.
-    """
+    """Return the states of bit generators of a class, (count,) or none, after a check."""
     row = list(given) if isinstance(given, Sequence) else None
     if row is None or len(row) not in (0, count):
         found = type(given).__name__ if row is None else len(row)
@@ -245,15 +215,9 @@ def _trial(kind: type) -> Any:
 
 
 def require(name: str, holds: NDArray[np.bool_], allowed: str) -> None:
-    """Raise an error unless a condition holds for every environment.
+    """Check that a condition `holds` for every environment, (count,) or (count, ...).
 
-    Args:
-        name: Name of the entry in the message.
-        holds: Whether the condition holds for each environment, (count,) or (count, ...).
-        allowed: Description of valid values in the message.
-
-    Raises:
-        StateError: if the condition fails; the message names the first environment.
+    The message has the name of the entry and the values that are allowed.
     """
     if not holds.all():
         place = int(np.argmin(holds.reshape(len(holds), -1).all(axis=1)))
@@ -312,7 +276,7 @@ def limits_of(batch: Any) -> list[Limits]:
 
 
 def check_arrays(found: Mapping[str, NDArray], limits: Sequence[Limits], *, begun: bool) -> None:
-    """Raise an error for arrays of a state that are outside their limits or inconsistent.
+    """Check that arrays of a state are within their limits and consistent.
 
     Integers are checked for every walker, because compiled code uses them as indices. Floats are
     checked only while an episode is running. After its end they are not read again, and they are
@@ -322,9 +286,6 @@ def check_arrays(found: Mapping[str, NDArray], limits: Sequence[Limits], *, begu
         found: Arrays of the state by name, with the types and shapes of the batch's own.
         limits: Limits from `limits_of`.
         begun: Whether all walkers have begun an episode.
-
-    Raises:
-        StateError: if a number is outside its limits, or contradicts another one.
     """
     here, ledger = found["records"][:, 0], found["ledger"]
     going = ~over_in(ledger) & begun
