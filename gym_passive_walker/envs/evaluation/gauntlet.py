@@ -14,12 +14,15 @@ from numpy.typing import NDArray
 from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker._tools.shown import Table
-from gym_passive_walker.envs.evaluation.walks import TIME_LIMIT, Share, Walks, simulate_episodes
-from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.gaits.control.controllers import (
-    ControllerLike,
-    acting,
+from gym_passive_walker.envs.evaluation.walks import (
+    TIME_LIMIT,
+    Share,
+    Walks,
+    median,
+    simulate_episodes,
 )
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.gaits.control.controllers import ControllerLike, acting
 from gym_passive_walker.gaits.control.policy import policy_name
 from gym_passive_walker.gaits.scenes.scene import (
     OF_OWN_OBSERVATION,
@@ -111,15 +114,13 @@ class Gauntlet(Table):
 
     def columns(self) -> dict[str, NDArray]:
         """A row for each test; medians of distance / l and of the cost of transport."""
-        with np.errstate(all="ignore"):
-            costs = [w.cost_of_transport[np.isfinite(w.cost_of_transport)] for w in self._each]
         return {
             "test": np.array(list(self.episodes)),
             "survival": self.survival,
             "low": self.survival_interval[:, 0],
             "high": self.survival_interval[:, 1],
             "distance": np.array([np.median(walks.distance) for walks in self._each]),
-            "cost_of_transport": np.array([np.median(c) if len(c) else np.nan for c in costs]),
+            "cost_of_transport": np.array([median(w.cost_of_transport) for w in self._each]),
         }
 
     @property
@@ -176,10 +177,13 @@ def gauntlet(
     tests = TESTS
     if not own.shows_own:  # else some are equal
         tests = {n: x for n, x in TESTS.items() if OF_OWN_OBSERVATION.keys().isdisjoint(x)}
+    step = min(own.tick, _STRIDE) if own.control == "tick" else _STRIDE
+    steps = max(1, round(TIME / step))
     with progress("tests", len(tests)) as done:
         for name, changes in tests.items():
             there = make_scene(own, **_possible(changes, own))
-            walks[name] = simulate_episodes(controller, _arena(there, count), seed=SEED)
+            arena = PassiveWalkerVectorEnv(count, there, max_episode_steps=steps)
+            walks[name] = simulate_episodes(controller, arena, seed=SEED)
             done()
     named = isinstance(controller, str | PathLike)
     return Gauntlet(str(controller) if named else policy_name(policy), own, walks)
@@ -196,10 +200,3 @@ def _possible(changes: dict[str, Any], scene: Scene) -> dict[str, Any]:
             drawn[name] = share
     pool = scene.randomization_pool if drawn else None  # a pool of nothing is refused
     return {"domain_randomization": drawn, "randomization_pool": pool}
-
-
-def _arena(scene: Scene, count: int) -> PassiveWalkerVectorEnv:
-    """Walkers with episodes that end after TIME."""
-    step = min(scene.tick, _STRIDE) if scene.control == "tick" else _STRIDE
-    steps = TIME / step
-    return PassiveWalkerVectorEnv(count, scene, max_episode_steps=max(1, round(steps)))

@@ -60,7 +60,7 @@ PHASES = np.linspace(0.0, 0.9, 10)
 _TRIES = 24  # sizes that are tried at once
 _SMALL = 1e-4  # leg lengths: a step with an answer in proportion to it
 _ANSWERS = 60  # strides that are evaluated after it
-_IDLE = {"pushes": {"rate": 0.0, "impulse": 0.0}, "terrain": Terrain()}
+_IDLE = {"rate": 0.0, "impulse": 0.0}  # pushes
 _CALM = {
     "observation_noise": 0.0, "action_noise": 0.0, "reset_noise_scale": 0.0,
     "domain_randomization": {}, "randomization_pool": None, "constraints": {},
@@ -322,25 +322,22 @@ class _Tries:
         strides: int,
         *,
         terrain: Terrain | None = None,
-        count: int = 1,
         seed: int = 0,
         **way: Any,
     ) -> _Walks:
         """Simulate walks.
 
         Args:
-            states: Initial states, (n, 6) or (n, 2 m); those of the scene's episodes when None.
+            states: Initial states, (n, 6) or (n, 2 m); None for one walker as in the scene's
+                episodes.
             strides: Largest number of strides.
             terrain: Terrain; smooth ground when None.
-            count: Number of walkers, if no states are given.
             seed: Seed of the disturbances.
             **way: Scheduled disturbances; see `Batch.schedule_events`.
         """
-        count = count if states is None else len(states)
-        idle = _IDLE if terrain is None else {**_IDLE, "terrain": terrain}
-        envs = PassiveWalkerVectorEnv(
-            count, make_scene(self.scene, **idle), max_episode_steps=-1, walkers=None
-        )
+        count = 1 if states is None else len(states)
+        scene = make_scene(self.scene, pushes=_IDLE, terrain=terrain or Terrain())
+        envs = PassiveWalkerVectorEnv(count, scene, max_episode_steps=-1)
         options = {} if states is None else {"state": states}
         observations, _ = envs.reset(seed=seed, options=options)
         envs.batch.schedule_events(**way)
@@ -369,7 +366,7 @@ class _Tries:
         Raises:
             ValueError: if the walker does not come to that.
         """
-        found = self.walk(None, SETTLED_AFTER, count=1, seed=seed)
+        found = self.walk(None, SETTLED_AFTER, seed=seed)
         last, before = found.states[0, -1], found.states[0, -2]
         if found.made[0] < SETTLED_AFTER:
             raise ValueError(
@@ -401,22 +398,21 @@ class _Tries:
             state = scene.walker.units.to_dimensionless(self.gait)
             slope = float(np.mean(scene.slope))
             return survivors(kind, state, slope, terrain, walkers=count, strides=strides, seed=seed)
-        starts = np.repeat(self.gait[None], count, axis=0)
+        starts = np.tile(self.gait, (count, 1))
         made = self.walk(starts, strides, terrain=terrain, seed=seed).made
         return np.array([count, *(np.count_nonzero(made > k) for k in range(strides))])
 
     def period_response(self) -> NDArray[np.float64]:
         """Return changes of the period after a small step in the ground, per leg length of it."""
-        found = self.walk(
-            np.repeat(self.gait[None], 2, axis=0), _ANSWERS, height_changes=[_SMALL, -_SMALL]
-        )
+        starts = np.tile(self.gait, (2, 1))
+        found = self.walk(starts, _ANSWERS, height_changes=[_SMALL, -_SMALL])
         if found.made.min() < _ANSWERS:
             return np.full(_ANSWERS, np.inf)
         return (found.periods[0] - found.periods[1]) / (2.0 * _SMALL)
 
     def _survived(self, sizes: NDArray, **way: Any) -> NDArray[np.bool_]:
         """Return whether the walker survives disturbances of some sizes, in their shape."""
-        starts = np.repeat(self.gait[None], sizes.size, axis=0)
+        starts = np.tile(self.gait, (sizes.size, 1))
         return (self.walk(starts, AFTER, **way).made == AFTER).reshape(sizes.shape)
 
     def largest_step(self, way: float) -> float:

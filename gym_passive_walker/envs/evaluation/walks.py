@@ -99,7 +99,7 @@ class Walks:
         if not len(self):
             return "<Walks: episodes 0>"
         endings = ", ".join(f"{ending} {n}" for ending, n in Counter(self.endings).most_common())
-        medians = {name.replace("_", " "): _median(getattr(self, name)) for name in _MEDIANS}
+        medians = {name.replace("_", " "): median(getattr(self, name)) for name in _MEDIANS}
         said = ", ".join(f"{name} {median:.4g}" for name, median in medians.items())
         return f"<Walks: episodes {len(self)}: {endings}; medians: {said}>"
 
@@ -152,7 +152,7 @@ class Walks:
 
     def summary(self) -> dict[str, float]:
         """One row for a learning curve: medians, but the mean of the return."""
-        medians = {name: _median(getattr(self, name)) for name in _MEDIANS}
+        medians = {name: median(getattr(self, name)) for name in _MEDIANS}
         return {
             "reward": float(np.mean(self.reward)),
             **medians,
@@ -165,7 +165,7 @@ def _ratio(amount: NDArray, whole: NDArray) -> NDArray:
     return np.divide(amount, whole, out=np.full(len(whole), np.nan), where=whole > 0.0)
 
 
-def _median(values: NDArray) -> float:
+def median(values: NDArray) -> float:
     """The median of those that are numbers; NaN if none is."""
     values = values[np.isfinite(values)]
     return float(np.median(values)) if len(values) else float("nan")
