@@ -41,8 +41,11 @@ class TrainedPolicy(Network):
     """
 
     def __init__(self, folder: Path, *, trust: bool = False) -> None:
-        self.folder = folder
-        description = _description(folder / DESCRIPTION)
+        self.folder, path = folder, folder / DESCRIPTION
+        with reading(path):
+            description = parse_json(path.read_bytes())
+            if not isinstance(description, dict):
+                raise ValueError("it does not describe a policy")
         with reading(folder, "is not a policy"):
             acting = {name: description[name] for name in ("algo", "activation", "normalizer")}
             self.name, self.algorithm = folder.resolve().name, str(acting["algo"]).upper()
@@ -169,15 +172,6 @@ def load_policy(
 
 READERS: dict[str, type[OnnxPolicy | Sb3Policy]] = {".onnx": OnnxPolicy, ".zip": Sb3Policy}
 """Readers of policies in one file, by the ending of its name."""
-
-
-def _description(path: Path) -> dict[str, Any]:
-    """Read a policy's JSON file."""
-    with reading(path):
-        description = parse_json(path.read_bytes())
-        if not isinstance(description, dict):
-            raise ValueError("it does not describe a policy")
-        return description
 
 
 def _names(value: Any, name: str) -> dict[str, Any]:
