@@ -54,10 +54,6 @@ class Infos(dict[str, Any]):
         """Return a plain dictionary for copies and pickles."""
         return dict, (dict(self),)
 
-    def copy(self) -> dict[str, Any]:
-        """Return a plain dictionary with equal entries."""
-        return dict(self)
-
 
 def _looking(method: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap a method of dictionaries: it fills the dictionary first."""
