@@ -180,8 +180,7 @@ class LearnedSteps:
                 "derivatives are learned in one scene, and set_scene has changed it: begin another "
                 "training, or choose an algorithm other than shac-learned"
             )
-        before = np.empty((self._batch.count, self._batch.observation_size), np.float32)
-        self._batch.observe(before.reshape(-1))
+        before = self._batch.observe()
         actions = rules.clip(np.array(actions, float).reshape(-1), -1.0, 1.0)
         begins = self._batch.records["time"][:, 0] == 0.0
         self._begun = before.astype(float), actions, begins, self._batch.ledger["strides"].copy()

@@ -202,9 +202,7 @@ class MujocoBatch(Batch):
         if self.custom:
             self._evaluate(here)
         task.write_observation(here, 0)
-        self._write_proportions(here.observations)
-        if self.observations is not here.observations:
-            self._write_observations(self.observations)
+        self._write_observations(self.observations)
         return strides, int(here.terminated[0])
 
     def _end_stride(self, record: Any, place: float) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from functools import cached_property, partial
 from typing import Any, NoReturn
@@ -23,7 +23,7 @@ from gym_passive_walker.envs.custom import Custom, is_custom
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
 from gym_passive_walker.envs.interface import observation_space, refuse
 from gym_passive_walker.envs.one_thread import Token
-from gym_passive_walker.envs.randomized import Randomized
+from gym_passive_walker.envs.randomized import Randomized, settled
 from gym_passive_walker.envs.saved import ROUNDING
 from gym_passive_walker.gaits.scenes.checks import check_point_feet, checked
 from gym_passive_walker.gaits.scenes.rewards import DRAWN, OWN
@@ -174,7 +174,7 @@ class Batch:
         own = self.custom is not None and (self._shown or not self.custom.native)
         self._apart = bool(own or scene.observe_body)  # a step is more than one compiled call
         self._alike_starts = len(shared) == 1
-        self.randomized = Randomized(scene, self._starts) if scene.domain_randomization else None
+        self.randomized = Randomized(self._starts) if scene.domain_randomization else None
         self._drawn_before: Randomized | None = None  # the last draws, of a scene before this one
         self._alike = walkers is None and not self.randomized
         self._alike &= scene.walker.legs_alike  # else each exchanges its own
@@ -318,45 +318,42 @@ class Batch:
             self._prepare()
             self.unfinished = True
             self.entry_point.kernels.begin_alike(self.entry_point.address, where, plain)
-            self._write_proportions(plain)
             self._write_observations(observations, where)
             return
         states, asked = self._asked(options) if options else (None, None)
         draws = self.drawn(where)
-        varied: dict[int, Any] = {}
-        drawn = values = None
+        walkers, drawn, values = [self.walkers[i] for i in where.tolist()], None, None
         if self.randomized:
-            walkers, values = self.randomized.draw(where, self.randoms)
-            if asked is not None:
-                self.randomized.replace("slope", values, asked[where])
-            drawn = self.randomized.settled(values)
-            varied = dict(zip(where.tolist(), walkers, strict=True))
+            walkers, values = self.randomized.draw(where, self.randoms, asked)
+            drawn = settled(self.scene, self.randomized.names, values)
             draws[:, 1:] = 0.5 + drawn["noise"][:, None] * (draws[:, 1:] - 0.5)
         if asked is not None:
             slopes = asked[where]
         elif drawn is not None and np.isfinite(drawn["slope"]).all():
             slopes = drawn["slope"].copy()
         else:
-            slopes = self._slopes(where, draws[:, 0])
-        if states is None:
-            gaits = self._gaits(where, slopes, asked=asked is not None)
-        else:
-            given = [(states[i].tolist(), varied.get(i, self.walkers[i])) for i in where.tolist()]
-            found = [walker.checked_state(state) for state, walker in given]
+            slopes = self._of_starts(Starts.slopes, where, draws[:, 0])
+        if states is not None:
+            each = zip(walkers, states[where].tolist(), strict=True)
+            found = [walker.checked_state(state) for walker, state in each]
             gaits = as_recorded(self.walkers[0], found)
             draws[:] = 0.5  # no change
-        keys = np.zeros(len(where) if self.disturbances else 0, np.uint64)
-        for j in range(len(keys)):
-            keys[j] = self.randoms[where[j]].integers(2**64, dtype=np.uint64)
+        elif asked is not None:
+            each = zip(where.tolist(), slopes.tolist(), strict=True)
+            found = [self._starts[i].state(slope) for i, slope in each]
+            gaits = as_recorded(self.walkers[0], found)
+        else:
+            gaits = self._of_starts(Starts.states, where, slopes)
+        keyed = [self.randoms[i] for i in where.tolist()] if self.disturbances else []
+        keys = np.array([each.integers(2**64, dtype=np.uint64) for each in keyed], np.uint64)
         self.unfinished = True
         if self.randomized and values is not None:
             self.randomized.begin(where, values)
-            self._embody(where, list(varied.values()))
+            self._embody(where, walkers)
         given = where, slopes, gaits, draws, keys, plain
         self.entry_point.kernels.begin(self.entry_point.address, *given)
         if self.disturbances and drawn is not None:
             self.disturbances.settle(where, drawn)
-        self._write_proportions(plain)
         self._write_observations(observations, where)
 
     def go_on(self, lanes: NDArray[np.int64], observations: NDArray[np.float32]) -> None:
@@ -380,11 +377,6 @@ class Batch:
         self._radii[lanes] = radii_of(walkers)
         self._proportions[lanes] = observed_bodies(self.scene, walkers)
 
-    def _write_proportions(self, observations: NDArray[np.float32]) -> None:
-        """Write the observed proportions of all walkers into the flat observations."""
-        if size := self._proportions.shape[1]:
-            observations.reshape(self.count, -1)[:, -size:] = self._proportions
-
     def _prepare(self) -> None:
         """Set the generators and starts for compiled code that begins episodes."""
         self.entry_point.draw_from(self.randoms)
@@ -397,25 +389,17 @@ class Batch:
         ticks.draw_numbers(self.entry_point.address, where, draws, np.zeros(0, np.uint64))
         return draws
 
-    def _slopes(self, where: NDArray, shares: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return random slopes in rad, by shares of their ranges: (1,) for all, or one for each."""
-        if self._alike_starts:
-            return self._starts[0].slopes(shares)
-        each = enumerate(where.tolist())
-        return np.concatenate([self._starts[i].slopes(shares[j : j + 1]) for j, i in each])
-
-    def _gaits(
-        self, where: NDArray, slopes: NDArray[np.float64], *, asked: bool
+    def _of_starts(
+        self,
+        method: Callable[[Starts, NDArray[np.float64]], NDArray[np.float64]],
+        where: NDArray,
+        numbers: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """Return gaits at slopes in rad: one row for all walkers, or one for each."""
-        if asked:
-            each = zip(where.tolist(), slopes.tolist(), strict=True)
-            found = [self._starts[i].state(slope) for i, slope in each]
-            return as_recorded(self.walkers[0], found)
+        """Return what a method of starts returns of numbers: a row for all walkers, or for each."""
         if self._alike_starts:
-            return self._starts[0].states(slopes)
-        lanes = enumerate(where.tolist())
-        return np.concatenate([self._starts[i].states(slopes[j : j + 1]) for j, i in lanes])
+            return method(self._starts[0], numbers)
+        each = enumerate(where.tolist())
+        return np.concatenate([method(self._starts[i], numbers[j : j + 1]) for j, i in each])
 
     def _asked(
         self, options: Mapping[str, Any]
@@ -539,25 +523,42 @@ class Batch:
             terms["command"] = ledger["reward"] - (terms["distance"] + terms["energy"])
         return terms
 
-    def observe(self, observations: NDArray[np.float32]) -> None:
-        """Write the observations of all walkers, flat: (count * observation_size,)."""
-        plain = observations if self._plain is None else self._plain
+    def observe(self) -> NDArray[np.float32]:
+        """Return the observations of all walkers, (count, observation_size)."""
+        observations = np.empty(self.count * self.observation_size, np.float32)
         if self.scene.shows_own:
+            plain = observations if self._plain is None else self._plain
             self.entry_point.kernels.observe(self.entry_point.address, plain)
-            self._write_proportions(plain)
         self._write_observations(observations)
+        return observations.reshape(self.count, -1)
 
     def _write_observations(
-        self, observations: NDArray[np.float32], lanes: NDArray[np.int64] | None = None
+        self, observations: NDArray[np.float32], lanes: Any = slice(None)
     ) -> None:
-        """Write the user's own observations."""
-        if self.custom and self._shown:
+        """Write the observed proportions of all walkers, and the user's own observations of some.
+
+        Args:
+            observations: Filled, flat: (count * observation_size,).
+            lanes: The walkers with the user's own observations.
+        """
+        plain = observations if self._plain is None else self._plain
+        rows = plain.reshape(self.count, -1)
+        if size := self._proportions.shape[1]:
+            rows[:, -size:] = self._proportions
+        if self.custom and self._plain is not None:
             known = {}
-            if self.custom.groups and self._plain is not None:
-                known[OWN] = self._plain.reshape(self.count, -1)
+            if self.custom.groups:
+                known[OWN] = rows
                 if self.randomized:
                     known[DRAWN] = self.randomized.scaled
-            self.custom.observe(observations, slice(None) if lanes is None else lanes, known)
+            self.custom.observe(observations, lanes, known)
+
+    def in_groups(self, observations: Any) -> Any:
+        """Return observations (..., k) as environments do: by group, if there are any."""
+        if self.custom is None or self.custom.groups is None:
+            return observations
+        groups = sorted(self.custom.groups.items())
+        return {name: observations[..., place] for name, place in groups}
 
     def info_values(self, stepped: NDArray[np.bool_] | None = None) -> dict[str, Any]:
         """Return copies of the entries of `info` that depend on the scene, each (count,).
@@ -639,7 +640,6 @@ class Batch:
         if not self.custom or self.custom.native:  # else an episode may end below
             self._report = report
         if self._apart:
-            self._write_proportions(seen)
             if self.custom and not self.custom.native:
                 endings += self.custom.evaluate(self, *results[:2])
             self._write_observations(observations)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -42,18 +42,10 @@ class Joined:
         names = (getattr(each, "__qualname__", type(each).__qualname__) for each in functions)
         self.__qualname__ = " or ".join(names)
 
-    @classmethod
-    def of(cls, parts: Iterable[Any]) -> Joined | None:
-        """Return the functions among some parts; None if there is none."""
-        functions = [part for part in parts if callable(part)]
-        return cls(functions) if functions else None
-
     def __call__(self, step: Any) -> list[Any]:
         """Return the numbers of all functions."""
-        found = [
-            listed(function(step), arrays=np.ndim(step.distance) > 0)
-            for function in self._functions
-        ]
+        arrays = np.ndim(step.distance) > 0
+        found = [listed(function(step), arrays=arrays) for function in self._functions]
         self.sizes = [len(each) for each in found]
         return [number for each in found for number in each]
 
@@ -84,7 +76,8 @@ class Custom:
         for name in FUNCTIONS:
             function = getattr(scene, name)
             if name == "observation" and scene.groups:
-                function = Joined.of(part for _, part in observation_parts(scene.groups))
+                parts = [part for _, part in observation_parts(scene.groups) if callable(part)]
+                function = Joined(parts) if parts else None
             if function is not None:
                 self.rules[name] = Rule(name, rule_of(function), self._shape)
         self._given = [name for name in ("reward", "terminated") if name in self.rules]
@@ -144,8 +137,8 @@ class Custom:
     def observe(
         self,
         observations: NDArray[np.float32],
-        lanes: Any = slice(None),
-        known: Mapping[str, NDArray] | None = None,
+        lanes: Any,
+        known: Mapping[str, NDArray],
     ) -> None:
         """Write the observations of some walkers into the flat array of all.
 
@@ -172,7 +165,6 @@ class Custom:
                 size = place.stop - place.start
                 rows[lanes, place], used = numbers[:, used : used + size], used + size
             else:
-                assert known is not None
                 rows[lanes, place] = known[part][lanes]
 
     def terms(self, notes: NDArray) -> dict[str, NDArray[np.float64]]:

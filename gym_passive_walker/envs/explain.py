@@ -90,9 +90,7 @@ def as_rows(env: Any = "level") -> dict[str, Rows]:
     seen: Rows = [{"number": i, **row} for i, row in enumerate(_observed(scene))]
     paid = _rewarded(scene)
     if batch is not None:
-        now = np.empty(batch.count * batch.observation_size, np.float32)
-        batch.observe(now)
-        for row, value in zip(seen, now[: batch.observation_size].tolist(), strict=True):
+        for row, value in zip(seen, batch.observe()[0].tolist(), strict=True):
             row["now"] = value
         last = {name: float(term[0]) for name, term in batch.reward_terms().items()}
         for row in paid:
@@ -247,12 +245,10 @@ def _drawn(scene: Scene, batch: Batch | None) -> Rows:
 def _differences(scene: Scene) -> Rows:
     """Return the arguments of a scene that differ from those of the default scene."""
     default = Scene()
-    pairs = {each.name: (getattr(scene, each.name), getattr(default, each.name))
-             for each in fields(Scene)}  # fmt: skip
     return [
-        {"argument": name, "default": _stated(usual), "value": _stated(value)}
-        for name, (value, usual) in pairs.items()
-        if value != usual
+        {"argument": each.name, "default": _stated(usual), "value": _stated(value)}
+        for each in fields(Scene)
+        if (value := getattr(scene, each.name)) != (usual := getattr(default, each.name))
     ]
 
 

@@ -60,21 +60,11 @@ def observation_space(scene: Scene, custom: Custom | None = None) -> Any:
     if custom and custom.groups is not None:
         bounds: dict[str, list[tuple[Any, Any]]] = {}
         for group, part, place in custom.parts:
-            size = place.stop - place.start
-            ends = (
-                _own_bounds(scene)
-                if part == OWN
-                else (np.full(size, -np.inf), np.full(size, np.inf))
-            )
-            if part == DRAWN:
-                ends = np.full(size, -1.0), np.full(size, 1.0)
+            high = np.full(place.stop - place.start, 1.0 if part == DRAWN else np.inf)
+            ends = _own_bounds(scene) if part == OWN else (-high, high)
             bounds.setdefault(group, []).append(ends)
-        return spaces.Dict(
-            {
-                name: _box(*map(np.concatenate, zip(*row, strict=True)))
-                for name, row in bounds.items()
-            }
-        )
+        joined = {name: map(np.concatenate, zip(*row, strict=True)) for name, row in bounds.items()}
+        return spaces.Dict({name: _box(*ends) for name, ends in joined.items()})
     if custom and custom.observation_size is not None:
         return spaces.Box(-np.inf, np.inf, (custom.observation_size,), np.float32)
     return _box(*_own_bounds(scene))
@@ -92,18 +82,6 @@ def _own_bounds(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]
 
 def _box(low: NDArray[np.float64], high: NDArray[np.float64]) -> Any:
     return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
-
-
-def in_groups(observations: Any, custom: Custom | None) -> Any:
-    """Return observations (..., k) of a batch as its environments do: by group, if there are any.
-
-    Args:
-        observations: An array or a tensor, (..., k).
-        custom: The user's own functions; None without them.
-    """
-    if custom is None or custom.groups is None:
-        return observations
-    return {name: observations[..., place] for name, place in sorted(custom.groups.items())}
 
 
 def action_space(scene: Scene) -> Any:
@@ -184,9 +162,11 @@ def refuse(action: Any, actions: Sequence[str], lane: int | None = None) -> NoRe
 
 
 class EnergyCost:
-    """Energy cost of environments with a `batch`, which a change of their scene keeps."""
+    """Energy cost of environments with a `batch`, and changes of their scene, which keep it."""
 
     batch: Any
+    scene: Scene
+    metadata: dict[str, Any]
     token: Token
     _next: Any = None  # the batch in a scene that begins later
 
@@ -224,6 +204,12 @@ class EnergyCost:
         if scene is None and "energy" not in changes:
             fresh.rules["charged"] = now.rules["charged"]
         return fresh
+
+    def _become(self, fresh: Any) -> None:
+        """Continue with the batch of `_changed`, in its scene."""
+        self.batch.become(fresh)
+        self.scene, self._next = fresh.scene, None
+        self.metadata = {**self.metadata, "render_fps": self.scene.frames_per_second}
 
 
 OF_EACH = {
@@ -320,3 +306,7 @@ class Adapter:
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Restore a state from `get_state`."""
         self.envs.set_state(state)
+
+    def close(self) -> None:
+        """Close the renderers."""
+        self.envs.close()

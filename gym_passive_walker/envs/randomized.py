@@ -65,8 +65,7 @@ class Randomized:
     """The draws of walkers in a scene with `domain_randomization`.
 
     Args:
-        scene: The scene.
-        starts: Starts of each walker, (count,).
+        starts: Starts of each walker in a scene with it, (count,).
 
     Attributes:
         names: Names of the drawn parameters.
@@ -78,43 +77,44 @@ class Randomized:
         high: Largest value of each walker's parameters, (count, names).
     """
 
-    def __init__(self, scene: Scene, starts: Sequence[Starts]) -> None:
-        drawing = [each.randomization for each in starts]
-        assert all(drawing)
-        self.scene, self._of = scene, drawing
-        self.names: tuple[str, ...] = drawing[0].names  # type: ignore[union-attr]
+    def __init__(self, starts: Sequence[Starts]) -> None:
+        self._of = [drawing for each in starts if (drawing := each.randomization)]
+        self.names: tuple[str, ...] = self._of[0].names
         count = len(starts)
         self.keys, self.episodes = np.zeros(count, np.uint64), np.zeros(count, np.int64)
         self.values = np.zeros((count, len(self.names)))
-        each = [[of.ends(name) for name in self.names] for of in drawing]  # type: ignore[union-attr]
+        each = [[of.ends(name) for name in self.names] for of in self._of]
         ends = np.array(each, dtype=float).reshape(*self.values.shape, 2)
         self.low, self.high = ends[..., 0], ends[..., 1]
         self._seeded: list[np.random.Generator | None] = [None] * count
 
     def draw(
-        self, lanes: NDArray[np.int64], randoms: Sequence[np.random.Generator]
+        self,
+        lanes: NDArray[np.int64],
+        randoms: Sequence[np.random.Generator],
+        slopes: NDArray[np.float64] | None,
     ) -> tuple[list[Walker], NDArray[np.float64]]:
-        """Return the walkers and the values (lanes, names) of some walkers' next episodes."""
+        """Return the walkers and the values (lanes, names) of some walkers' next episodes.
+
+        Slopes (count,) that a reset has been given replace those that are drawn.
+        """
         walkers, values = [], np.empty((len(lanes), len(self.names)))
         for j, i in enumerate(lanes.tolist()):
             if randoms[i] is not self._seeded[i]:
                 self._seeded[i] = randoms[i]
                 self.keys[i], self.episodes[i] = _seed_of(randoms[i]), 0
-            episode, drawing = int(self.episodes[i]), self._of[i]
-            assert drawing is not None
-            drawn = drawing.drawn(word(int(self.keys[i]), episode), episode)
+            episode = int(self.episodes[i])
+            drawn = self._of[i].drawn(word(int(self.keys[i]), episode), episode)
             values[j] = drawn.values
             walkers.append(drawn.walker)
+        if slopes is not None and SLOPE in self.names:
+            values[:, self.names.index(SLOPE)] = slopes[lanes]
         return walkers, values
 
     def begin(self, lanes: NDArray[np.int64], values: NDArray[np.float64]) -> None:
         """Begin the episodes of some walkers with values that `draw` has returned."""
         self.values[lanes] = values
         self.episodes[lanes] += 1
-
-    def settled(self, values: NDArray[np.float64]) -> NDArray:
-        """Return values (n, names) in the form of kernels, (n,) of SETTLED."""
-        return settled(self.scene, self.names, values)
 
     def follow(self, before: Randomized | None) -> None:
         """Go on counting the episodes of a batch in another scene."""
@@ -138,17 +138,8 @@ class Randomized:
         """Arrays of a saved state, by name."""
         return {"draw_keys": self.keys, "draw_episodes": self.episodes, "draws": self.values}
 
-    def replace(self, name: str, values: NDArray[np.float64], given: NDArray[np.float64]) -> None:
-        """Set the column of a parameter in drawn values, which a reset has been given instead."""
-        if name in self.names:
-            values[:, self.names.index(name)] = given
-
     def check(self, found: Mapping[str, NDArray], *, begun: bool) -> None:
-        """Check the arrays of a state, by their names in `saved_arrays`.
-
-        Raises:
-            StateError: if a number of episodes is impossible, or a value cannot be drawn.
-        """
+        """Check the arrays of a state, by their names in `saved_arrays`; see `saved`."""
         counts, values, low, high = found["draw_episodes"], found["draws"], self.low, self.high
         if SLOPE in self.names:  # a reset may have been given another one
             (_, least, most), given = SCENE_PARAMETERS[SLOPE], np.array(self.names) == SLOPE

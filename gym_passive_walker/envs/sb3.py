@@ -19,6 +19,7 @@ import time
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import fields, replace
+from operator import attrgetter
 from typing import Any
 
 import gymnasium
@@ -43,8 +44,13 @@ with extra("train"):
     from stable_baselines3.common.monitor import Monitor
     from stable_baselines3.common.vec_env import VecEnv
 
-_OF_ALL = ("set_scene", "set_energy_cost")  # methods that act on all walkers of a batch
+_ACT_ON_ALL = ("set_scene", "set_energy_cost")  # methods that act on all walkers of a batch
 _ARGUMENTS = tuple(field.name for field in fields(Scene))
+
+
+def _of_all(place: str, about: str) -> Any:
+    """Return a property of a `Lane` that all walkers have in common: an attribute of their env."""
+    return property(attrgetter(f"_vec_env.{place}"), doc=about)
 
 
 class Lane:
@@ -93,35 +99,16 @@ class Lane:
         steps = None if limit == np.inf else int(limit)
         return replace(gymnasium.spec(ID), kwargs=kwargs, max_episode_steps=steps)
 
-    @property
-    def render_mode(self) -> str | None:
-        """The render mode of all walkers."""
-        return self._vec_env.envs.render_mode
-
-    @property
-    def metadata(self) -> dict[str, Any]:
-        """Render modes and frames per second."""
-        return self._vec_env.metadata
-
-    @property
-    def observation_space(self) -> Any:
-        """Observation space of one walker."""
-        return self._vec_env.observation_space
-
-    @property
-    def action_space(self) -> Any:
-        """Action space of one walker."""
-        return self._vec_env.action_space
-
-    @property
-    def scene(self) -> Scene:
-        """The scene of all walkers."""
-        return self._vec_env.scene
-
-    @property
-    def energy_cost(self) -> str:
-        """Work that the energy term counts, of all walkers."""
-        return self._vec_env.envs.energy_cost
+    render_mode = _of_all("envs.render_mode", "The render mode of all walkers.")
+    metadata = _of_all("metadata", "Render modes and frames per second.")
+    observation_space = _of_all("observation_space", "Observation space of one walker.")
+    action_space = _of_all("action_space", "Action space of one walker.")
+    scene = _of_all("scene", "The scene of all walkers.")
+    energy_cost = _of_all("envs.energy_cost", "Work that the energy term counts, of all walkers.")
+    needs_reset = _of_all(
+        "batch.unfinished", "Whether no episode has begun, or a step was interrupted."
+    )
+    total_steps = _of_all("total_steps", "Number of steps in all episodes.")
 
     @property
     def walker(self) -> Walker:
@@ -156,16 +143,6 @@ class Lane:
     def np_random(self) -> np.random.Generator:
         """The random generator."""
         return self._vec_env.envs.np_random[self._index]
-
-    @property
-    def needs_reset(self) -> bool:
-        """Whether no episode has begun, or a step was interrupted."""
-        return self._vec_env.batch.unfinished
-
-    @property
-    def total_steps(self) -> int:
-        """Number of steps in all episodes."""
-        return self._vec_env.total_steps
 
     def get_total_steps(self) -> int:
         """Return the number of steps in all episodes."""
@@ -335,15 +312,13 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
             dones = terminated | truncated
             lanes = np.flatnonzero(dones)
             for i in lanes.tolist():
-                last = interface.in_groups(observations[i].copy(), self.batch.custom)
-                infos[i] |= self._last_info(i, last, bool(terminated[i]))
-                self._monitor(i)
+                last = self.batch.in_groups(observations[i].copy())
+                infos[i] |= self._ended(i, last, bool(terminated[i]))
             self.envs.renew()
             self.metadata["render_fps"] = self.scene.frames_per_second
             self.batch.go_on(lanes, flat)
         self.batch.unfinished = False
-        seen = interface.in_groups(observations, self.batch.custom)
-        return seen, rewards.astype(np.float32), dones, infos
+        return self.batch.in_groups(observations), rewards.astype(np.float32), dones, infos
 
     def _infos(self, stepped: NDArray[np.bool_]) -> list[dict[str, Any]]:
         """Return the info of each environment; `stepped` as for `Batch.reported`."""
@@ -366,29 +341,22 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
             infos[i] |= zip(task.EVERY_STRIDE, row, strict=True)
         return infos
 
-    def _last_info(self, lane: int, observation: Any, terminated: bool) -> dict[str, Any]:
-        """Return the entries that the last info of an episode has besides those of every step."""
-        row = self.batch.ledger[lane]
+    def _ended(self, lane: int, observation: Any, terminated: bool) -> dict[str, Any]:
+        """Keep return, length and time of an episode that has ended.
+
+        Returns the entries that its last info has besides those of every step.
+        """
+        own, row = self.lanes[lane], self.batch.ledger[lane]
+        total, steps = float(row["total"]), int(row["steps"])
+        spent = time.perf_counter() - self._born
+        own.episode_returns.append(total)
+        own.episode_lengths.append(steps)
+        own.episode_times.append(spent)
         return {
             "TimeLimit.truncated": bool(row["truncated"]) and not terminated,
             "terminal_observation": observation,
-            "episode": {
-                "r": round(float(row["total"]), 6),
-                "l": int(row["steps"]),
-                "t": round(time.perf_counter() - self._born, 6),
-            },
+            "episode": {"r": round(total, 6), "l": steps, "t": round(spent, 6)},
         }
-
-    def _monitor(self, lane: int) -> None:
-        """Keep return, length and time of an episode that has ended."""
-        own, row = self.lanes[lane], self.batch.ledger[lane]
-        own.episode_returns.append(float(row["total"]))
-        own.episode_lengths.append(int(row["steps"]))
-        own.episode_times.append(time.perf_counter() - self._born)
-
-    def close(self) -> None:
-        """Close the renderers."""
-        self.envs.close()
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """Return a picture of each walker; None without a render mode."""
@@ -441,7 +409,7 @@ class PassiveWalkerVecEnv(interface.Adapter, VecEnv):
             ValueError: if `set_scene` or `set_energy_cost` is called for some of the environments.
         """
         lanes = [self.lanes[i] for i in self._get_indices(indices)]
-        if method_name not in _OF_ALL:
+        if method_name not in _ACT_ON_ALL:
             return [getattr(each, method_name)(*method_args, **method_kwargs) for each in lanes]
         if len({*lanes}) < self.num_envs:
             raise ValueError(

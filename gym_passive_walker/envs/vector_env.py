@@ -18,7 +18,7 @@ from gym_passive_walker.envs import interface, saved, task
 from gym_passive_walker.envs.batch import RESET_OPTIONS, UNFINISHED, Batch
 from gym_passive_walker.envs.frames import frame
 from gym_passive_walker.envs.infos import Infos
-from gym_passive_walker.envs.one_thread import one_thread, refuse_second
+from gym_passive_walker.envs.one_thread import one_thread
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.gaits.scenes.scene import SceneLike, make_scene
 from gym_passive_walker.models.walkers import Walker, WalkerLike, as_walker
@@ -136,25 +136,27 @@ class PassiveWalkerVectorEnv(
             if not mask.any():
                 raise ValueError("options['reset_mask'] must ask for at least one reset")
             lanes = np.flatnonzero(mask)
-            if self.batch.unfinished and len(lanes) < self.num_envs:
-                raise ResetNeeded(UNFINISHED)
-        if self._next is not None:
-            if len(lanes) < self.num_envs:
-                raise ResetNeeded("the scene has changed: reset all environments")
-            self.renew()
+        some = len(lanes) < self.num_envs
+        if some and self.batch.unfinished:
+            raise ResetNeeded(UNFINISHED)
+        if some and self._next is not None:
+            raise ResetNeeded("the scene has changed: reset all environments")
+        self.renew()
         seed_randoms(self.batch, seed, lanes.tolist())
-        observations = np.empty((self.num_envs, self.batch.observation_size), np.float32)
-        if len(lanes) < self.num_envs:
-            self.batch.observe(observations.reshape(-1))
+        if some:
+            observations = self.batch.observe()
+        else:
+            observations = np.empty((self.num_envs, self.batch.observation_size), np.float32)
         self.batch.start(lanes, observations.reshape(-1), options)
         self._ended[lanes] = False
         self._any_ended = bool(self._ended.any())
         self.batch.unfinished = False
         begun = np.zeros(self.num_envs, bool)
         begun[lanes] = True
-        seen = interface.in_groups(observations, self.batch.custom)
-        return seen, self._infos(np.zeros(self.num_envs, bool), begun)
+        infos = self._infos(np.zeros(self.num_envs, bool), begun)
+        return self.batch.in_groups(observations), infos
 
+    @one_thread
     def step(self, actions: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray, dict[str, Any]]:
         """Step every environment; `autoreset_mode` defines the step after the end of an episode.
 
@@ -172,20 +174,6 @@ class PassiveWalkerVectorEnv(
             ResetNeeded: if an environment must be reset first.
             RuntimeError: if another thread is using this environment.
         """
-        token, mine = self.token, True
-        try:  # `one_thread` by hand
-            try:
-                token.pop()
-            except IndexError:
-                mine = False
-                refuse_second(self)
-            return self._step(actions)
-        finally:
-            if mine:
-                token.append(None)
-
-    def _step(self, actions: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray, dict[str, Any]]:
-        """Implement `step` without the check for other threads."""
         if type(actions) is not np.ndarray or actions.dtype.kind != "f":
             actions = interface.numbers(actions, self.scene.actions)
         if actions.shape != self._shape:
@@ -217,27 +205,24 @@ class PassiveWalkerVectorEnv(
             infos = self._infos(stepped, just_now=True)
             if self._any_ended or endings:
                 self._ended, self._any_ended = terminated | truncated, endings > 0
-            self.batch.unfinished = False
-            seen = interface.in_groups(observations, self.batch.custom)
-            return seen, rewards, terminated, truncated, infos
-        ended = terminated | truncated
-        last = np.full(self.num_envs, None, object)
-        for i in np.flatnonzero(ended):
-            last[i] = interface.in_groups(observations[i].copy(), self.batch.custom)
-        final = self._infos(ended, ended)
-        if self._next is not None:
+        else:
+            ended = terminated | truncated
+            lanes = np.flatnonzero(ended)
+            last = np.full(self.num_envs, None, object)
+            for i in lanes:
+                last[i] = self.batch.in_groups(observations[i].copy())
+            final = self._infos(ended, ended)
             self.renew()
-        self.batch.go_on(np.flatnonzero(ended), flat)
-        infos = {
-            "final_obs": last,
-            "_final_obs": ended,
-            "final_info": final,
-            "_final_info": ended.copy(),
-            **self._infos(~ended),
-        }
+            self.batch.go_on(lanes, flat)
+            infos = {
+                "final_obs": last,
+                "_final_obs": ended,
+                "final_info": final,
+                "_final_info": ended.copy(),
+                **self._infos(~ended),
+            }
         self.batch.unfinished = False
-        seen = interface.in_groups(observations, self.batch.custom)
-        return seen, rewards, terminated, truncated, infos
+        return self.batch.in_groups(observations), rewards, terminated, truncated, infos
 
     @one_thread
     def set_scene(self, scene: SceneLike | None = None, **changes: Any) -> None:
@@ -264,9 +249,7 @@ class PassiveWalkerVectorEnv(
     def renew(self) -> None:
         """Apply the scene from `set_scene` after all episodes have ended."""
         if self._next is not None:
-            self.batch.become(self._next)
-            self.scene, self._next = self.batch.scene, None
-            self.metadata = {**self.metadata, "render_fps": self.scene.frames_per_second}
+            self._become(self._next)
 
     @one_thread
     def set_slopes(
@@ -294,9 +277,7 @@ class PassiveWalkerVectorEnv(
             raise ResetNeeded(UNFINISHED)
         which = self._everyone if mask is None else self._checked_mask(mask, "mask")
         self.batch.set_slopes(slopes, which)
-        observations = np.empty((self.num_envs, self.batch.observation_size), np.float32)
-        self.batch.observe(observations.reshape(-1))
-        return interface.in_groups(observations, self.batch.custom)
+        return self.batch.in_groups(self.batch.observe())
 
     @property
     def elapsed_steps(self) -> NDArray[np.int64]:
@@ -356,8 +337,7 @@ class PassiveWalkerVectorEnv(
             names = *task.EVERY_STEP, *task.EVERY_STRIDE
             strides = np.zeros((len(task.EVERY_STRIDE), self.num_envs))
             strides[:, ended] = measures.T
-            columns: dict[str, NDArray] = {}
-            columns |= zip(names, (*steps, counts[0], *strides), strict=True)
+            columns = dict(zip(names, (*steps, counts[0], *strides), strict=True))
             columns |= {name: np.where(mask, x, 0) for name, x in others.items()}
             columns["outcome"] = _OUTCOMES.take(counts[1])
             columns["outcome"][~mask] = None  # as Gymnasium fills it

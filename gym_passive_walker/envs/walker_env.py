@@ -323,7 +323,7 @@ class PassiveWalkerEnv(
         info: dict[str, Any] = NO_STRIDE.copy()
         if self.batch.scene_infos:
             self._add_values(info, np.zeros(1, bool))
-        return interface.in_groups(observation, self.batch.custom), info
+        return self.batch.in_groups(observation), info
 
     def step(
         self, action: NDArray[np.float32]
@@ -371,8 +371,7 @@ class PassiveWalkerEnv(
             if self.render_mode == "human":
                 self._draw()
             observation, reward = batch.observations.copy(), entry_point.results[0].item()
-            seen = interface.in_groups(observation, batch.custom)
-            return seen, reward, ended > 0, False, info
+            return batch.in_groups(observation), reward, ended > 0, False, info
         finally:
             if mine:
                 token.append(None)
@@ -449,9 +448,7 @@ class PassiveWalkerEnv(
         if self.batch.unfinished or not self._ready:
             raise ResetNeeded("no episode is under way: call reset first")
         self.batch.set_slopes(slope, np.ones(1, bool))
-        observation = np.empty(self.batch.observation_size, np.float32)
-        self.batch.observe(observation)
-        return interface.in_groups(observation, self.batch.custom)
+        return self.batch.in_groups(self.batch.observe()[0])
 
     @one_thread
     def set_scene(self, scene: SceneLike | None = None, **changes: Any) -> None:
@@ -467,9 +464,8 @@ class PassiveWalkerEnv(
             SceneError: if the scene is unknown, or its observations or actions differ; nothing has
                 changed then.
         """
-        self.batch.become(self._changed(scene, changes))
-        self.scene, self._ready = self.batch.scene, False
-        self.metadata = {**self.metadata, "render_fps": self.scene.frames_per_second}
+        self._become(self._changed(scene, changes))
+        self._ready = False
 
     @property
     def reward_terms(self) -> dict[str, float]:

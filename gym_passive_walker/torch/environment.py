@@ -200,7 +200,3 @@ class PassiveWalkerTorchEnv(interface.Adapter):
     def render(self) -> Any:
         """Return a picture of each walker, or None without a render mode."""
         return self.envs.render()
-
-    def close(self) -> None:
-        """Close the renderers."""
-        self.envs.close()

@@ -86,8 +86,7 @@ def test_trainings_with_other_seeds_have_other_walkers_and_no_evaluation_s(libra
         envs = made(8, seed=seed, **SCENE)
         envs.reset() if hasattr(envs, "reset") else None
         inner = getattr(envs, "walkers", None) or envs._env
-        seen = np.empty((8, 8), np.float32)
-        inner.envs.batch.observe(seen.reshape(-1))
+        seen = inner.envs.batch.observe()
         met.append({*map(tuple, seen.tolist())})
     assert len(set.union(*met)) == sum(map(len, met)) == 128 + 3 * 8
 
