@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 
 from gym_passive_walker._tools.arguments import shown
-from gym_passive_walker._tools.console import cut
+from gym_passive_walker._tools.console import aligned, cut
 from gym_passive_walker.envs import interface
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.custom import Custom, is_custom
@@ -71,11 +71,8 @@ def as_text(env: Any = "level") -> str:
     for title, rows in as_rows(env).items():
         heads = list(rows[0])
         cells = [heads, *([_written(row[head]) for head in heads] for row in rows)]
-        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-        lines += ["", title]
-        for row in cells:
-            padded = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-            lines.append(("  " + "  ".join(padded)).rstrip())
+        table = aligned(cells, left=range(len(heads)))
+        lines += ["", title, *(f"  {line}".rstrip() for line in table)]
     return "\n".join(lines)
 
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gym_passive_walker._tools.console import aligned
 from gym_passive_walker.gaits.measures import SI, SYMBOLS, UNIT_OF
 
 _WORDS = {
@@ -75,16 +76,8 @@ def table(rows: Sequence[Mapping[str, Any]], units: Mapping[str, str] = SI) -> s
     """A table with a column for each quantity; text aligned left, numbers right."""
     cells = [[_label(name, units) for name in rows[0]]]
     cells += [[_written(value) for value in row.values()] for row in rows]
-    words = [isinstance(value, str) for value in rows[0].values()]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    lines = (
-        "  ".join(
-            cell.ljust(width) if left else cell.rjust(width)
-            for cell, width, left in zip(row, widths, words, strict=True)
-        ).rstrip()
-        for row in cells
-    )
-    return "\n".join(lines)
+    words = [i for i, value in enumerate(rows[0].values()) if isinstance(value, str)]
+    return "\n".join(aligned(cells, left=words))
 
 
 def plain(value: Any) -> Any:
