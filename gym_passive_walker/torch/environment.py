@@ -126,7 +126,7 @@ class PassiveWalkerTorchEnv(interface.Adapter):
         if options and isinstance(options.get("reset_mask"), Tensor):
             options = options | {"reset_mask": options["reset_mask"].cpu().numpy()}
         observations, infos = self.envs.reset(seed=seed, options=options)
-        return self._seen(observations), self._tensors(infos)
+        return self._tensors(observations), self._infos(infos)
 
     def step(self, actions: Tensor) -> tuple[Any, Tensor, Tensor, Tensor, dict[str, Any]]:
         """Advance all walkers by one step.
@@ -149,53 +149,42 @@ class PassiveWalkerTorchEnv(interface.Adapter):
             actions.detach().cpu().numpy()
         )
         ended = terminated | truncated
-        infos = Infos(distance=self._tensor(results["distance"]))
+        infos = Infos(distance=self._tensors(results["distance"]))
         if self.envs.autoreset_mode == AutoresetMode.SAME_STEP:
-            last = self._seen(observations)
+            last = self._tensors(observations)
             if ended.any():
                 lanes = np.flatnonzero(ended)
-                last = self._seen(_replaced(observations, lanes, results["final_obs"][lanes]))
+                last = self._tensors(_replaced(observations, lanes, results["final_obs"][lanes]))
                 results = _where(ended, results["final_info"], results)
-                infos["distance"] = self._tensor(results["distance"])
+                infos["distance"] = self._tensors(results["distance"])
             infos["final_obs"] = last
-        infos.make = partial(self._tensors, results)
+        infos.make = partial(self._infos, results)
         return (
-            self._seen(observations), self._tensor(rewards),
-            self._tensor(terminated), self._tensor(truncated), infos,
+            self._tensors(observations), self._tensors(rewards),
+            self._tensors(terminated), self._tensors(truncated), infos,
         )  # fmt: skip
 
     @property
     def elapsed_steps(self) -> Tensor:
         """Number of steps of each walker's episode, (num_envs,)."""
-        return self._tensor(self.envs.elapsed_steps)
+        return self._tensors(self.envs.elapsed_steps)
 
     def set_elapsed_steps(self, steps: Tensor) -> None:
         """Set the number of steps of each walker's episode; see `PassiveWalkerVectorEnv`."""
         self.envs.set_elapsed_steps(steps.cpu().numpy())
 
-    def _tensors(self, infos: dict[str, Any]) -> dict[str, Tensor]:
+    def _infos(self, infos: dict[str, Any]) -> dict[str, Tensor]:
         """Return infos as tensors without masks, and outcomes as numbers."""
         numbers = np.zeros(self.num_envs, np.int8)
         for i in np.flatnonzero(infos["outcome"]):
             numbers[i] = interface.OUTCOMES.index(infos["outcome"][i])
-        return self._shown({**infos, "outcome": numbers})
+        return self._tensors({**infos, "outcome": numbers})
 
-    def _shown(self, columns: Mapping[str, Any]) -> dict[str, Any]:
-        """Return columns, or dictionaries of them, as tensors without masks."""
-        return {
-            name: self._shown(x) if isinstance(x, Mapping) else self._tensor(x)
-            for name, x in columns.items()
-            if not name.startswith("_")
-        }
-
-    def _seen(self, observations: Any) -> Any:
-        """Return observations as a tensor, or as one for each group."""
-        if isinstance(observations, Mapping):
-            return {name: self._tensor(x) for name, x in observations.items()}
-        return self._tensor(observations)
-
-    def _tensor(self, array: np.ndarray) -> Tensor:
-        return torch.from_numpy(array).to(self.device)
+    def _tensors(self, part: Any) -> Any:
+        """Return an array as a tensor, and a dictionary as one of tensors without masks."""
+        if isinstance(part, Mapping):
+            return {name: self._tensors(x) for name, x in part.items() if not name.startswith("_")}
+        return torch.from_numpy(part).to(self.device)
 
     def render(self) -> Any:
         """Return a picture of each walker, or None without a render mode."""
