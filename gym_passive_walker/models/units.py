@@ -7,8 +7,9 @@ in rad in both.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -69,6 +70,17 @@ class Units(NamedTuple):
         """States (..., 6) in the walker's own units of dimensionless ones."""
         given = np.asarray(states)
         return given / _times(self.time, given.shape[-1])
+
+
+class Varied(SimpleNamespace):
+    """The attributes of walkers that differ in some parameters: numbers, arrays or tensors."""
+
+    units: Any = property(Units.of)
+
+
+def varied(walker: Any, parameters: Mapping[str, Any]) -> Varied:
+    """Return a walker's attributes with other values of some parameters, such as tensors."""
+    return Varied(**{**vars(walker), "massless_legs": walker.massless_legs, **parameters})
 
 
 def mass_of(walker: Any) -> Any:
@@ -155,14 +167,18 @@ def proportions(walker: Any, names: Sequence[str]) -> list[Any]:
     return [getattr(walker, name) / unit_of(walker, name) for name in names]
 
 
-def observed_numbers(model: Any, names: Sequence[str]) -> list[Any]:
+def observed_numbers(
+    model: Any, names: Sequence[str], values: Mapping[str, Any] | None = None
+) -> list[Any]:
     """Return what agents observe of a model's parameters, some of `observable`.
 
     They are `proportions`, or for a model without units of its own the parameters themselves.
+    `values` replace some parameters: numbers, arrays or tensors.
     """
     if "units" in model.supports:
-        return proportions(model, names)
-    return [model.parameters[name] for name in names]
+        return proportions(varied(model, values) if values else model, names)
+    numbers = {**model.parameters, **(values or {})}
+    return [numbers[name] for name in names]
 
 
 def growth(walker: Any, parameter: str) -> Units:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -77,9 +78,9 @@ def check_alone(scene: Any, step: Transition) -> None:
                 )
 
 
-def each_tensor(part: Any, change: Callable[[Tensor], Tensor]) -> Any:
-    """Return a nested structure with all of its tensors changed."""
-    if isinstance(part, Tensor):
+def each_tensor(part: Any, change: Callable[[Any], Tensor]) -> Any:
+    """Return a nested structure with all of its tensors, or arrays of NumPy, changed."""
+    if isinstance(part, Tensor | np.ndarray):
         return change(part)
     parts = [each_tensor(x, change) for x in part]
     return type(part)._make(parts) if hasattr(part, "_make") else tuple(parts)

@@ -17,19 +17,18 @@ from torch import Tensor
 
 from gym_passive_walker.envs.interface import observation_space
 from gym_passive_walker.envs.views import of_notes, samples, shape_of
-from gym_passive_walker.gaits.flow import states_in
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.rewards import rule_of
 from gym_passive_walker.gaits.scenes.scene import Scene, SceneLike, make_scene, seen_by_policy
 from gym_passive_walker.gaits.scenes.transition import Transition
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.torch.counting import applied, check_alone, each_tensor
-from gym_passive_walker.torch.operation import columns_of
 from gym_passive_walker.torch.steps import (
     RolloutState,
     exchanged,
     exchanged_names,
     is_ruled,
+    recorded_state,
     take_step,
 )
 
@@ -245,38 +244,11 @@ class StepRecorder:
         """Return the states before recorded steps of a scene, one behind the other."""
         before = self._before[steps]
         arrays = {name: np.concatenate([now[name] for now in before]) for name in before[0]}
-        records, ledger = arrays["records"][:, 0], arrays["ledger"]
-        count, walker = len(records), scene.walker
-        zeros = torch.zeros(count, dtype=torch.float64)
-        slopes, keys, due = ledger["slope"], np.zeros(count, np.int64), np.full(count, np.inf)
-        commands, pushes = np.zeros(count), np.zeros(count, np.int64)
-        pending, delays = np.zeros((count, 0, len(scene.actions))), np.zeros(count, np.int64)
-        strengths = np.ones((count, len(scene.actions)))
-        if "disturbances" in arrays:
-            each, pending = arrays["disturbances"], arrays["pending"]
-            slopes, due, pushes = each["slope"], each["due"], each["pushes"]
-            delays, strengths = each["delay"], each["strength"][:, : len(scene.actions)]
-            keys = np.ascontiguousarray(each["key"]).view(np.int64)
-            commands = each["command"] if scene.command is not None else commands
-        last = Transition._make([zeros] * len(Transition._fields))
+        here = recorded_state(scene, arrays)
         if "notes" in arrays:
-            last = _tensors(of_notes(arrays["notes"], shape_of(scene)))
-        states = states_in(records, walker.coordinates)
-        starts = records["start"][:, : len(columns_of(walker).inputs["start"])]
-        over = (ledger["ending"] != 0) | (ledger["truncated"] != 0)
-        here = {
-            "states": states, "slopes": slopes, "phases": records["phase"].astype(np.int64),
-            "times": records["time"], "starts": starts, "progress": ledger["progress"],
-            "strides": ledger["strides"], "keys": keys, "footholds": np.zeros((0, count, 2)),
-            "commands": commands, "steps": ledger["steps"], "due": due, "pushes": pushes,
-            "pending": pending, "delays": delays, "strengths": strengths,
-            "outcome": np.where(over, int(Outcome.STALLED), 0),
-        }  # fmt: skip
-        tensors = {name: torch.from_numpy(np.array(x)) for name, x in here.items()}
-        walkers = self._walkers[steps.start * self._batch.count :][:count]
-        return RolloutState(
-            **tensors, last=last, parameters=_parameters(scene, walkers, tensors["strides"])
-        )
+            here = here._replace(last=_tensors_of(arrays["notes"], scene))
+        walkers = self._walkers[steps.start * self._batch.count :][: len(here.steps)]
+        return here._replace(parameters=_parameters(scene, walkers, here.strides))
 
 
 def _parameters(scene: Scene, walkers: list, strides: Tensor) -> dict[str, Tensor]:
@@ -357,8 +329,7 @@ _WITHOUT = {
 
 def _fields_in(scene: Scene, function: Any) -> list[str]:
     """Return the fields of a `Transition` by which a function has a derivative somewhere."""
-    shape = shape_of(scene)
-    step = _tensors(of_notes(samples(shape, begun=False), shape))
+    step = _tensors_of(samples(shape_of(scene), begun=False), scene)
     step = each_tensor(step, lambda x: x.requires_grad_() if x.is_floating_point() else x)
     total = torch.stack([x.sum() for x in applied(function, step)]).sum()
     if not total.requires_grad:
@@ -375,12 +346,10 @@ def _fields_in(scene: Scene, function: Any) -> list[str]:
     return found
 
 
-def _tensors(part: Any) -> Any:
-    """Return nested arrays as tensors."""
-    if isinstance(part, np.ndarray):
-        return torch.from_numpy(np.array(part))
-    parts = [_tensors(x) for x in part]
-    return type(part)._make(parts) if hasattr(part, "_make") else tuple(parts)
+def _tensors_of(notes: NDArray, scene: Scene) -> Transition:
+    """Return recorded transitions (n,) as one `Transition` of tensors."""
+    step = of_notes(notes, shape_of(scene))
+    return each_tensor(step, lambda x: torch.from_numpy(np.array(x)))
 
 
 def _unbounded(length: Tensor, period: Tensor, command: Tensor, weight: float) -> Tensor:

@@ -21,7 +21,14 @@ from gym_passive_walker._tools.arguments import shown, unknown
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.actuation import Actuation, check_actuation
 from gym_passive_walker.gaits.control.ticks import hold
-from gym_passive_walker.gaits.flow import Reported, Walkers, go_on, new_records, report_of
+from gym_passive_walker.gaits.flow import (
+    Entry,
+    Reported,
+    Walkers,
+    go_on,
+    new_records,
+    report_of,
+)
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 from gym_passive_walker.models.equations.systems import UNEVEN
@@ -111,9 +118,13 @@ class FlowResult(NamedTuple):
     margins: Tensor
     columns: Columns
 
-    def result(self, *entry: Any) -> Tensor:
-        """Return one of the results, (n,): "time", or "moved", 0."""
-        return self.values[:, self.columns.report.at[entry[0] if len(entry) == 1 else entry]]
+    def result(self, entry: Entry) -> Tensor:
+        """Return one of the results, (n,)."""
+        return self.values[:, self.columns.report.at[entry]]
+
+    def moved(self, control: int) -> tuple[Tensor, Tensor]:
+        """Return how far a control has moved, net and either way, (n,) each."""
+        return self.result(("moved", control)), self.result(("turned", control))
 
     @property
     def distance(self) -> Tensor:

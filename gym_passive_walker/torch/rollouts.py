@@ -18,7 +18,6 @@ from gym_passive_walker.envs import disturbance_kernels as kernels
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.disturbances import settings_of
 from gym_passive_walker.envs.vector_env import seed_randoms
-from gym_passive_walker.gaits.flow import states_in
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.scene import (
     Scene,
@@ -27,17 +26,14 @@ from gym_passive_walker.gaits.scenes.scene import (
     make_scene,
     seen_by_policy,
 )
-from gym_passive_walker.gaits.scenes.transition import Transition
 from gym_passive_walker.models.model import check_heights_only
-from gym_passive_walker.models.units import proportions
-from gym_passive_walker.models.walkers.walker import varied
+from gym_passive_walker.models.units import observed_numbers
 from gym_passive_walker.torch.counting import applied, check_alone
 from gym_passive_walker.torch.operation import (
     array_of,
     as_tensor,
     check_parameters,
     check_phases,
-    columns_of,
 )
 from gym_passive_walker.torch.steps import (
     RolloutState,
@@ -47,6 +43,7 @@ from gym_passive_walker.torch.steps import (
     footing_of,
     is_locked,
     is_ruled,
+    recorded_state,
     take_step,
 )
 
@@ -109,16 +106,7 @@ def initial_state(
     batch = Batch(scene, count)
     seed_randoms(batch, seed, range(count))
     batch.start(np.arange(count), np.empty(count * batch.observation_size, np.float32))
-    slopes, keys, commands = batch.ledger["slope"], np.zeros(count, np.uint64), np.zeros(count)
-    due, delays = np.full(count, np.inf), np.zeros(count, np.int64)
-    strengths = np.ones((count, len(scene.actions)))
-    if batch.disturbances:
-        disturbances = batch.disturbances.states
-        slopes, keys, commands = disturbances["slope"], disturbances["key"], disturbances["command"]
-        due, delays = disturbances["due"], disturbances["delay"]
-        strengths = disturbances["strength"][:, : len(scene.actions)]
-    latest = int(scene.ends("action_delay")[1])
-    coordinates, parameters_of = scene.walker.coordinates, [w.parameters for w in batch.walkers]
+    parameters_of = [walker.parameters for walker in batch.walkers]
     values = {
         name: torch.tensor([each[name] for each in parameters_of], dtype=torch.float64)
         for name in dict.fromkeys((*scene.randomized, *exchanged_names(scene)))
@@ -128,9 +116,7 @@ def initial_state(
     for name, value in given.items():
         if value.shape not in ((), (count,)):
             raise ValueError(f"{name} must be a number or ({count},), not {tuple(value.shape)}")
-    changes = torch.zeros((0, 2), dtype=torch.float64)
-    if footholds is not None:
-        changes = as_tensor(footholds, "footholds")
+    changes = as_tensor(np.zeros((0, 2)) if footholds is None else footholds, "footholds")
     if changes.ndim == 2:
         changes = changes[:, None]
     if changes.ndim != 3 or changes.shape[1] not in (1, count) or changes.shape[2] != 2:
@@ -138,36 +124,18 @@ def initial_state(
             f"footholds must have shape (k, 2) or (k, {count}, 2), not {tuple(changes.shape)}"
         )
     check_heights_only(scene.walker, array_of(changes[:, :, 1]))
-    zeros, none = torch.zeros(count, dtype=torch.float64), torch.zeros(count, dtype=torch.int64)
-    states = torch.from_numpy(states_in(batch.records[:, 0], coordinates).copy())
-    here = RolloutState(
-        states=states,
-        slopes=torch.from_numpy(slopes.copy()),
-        phases=none,
-        times=zeros,
-        starts=states[:, : len(columns_of(scene.walker).inputs["start"])],
-        progress=zeros,
-        strides=none,
-        keys=torch.from_numpy(keys.view(np.int64).copy()),
+    here = recorded_state(scene, batch.arrays)._replace(
         footholds=changes.expand(-1, count, -1),
-        commands=torch.from_numpy(commands.copy()),
-        last=Transition._make([zeros] * len(Transition._fields)),
-        steps=none,
-        due=torch.from_numpy(due.copy()),
-        pushes=none,
-        pending=torch.zeros((count, latest, len(scene.actions)), dtype=torch.float64),
-        delays=torch.from_numpy(delays.copy()),
-        strengths=torch.from_numpy(strengths.copy()),
         parameters=values | {name: value.expand(count) for name, value in given.items()},
-        outcome=none,
     )
+    zeros = torch.zeros(count, dtype=torch.float64)
     still, never = (zeros,) * len(scene.actions), torch.zeros(count, dtype=torch.bool)
     tilts, rises, turns = footing_of(scene, here).T
-    at = scene.walker.equations().State(*states.T)
+    at = scene.walker.equations().State(*here.states.T)
     last = here.last._replace(
-        before=at, state=at, knee_locked=is_locked(scene, none), heelstrike=never, fell=never,
-        action=still, last_action=still, slope=here.slopes + tilts, height_change=rises,
-        slope_change=turns, command=here.commands,
+        before=at, state=at, knee_locked=is_locked(scene, here.phases), heelstrike=never,
+        fell=never, action=still, last_action=still, slope=here.slopes + tilts,
+        height_change=rises, slope_change=turns, command=here.commands,
     )  # fmt: skip
     return here._replace(last=last)
 
@@ -279,15 +247,11 @@ def _observed(scene: Scene, here: RolloutState) -> Tensor:
     """Return the observations of the environment in float64, (n, k)."""
     if callable(scene.observation):
         return _stacked(applied(scene.observation, here.last), here)
-    slopes, body = here.slopes + footing_of(scene, here)[:, 0], ()
+    slopes = here.slopes + footing_of(scene, here)[:, 0]
     locked = is_locked(scene, here.phases).double()
     ahead = [footing_of(scene, here, place).T[1:] for place in range(scene.terrain_lookahead)]
-    if scene.observe_body and "units" in scene.walker.supports:
-        body = proportions(varied(scene.walker, here.parameters), scene.observe_body)
-    elif scene.observe_body:
-        numbers = exchanged(scene, here.parameters, here.strides % 2 == 1)  # of the first stride
-        numbers = scene.walker.parameters | numbers
-        body = [numbers[name] for name in scene.observe_body]
+    first = exchanged(scene, here.parameters, here.strides % 2 == 1)  # of the first stride
+    body = observed_numbers(scene.walker, scene.observe_body, first)
     seen = rules.observed(scene, here.states.T, locked, slopes, here.commands, ahead, body)
     return _stacked(_noisy(scene, here, seen), here)
 

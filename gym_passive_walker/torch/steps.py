@@ -8,10 +8,10 @@ environment, and a constant of its derivatives. All quantities are dimensionless
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -21,6 +21,7 @@ from torch import Tensor
 from gym_passive_walker.envs import disturbance_kernels as kernels
 from gym_passive_walker.envs.disturbances import settings_of
 from gym_passive_walker.envs.transitions import STOPPED
+from gym_passive_walker.gaits.flow import states_in
 from gym_passive_walker.gaits.scenes import rules
 from gym_passive_walker.gaits.scenes.rewards import FUNCTIONS, rule_of
 from gym_passive_walker.gaits.scenes.scene import Scene, recorded_weight
@@ -107,6 +108,41 @@ class RolloutState(NamedTuple):
         )
 
 
+def recorded_state(scene: Scene, arrays: Mapping[str, NDArray]) -> RolloutState:
+    """Return the states of n walkers from arrays of a `Batch`, without parameters and `last`."""
+    records, ledger = arrays["records"][:, 0], arrays["ledger"]
+    count, actions = len(records), len(scene.actions)
+    zeros, none = np.zeros(count), np.zeros(count, np.int64)
+    undisturbed = {
+        "slope": ledger["slope"], "key": none, "command": zeros, "due": np.full(count, np.inf),
+        "pushes": none, "delay": none, "strength": np.ones((count, actions)),
+    }  # fmt: skip
+    each: Any = arrays.get("disturbances", undisturbed)
+    over = (ledger["ending"] != 0) | (ledger["truncated"] != 0)
+    here = {
+        "states": states_in(records, scene.walker.coordinates),
+        "slopes": each["slope"],
+        "phases": records["phase"].astype(np.int64),
+        "times": records["time"],
+        "starts": records["start"][:, : len(columns_of(scene.walker).inputs["start"])],
+        "progress": ledger["progress"],
+        "strides": ledger["strides"],
+        "keys": np.ascontiguousarray(each["key"]).view(np.int64),
+        "footholds": np.zeros((0, count, 2)),
+        "commands": each["command"],
+        "steps": ledger["steps"],
+        "due": each["due"],
+        "pushes": each["pushes"],
+        "pending": arrays.get("pending", np.zeros((count, 0, actions))),
+        "delays": each["delay"],
+        "strengths": each["strength"][:, :actions],
+        "outcome": np.where(over, int(Outcome.STALLED), _RUNNING),
+    }
+    tensors = {name: torch.from_numpy(np.array(x)) for name, x in here.items()}
+    last = Transition._make([torch.from_numpy(zeros)] * len(Transition._fields))
+    return RolloutState(**tensors, last=last, parameters={})
+
+
 class StepResult(NamedTuple):
     """Results of a control step of n walkers; see the fields of `Rollout`, each (n,)."""
 
@@ -177,8 +213,7 @@ def take_step(
     for j, (name, work) in enumerate(zip(channels, works, strict=False)):
         if name in scene.actions and work:
             torques = torch.where(falls, held[name].detach(), held[name]) * work
-            angles = moved.result("moved", j), moved.result("turned", j)
-            energies = energies + rules.motor_charge(charged, torques, *angles)
+            energies = energies + rules.motor_charge(charged, torques, *moved.moved(j))
     if "push_off" in scene.actions and "actuation" in scene.walker.supports:
         energies = energies + torch.where(lands, moved.result("push_work"), 0.0)
     distances, energies = (torch.where(going, x, 0.0) for x in (distances, energies))
@@ -392,8 +427,7 @@ def _transition(
     for j, (of, name, work) in enumerate(
         zip((hip, ankle), scene.channels, _works(scene), strict=False)
     ):
-        angles = moved.result("moved", j), moved.result("turned", j)
-        of[:] = rules.work_of(held[name] * work, *angles)
+        of[:] = rules.work_of(held[name] * work, *moved.moved(j))
     State = scene.walker.equations().State
     struck, last = ends.strides > here.strides, here.last
     tilts, rises, turns = footing_of(scene, ends).T

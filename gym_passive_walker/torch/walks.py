@@ -264,8 +264,7 @@ def _found(
     for j, work in enumerate(works):
         # All controls of a `System` count as the hip's.
         name = "ankle" if j and "actuation" in walker.supports else "hip"
-        angles = moved.result("moved", j), moved.result("turned", j)
-        net, absolute = work_of(held[:, j] * work, *angles)
+        net, absolute = work_of(held[:, j] * work, *moved.moved(j))
         done[name] = done[name][0] + net, done[name][1] + absolute
     for name, (net, absolute) in done.items():
         found[f"{name}_work"] = net * units.energy

@@ -41,8 +41,8 @@ from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.gaits.stride import Stride, account, reported_as
 from gym_passive_walker.gaits.stride_map import Samples, Seeds, StrideMap
 from gym_passive_walker.models.equations.hybrid import Outcome, State
-from gym_passive_walker.models.units import proportions
-from gym_passive_walker.models.walkers.walker import Walker, varied
+from gym_passive_walker.models.units import observed_numbers
+from gym_passive_walker.models.walkers.walker import Walker
 
 _STATE = len(State._fields)
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
@@ -192,10 +192,7 @@ class ControlledMap(StrideMap):
     def _seen_body(self) -> list[Any]:
         """What the controller observes of the walkers' parameters, a number or (n,) each."""
         first = self.swapped if self.turned else self
-        if "units" in self.walker.supports:
-            return proportions(varied(first.walker, first.varied), self.scene.observe_body)
-        numbers = {**first.walker.parameters, **first.varied}
-        return [numbers[name] for name in self.scene.observe_body]
+        return observed_numbers(first.walker, self.scene.observe_body, first.varied)
 
     def coarser(self) -> Self:
         """Return this map with differences over twice the distance, to estimate their error."""

@@ -13,6 +13,7 @@ References:
     T. McGeer, "Passive walking with knees", IEEE ICRA (1990) 1640-1645.
 """
 
+from gym_passive_walker.models.units import varied
 from gym_passive_walker.models.walkers.names import describe, name_of
 from gym_passive_walker.models.walkers.parts import Part, assemble, combine, lab_walker_from_parts
 from gym_passive_walker.models.walkers.presets import (
@@ -23,7 +24,7 @@ from gym_passive_walker.models.walkers.presets import (
     is_walker,
 )
 from gym_passive_walker.models.walkers.tuning import TuningErrors, interpolate, tune, tuning_errors
-from gym_passive_walker.models.walkers.walker import PARAMETERS, Walker, WalkerError, varied
+from gym_passive_walker.models.walkers.walker import PARAMETERS, Walker, WalkerError
 
 __all__ = [
     "ABOUT",

@@ -9,7 +9,6 @@ from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from importlib import import_module
 from os import PathLike
-from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
@@ -23,7 +22,7 @@ from gym_passive_walker.models.equations.bodies import body_from
 from gym_passive_walker.models.equations.hybrid import System
 from gym_passive_walker.models.equations.systems import EXTRAS, FITTINGS, UNEVEN, system_of
 from gym_passive_walker.models.model import FEATURES, Actuator, Model, check_row, constants_from
-from gym_passive_walker.models.units import Units, mass_of
+from gym_passive_walker.models.units import Units, mass_of, varied
 
 _PLACES = ("thigh_com", "thigh_offset", "thigh_gyration")
 _PLACES += ("shank_com", "shank_offset", "shank_gyration")
@@ -428,14 +427,3 @@ PARAMETERS = tuple(field.name for field in fields(Walker) if field.name != "knee
 
 
 _units = lru_cache(maxsize=4096)(Units.of)
-
-
-class Varied(SimpleNamespace):
-    """The attributes of walkers that differ in some parameters: numbers, arrays or tensors."""
-
-    units: Any = property(Units.of)
-
-
-def varied(walker: Walker, parameters: Mapping[str, Any]) -> Varied:
-    """Return a walker's attributes with other values of some parameters, such as tensors."""
-    return Varied(**{**vars(walker), "massless_legs": walker.massless_legs, **parameters})
