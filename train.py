@@ -101,7 +101,8 @@ def train_parser() -> argparse.ArgumentParser:
         help="hold a torque for a control step or for a stride",
     )
     add("--steps", type=whole, metavar="N", help="total number of environment steps (the preset's)")
-    add("--envs", type=int, metavar="N", help="number of parallel environments (the preset's)")
+    parallel = "number of parallel environments (the preset's)"
+    add("--envs", dest="n_envs", type=int, metavar="N", help=parallel)
     add("--seed", type=int, help="seed of all random numbers (0)")
     limit = "steps after which a training episode is truncated (the preset's)"
     add("--episode-steps", type=whole, metavar="N", help=limit)
@@ -147,21 +148,14 @@ def asked_for(args: argparse.Namespace, kept: Config | None = None) -> Config:
         for address, what in outside(args.scene).items():
             raise ConfigError(untrusted(f"the {what} {address!r}"))
 
-    def given(name: str, default: Any) -> Any:
-        value = getattr(args, name)
-        return default if value is None else value
-
-    return configure(
-        given("algo", kept.algo if kept else DEFAULT_ALGORITHM),
-        given("scene", kept.scene if kept else DEFAULT_SCENE),
-        env=env,
-        steps=given("steps", kept.steps if kept else None),
-        n_envs=given("envs", kept.n_envs if kept else None),
-        seed=given("seed", kept.seed if kept else 0),
-        every=given("every", kept.every if kept else None),
-        episode_steps=given("episode_steps", kept.episode_steps if kept else None),
-        start=given("start", kept.start if kept else None),
-    )
+    values: dict[str, Any] = {"algo": DEFAULT_ALGORITHM}
+    for name in ("algo", "scene", "steps", "n_envs", "seed", "every", "episode_steps", "start"):
+        asked = getattr(args, name)
+        if asked is None and kept is not None:
+            asked = getattr(kept, name)
+        if asked is not None:
+            values[name] = asked
+    return configure(**values, env=env)
 
 
 def check_together(args: argparse.Namespace) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from agents import benchmark, evaluation
 from agents.checkpoint import last_policy
-from agents.config import TRUST, ConfigError
+from agents.config import TRUST, ConfigError, refusing
 from agents.envs import scene_of
 from agents.learner import LearnedPolicy, export, export_onnx, learned
 from gym_passive_walker import GaitNotFound
@@ -139,10 +139,8 @@ def show_gait(arguments: Sequence[str]) -> int:
 
         out = picture_path(args.out)
     policy, scene = _policy_and_scene(args.policy, args.scene, trust=args.trust)
-    try:
+    with refusing(GaitNotFound):
         gait = closed_loop_gait(policy, scene, slope=args.slope, period=args.period)
-    except GaitNotFound as error:
-        raise ConfigError(str(error)) from None
     known, least = [], float("nan")
     with suppress(ValueError):  # none are stored for this scene, or none at this speed
         there = {} if args.slope is None else {"slope": args.slope}
@@ -232,10 +230,8 @@ def run_benchmark(arguments: Sequence[str]) -> int:
     if from_file and args.document is not None:
         raise ConfigError("--document requires the scores of --out: raw scores lack the falls")
     if args.document is not None:
-        try:
-            results.around_tables(args.document)  # raise an error now, not after the benchmark
-        except (OSError, ValueError) as error:
-            raise ConfigError(str(error)) from None
+        with refusing(OSError, ValueError):  # now, and not after the benchmark
+            results.around_tables(args.document)
     if from_file:
         print(results.tables(results.read_csv(Path(args.tables))))
         return 0

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Iterator
+from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import asdict, dataclass, field, fields
 from functools import cache
@@ -30,17 +32,19 @@ _PRESETS = Path(__file__).parent / "presets"
 # Entries of a preset that are not arguments of the algorithm.
 _OF_THE_RUN = ("normalize", "env_wrapper", "callback", "env_kwargs")
 _TIME_LIMIT = "gymnasium.wrappers.TimeLimit"
-_EXPLORATION = {
-    "ppo": "agents.exploration.Schedule",
-    "ppo-fast": "agents.exploration.Schedule",
-    "sac": "agents.exploration.Ladder",
-    "shac": "agents.exploration.Schedule",
-    "shac-learned": "agents.exploration.Schedule",
-}
 
 
 class ConfigError(ValueError):
     """An invalid configuration; the message names the fault and the allowed values."""
+
+
+@contextmanager
+def refusing(*errors: type[Exception]) -> Iterator[None]:
+    """Turn errors of these classes into a `ConfigError` with their message."""
+    try:
+        yield
+    except errors as error:
+        raise ConfigError(str(error)) from None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,14 +92,12 @@ class Config:
         Raises:
             ConfigError: if a value has the wrong type, or is out of range.
         """
-        try:
+        with refusing(ValueError):
             for name in ("n_envs", "steps", "every"):
                 whole(getattr(self, name), name)
             if self.episode_steps is not None:
                 whole(self.episode_steps, "episode_steps")
             whole(self.seed, "seed", 0, 2**31 - 1)
-        except ValueError as error:
-            raise ConfigError(str(error)) from None
         for name in ("algo", "scene"):
             if not isinstance(getattr(self, name), str):
                 raise ConfigError(f"{name} must be the name of one, not {getattr(self, name)!r}")
@@ -141,10 +143,8 @@ class Config:
         """
         if not path.is_file():
             raise ConfigError(f"{path.parent} is not a run: it has no {path.name}")
-        try:
+        with refusing(ValueError):
             values = read_content(path)
-        except ValueError as error:
-            raise ConfigError(str(error)) from None
         try:
             if not isinstance(values, dict):
                 raise ConfigError("it is not a mapping of names to values")
@@ -226,10 +226,8 @@ def preset_of(algo: str, scene: str, env: dict[str, Any]) -> dict[str, Any]:
     of_algo = presets(algo)
     name = env.get("control", scene)
     if has_address(name) or (name in SCENES and name not in of_algo):
-        try:
+        with refusing(TypeError, ValueError):
             name = make_scene(scene, trust=True, **env).control
-        except (TypeError, ValueError) as error:
-            raise ConfigError(str(error)) from None
     if name not in of_algo:
         raise ConfigError(f"no preset for {name!r} in {algo}.yml: it has {', '.join(of_algo)}")
     return deepcopy(of_algo[name])
@@ -269,13 +267,12 @@ def configure(
     Raises:
         ConfigError: if a name or a number is out of range.
     """
-    try:
+    with refusing(ImportError, ValueError):
         given = task_arguments(scene)
-    except (ImportError, ValueError) as error:
-        raise ConfigError(str(error)) from None
-    if isinstance(given, dict):
-        scene, env = DEFAULT_SCENE, given | (env or {})
-    env = {name: _kept(name, value) for name, value in (env or {}).items() if value is not None}
+        if isinstance(given, dict):
+            scene, env = DEFAULT_SCENE, given | (env or {})
+        asked = {name: value for name, value in (env or {}).items() if value is not None}
+        env = {name: kept_argument(name, value) for name, value in asked.items()}
     preset = preset_of(algo, scene, env)
     count: int = preset.pop("n_envs")
     total: int = preset.pop("n_timesteps")
@@ -291,10 +288,8 @@ def configure(
     if episode_steps is None:
         episode_steps = (wrapper or {}).get(_TIME_LIMIT, {}).get("max_episode_steps")
     exploration = _exploration(algo, callback)
-    try:
+    with refusing(ValueError):
         source = source_of(*outside(scene, env))
-    except ValueError as error:
-        raise ConfigError(str(error)) from None
     if start is not None:
         preset["learning_rate"], exploration = _last_part(preset["learning_rate"], exploration)
     return Config(
@@ -330,19 +325,10 @@ def _last_part(rate: Any, exploration: dict[str, Any] | None) -> tuple[Any, dict
     return rate, {"log_std": noise}
 
 
-def _kept(name: str, value: Any) -> Any:
-    """An argument of the environment in the form that a run saves."""
-    try:
-        return kept_argument(name, value)
-    except (ImportError, ValueError) as error:
-        raise ConfigError(str(error)) from None
-
-
 def _exploration(algo: str, callbacks: dict[str, Any] | None) -> dict[str, Any] | None:
     """The arguments of the one callback that a preset may name."""
-    allowed = _EXPLORATION[algo]
-    unknown = set(callbacks or {}) - {allowed}
-    if unknown:
+    allowed = f"agents.exploration.{'Ladder' if algo == 'sac' else 'Schedule'}"
+    if unknown := set(callbacks or {}) - {allowed}:
         raise ConfigError(
             f"{algo.upper()} has no callback {', '.join(sorted(unknown))}: it has {allowed}"
         )

@@ -6,17 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-from agents.config import Config, ConfigError
+from agents.config import Config, refusing
 from gym_passive_walker.apps.build import compile_for
-from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
+from gym_passive_walker.envs.registration import ID, MAX_EPISODE_STEPS
 from gym_passive_walker.gaits.scenes.named import check_source
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene, seen_by_policy
 from gym_passive_walker.models.walkers import name_of
 
 if TYPE_CHECKING:
     from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
-
-ID = "PassiveWalker-v0"
 
 
 def scene_of(config: Config, **changes: Any) -> Scene:
@@ -26,11 +24,9 @@ def scene_of(config: Config, **changes: Any) -> Scene:
         ConfigError: if an argument of the scene is invalid, or the user's own scene has changed
             since the run began.
     """
-    try:
+    with refusing(TypeError, ValueError):
         check_source(config.outside, config.source)
         return make_scene(config.scene, trust=True, **config.env | changes)
-    except (TypeError, ValueError) as error:
-        raise ConfigError(str(error)) from None
 
 
 def training_envs(config: Config, count: int | None = None) -> PassiveWalkerVecEnv:
@@ -65,10 +61,8 @@ def check(config: Config) -> None:
         ConfigError: if it cannot.
     """
     compile_for(scene_of(config, **config.training))
-    try:
+    with refusing(ValueError):
         training_envs(config, 1).reset()
-    except ValueError as error:
-        raise ConfigError(str(error)) from None
 
 
 def describe(config: Config) -> str:

@@ -89,22 +89,14 @@ class Ladder(BaseCallback):
         return True
 
 
-_EXPLORERS: dict[str, type[BaseCallback]] = {
-    "ppo": Schedule,
-    "ppo-fast": Schedule,
-    "sac": Ladder,
-    "shac": Schedule,
-    "shac-learned": Schedule,
-}
-
-
 def explorers(algo: str, arguments: Mapping[str, Any] | None) -> list[BaseCallback]:
     """The callbacks by which an algorithm explores; an empty list if `arguments` is None.
 
     Raises:
         ConfigError: if the arguments are invalid.
     """
+    explorer = Ladder if algo == "sac" else Schedule
     try:
-        return [] if arguments is None else [_EXPLORERS[algo](**arguments)]
+        return [] if arguments is None else [explorer(**arguments)]
     except (AttributeError, TypeError, ValueError) as error:
         raise ConfigError(f"{algo.upper()} cannot explore in this way: {reason(error)}") from None

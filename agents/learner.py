@@ -158,8 +158,7 @@ def begin_with(model: BaseAlgorithm, name: str, *, trust: bool = False) -> None:
         ConfigError: if there is no such policy, or its layers are not those of the algorithm.
     """
     config, policy = learned(name, trust=trust)
-    network = on_numpy(policy, config) if isinstance(policy, LearnedPolicy) else policy
-    assert isinstance(network, Network)
+    network = on_numpy(policy, config)
     squashed = isinstance(model, SAC)
     hidden, last = PLACES["sac" if squashed else "ppo"]
     modules = [*attrgetter(hidden)(model.policy), attrgetter(last)(model.policy)]
@@ -361,20 +360,21 @@ def export(policy: LearnedPolicy, config: Config, folder: Path) -> None:
 
 def export_onnx(policy: Policy, config: Config, path: Path) -> None:
     """Write a policy as an ONNX file, with its observation normalizer; see `to_onnx`."""
-    network = on_numpy(policy, config) if isinstance(policy, LearnedPolicy) else policy
-    assert isinstance(network, Network)
-    name = config.algo.upper()
+    network, name = on_numpy(policy, config), config.algo.upper()
     write_onnx(network, path, scene=config.scene, env=config.env, algorithm=name)
 
 
-def on_numpy(policy: LearnedPolicy, config: Config) -> Network:
-    """A copy of a policy that runs on NumPy, as an exported one does.
+def on_numpy(policy: Policy, config: Config) -> Network:
+    """A copy of a policy that runs on NumPy; an exported one does already.
 
     A prediction for 20 walkers takes 25 µs, with torch 230 µs. Actions agree to rounding.
 
     Raises:
         ValueError: if a weight is not finite.
     """
+    if isinstance(policy, Network):
+        return policy
+    assert isinstance(policy, LearnedPolicy)
     arrays = {name: tensor.cpu().numpy() for name, tensor in _tensors(policy).items()}
     return _network(arrays, config)
 

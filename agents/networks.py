@@ -15,6 +15,8 @@ from stable_baselines3.common.type_aliases import Schedule
 from stable_baselines3.sac.policies import SACPolicy
 from torch import Tensor, nn
 
+from gym_passive_walker.gaits.scenes.rewards import OBSERVERS
+
 
 class NormedCriticPolicy(SACPolicy):
     """SAC's policy with layer normalization in its critics.
@@ -59,16 +61,12 @@ class FallCriticPolicy(ActorCriticPolicy):
         super()._build(lr_schedule)
 
 
-GROUPS = ("policy", "critic")
-"""Groups of an observation in the order of their columns: what actor and critic see."""
-
-
 def columns(seen: Any) -> Any:
     """Observations in one tensor or array, (..., k), of groups one after another."""
     if not isinstance(seen, dict):
         return seen
-    join = torch.cat if isinstance(seen[GROUPS[0]], Tensor) else np.concatenate
-    return join([seen[name] for name in GROUPS], -1)
+    join = torch.cat if isinstance(seen["policy"], Tensor) else np.concatenate
+    return join([seen[name] for name in OBSERVERS], -1)
 
 
 def in_groups(rows: NDArray, space: Any) -> Any:
@@ -76,7 +74,7 @@ def in_groups(rows: NDArray, space: Any) -> Any:
     if not isinstance(space, Dict):
         return rows
     first = space["policy"].shape[0]  # type: ignore[index]
-    return dict(zip(GROUPS, (rows[:, :first], rows[:, first:]), strict=True))
+    return dict(zip(OBSERVERS, (rows[:, :first], rows[:, first:]), strict=True))
 
 
 _RARE = -3.0

@@ -37,9 +37,10 @@ from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, Schedul
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from torch import Tensor, nn
 
-from agents.networks import GROUPS, Perceptron, columns
+from agents.networks import Perceptron, columns
 from gym_passive_walker.envs.privileged import PrivilegedCriticPolicy
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+from gym_passive_walker.gaits.scenes.rewards import OBSERVERS
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 
 
@@ -129,7 +130,7 @@ def carried(walkers: PassiveWalkerVecEnv, device: torch.device) -> Any:
 def _each_moments(normalizer: Any) -> list[RunningMeanStd]:
     """Running moments of the observations, of each group in the order of the columns."""
     moments = normalizer.obs_rms
-    return [moments[name] for name in GROUPS] if isinstance(moments, dict) else [moments]
+    return [moments[name] for name in OBSERVERS] if isinstance(moments, dict) else [moments]
 
 
 def _bring_up(moments: RunningMeanStd, rows: Tensor) -> None:

@@ -23,12 +23,12 @@ import torch
 from numpy.typing import NDArray
 
 from agents.config import DEFAULT_SCENE, Config, configure
-from agents.envs import scene_of
+from agents.envs import arena, scene_of
 from gym_passive_walker._tools import console
 from gym_passive_walker._tools.arguments import whole
 from gym_passive_walker._tools.extras import extra
 from gym_passive_walker.envs.evaluation.walks import Walks, score_table, simulate_episodes
-from gym_passive_walker.envs.registration import ID, MAX_EPISODE_STEPS
+from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.seeds import training_seeds
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.control.baselines import Passive
@@ -187,14 +187,9 @@ def train(
                 print(f"{steps:,} steps: episodes of {length:.0f}", flush=True)
         if out is not None:
             algorithm.save_to_path(out.absolute())
-        return simulate_episodes(RllibPolicy(algorithm), arena(config), seed=SEED)
+        return simulate_episodes(RllibPolicy(algorithm), arena(config, EPISODES), seed=SEED)
     finally:
         ray.shutdown()
-
-
-def arena(config: Config) -> gym.vector.VectorEnv:
-    """Environments for evaluation."""
-    return gym.make_vec(f"gym_passive_walker:{ID}", EPISODES, scene=scene_of(config))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -220,7 +215,7 @@ def _compare(args: argparse.Namespace) -> None:
     """Train, and print the evaluation beside that of the passive walker."""
     config = configure("ppo", args.scene, steps=args.steps, seed=args.seed)
     walks = train(config, runners=args.runners, out=args.out)
-    passive = simulate_episodes(Passive(), arena(config), seed=SEED)
+    passive = simulate_episodes(Passive(), arena(config, EPISODES), seed=SEED)
     print(
         score_table(
             f"{config.scene}; {EPISODES} episodes", {"RLlib PPO": walks, Passive.name: passive}

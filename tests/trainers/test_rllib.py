@@ -23,7 +23,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")  # Ray's own
 def test_it_walks_where_a_passive_walker_falls(runners, tmp_path):
     config = configure("ppo", "level", steps=120_000, seed=0)
     learned = rllib.train(config, runners=runners, out=tmp_path / "kept", quiet=True)
-    passive = simulate_episodes(Passive(), rllib.arena(config), seed=rllib.SEED)
+    passive = simulate_episodes(Passive(), rllib.arena(config, rllib.EPISODES), seed=rllib.SEED)
     assert passive.endings.count(TIME_LIMIT) == 0
     assert learned.endings.count(TIME_LIMIT) >= 15 and (learned.strides >= HUNDRED).sum() >= 15
     assert (learned.cost_of_transport[learned.strides >= HUNDRED] > 0.0).all()
