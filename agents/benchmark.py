@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -93,13 +94,11 @@ def units(scenes: Iterable[str], agents: Iterable[str], seeds: int) -> list[Unit
                 raise ConfigError(f"no {what} {name!r}: choose from {', '.join(known)}")
     if seeds < 1:
         raise ConfigError(f"there must be at least one seed, not {seeds}")
-    found = []
-    for seed in range(seeds):
-        for scene in scenes:
-            for agent in agents:
-                if (agent in ALGORITHMS or seed == 0) and suits(agent, scene):
-                    found.append(Unit(scene, agent, seed))
-    return found
+    return [
+        Unit(scene, agent, seed)
+        for seed, scene, agent in product(range(seeds), scenes, agents)
+        if (agent in ALGORITHMS or seed == 0) and suits(agent, scene)
+    ]
 
 
 @lru_cache

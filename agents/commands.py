@@ -11,7 +11,7 @@ import numpy as np
 
 from agents import benchmark, evaluation
 from agents.checkpoint import last_policy
-from agents.config import TRUST, ConfigError, refusing
+from agents.config import TRUST, ConfigError
 from agents.envs import scene_of
 from agents.learner import LearnedPolicy, export, export_onnx, learned
 from gym_passive_walker import GaitNotFound
@@ -139,7 +139,7 @@ def show_gait(arguments: Sequence[str]) -> int:
 
         out = picture_path(args.out)
     policy, scene = _policy_and_scene(args.policy, args.scene, trust=args.trust)
-    with refusing(GaitNotFound):
+    with ConfigError.instead_of(GaitNotFound):
         gait = closed_loop_gait(policy, scene, slope=args.slope, period=args.period)
     known, least = [], float("nan")
     with suppress(ValueError):  # none are stored for this scene, or none at this speed
@@ -230,7 +230,7 @@ def run_benchmark(arguments: Sequence[str]) -> int:
     if from_file and args.document is not None:
         raise ConfigError("--document requires the scores of --out: raw scores lack the falls")
     if args.document is not None:
-        with refusing(OSError, ValueError):  # now, and not after the benchmark
+        with ConfigError.instead_of(OSError, ValueError):  # now, and not after the benchmark
             results.around_tables(args.document)
     if from_file:
         print(results.tables(results.read_csv(Path(args.tables))))

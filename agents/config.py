@@ -37,14 +37,14 @@ _TIME_LIMIT = "gymnasium.wrappers.TimeLimit"
 class ConfigError(ValueError):
     """An invalid configuration; the message names the fault and the allowed values."""
 
-
-@contextmanager
-def refusing(*errors: type[Exception]) -> Iterator[None]:
-    """Turn errors of these classes into a `ConfigError` with their message."""
-    try:
-        yield
-    except errors as error:
-        raise ConfigError(str(error)) from None
+    @classmethod
+    @contextmanager
+    def instead_of(cls, *errors: type[Exception]) -> Iterator[None]:
+        """Raise this error, with the same message, in place of errors of some classes."""
+        try:
+            yield
+        except errors as error:
+            raise cls(str(error)) from None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +92,7 @@ class Config:
         Raises:
             ConfigError: if a value has the wrong type, or is out of range.
         """
-        with refusing(ValueError):
+        with ConfigError.instead_of(ValueError):
             for name in ("n_envs", "steps", "every"):
                 whole(getattr(self, name), name)
             if self.episode_steps is not None:
@@ -143,7 +143,7 @@ class Config:
         """
         if not path.is_file():
             raise ConfigError(f"{path.parent} is not a run: it has no {path.name}")
-        with refusing(ValueError):
+        with ConfigError.instead_of(ValueError):
             values = read_content(path)
         try:
             if not isinstance(values, dict):
@@ -226,7 +226,7 @@ def preset_of(algo: str, scene: str, env: dict[str, Any]) -> dict[str, Any]:
     of_algo = presets(algo)
     name = env.get("control", scene)
     if has_address(name) or (name in SCENES and name not in of_algo):
-        with refusing(TypeError, ValueError):
+        with ConfigError.instead_of(TypeError, ValueError):
             name = make_scene(scene, trust=True, **env).control
     if name not in of_algo:
         raise ConfigError(f"no preset for {name!r} in {algo}.yml: it has {', '.join(of_algo)}")
@@ -267,7 +267,7 @@ def configure(
     Raises:
         ConfigError: if a name or a number is out of range.
     """
-    with refusing(ImportError, ValueError):
+    with ConfigError.instead_of(ImportError, ValueError):
         given = task_arguments(scene)
         if isinstance(given, dict):
             scene, env = DEFAULT_SCENE, given | (env or {})
@@ -288,7 +288,7 @@ def configure(
     if episode_steps is None:
         episode_steps = (wrapper or {}).get(_TIME_LIMIT, {}).get("max_episode_steps")
     exploration = _exploration(algo, callback)
-    with refusing(ValueError):
+    with ConfigError.instead_of(ValueError):
         source = source_of(*outside(scene, env))
     if start is not None:
         preset["learning_rate"], exploration = _last_part(preset["learning_rate"], exploration)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-from agents.config import Config, refusing
+from agents.config import Config, ConfigError
 from gym_passive_walker.apps.build import compile_for
 from gym_passive_walker.envs.registration import ID, MAX_EPISODE_STEPS
 from gym_passive_walker.gaits.scenes.named import check_source
@@ -24,7 +24,7 @@ def scene_of(config: Config, **changes: Any) -> Scene:
         ConfigError: if an argument of the scene is invalid, or the user's own scene has changed
             since the run began.
     """
-    with refusing(TypeError, ValueError):
+    with ConfigError.instead_of(TypeError, ValueError):
         check_source(config.outside, config.source)
         return make_scene(config.scene, trust=True, **config.env | changes)
 
@@ -61,7 +61,7 @@ def check(config: Config) -> None:
         ConfigError: if it cannot.
     """
     compile_for(scene_of(config, **config.training))
-    with refusing(ValueError):
+    with ConfigError.instead_of(ValueError):
         training_envs(config, 1).reset()
 
 
