@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from gym_passive_walker.engine.compiled import constants_used
 from gym_passive_walker.engine.layout import MOST_CONSTANTS, MOST_GUARDS, WIDE
 from gym_passive_walker.engine.own.mechanics import Derived, Link, rates_by
 from gym_passive_walker.engine.own.stated import StatementError, as_written, same
+from gym_passive_walker.engine.own.statement import tied
 from gym_passive_walker.models.equations import hybrid
 from gym_passive_walker.models.equations.hybrid import SMOOTH, Ground, Outcome, Phase, Watch
 from gym_passive_walker.models.walkers import WALKERS
@@ -377,13 +379,7 @@ def _positive_matrix(
 ) -> NDArray[np.float64]:
     """The mass matrix of some coordinates, (count, count); refused if it is not positive.
 
-    Args:
-        checks: The system.
-        function: Function of body and state: the upper triangle, row by row.
-        count: Number of coordinates.
-        state: Where to evaluate it.
-        name: The user's function that an error names.
-        said: What the error says of a matrix that is not positive.
+    The function returns its upper triangle, row by row; an error names the user's function `name`.
     """
     above = np.triu_indices(count)
     found = checks.tried(name, Derived(function), checks.body, state)
@@ -413,10 +409,8 @@ def _check_heelstrike(checks: Checks, state: Any) -> None:
         )  # fmt: skip
     new = system.State(*system.relabel(body, state), *state[checks.count :])
     then = system._next_body(body)
-    height = (
-        system._centre(body, state)[2]
-        - system._centre(body, state)[0] * (system.landing(body, state)[1])
-    )
+    mass, _, moment = system._centre(body, state)
+    height = moment - mass * system.landing(body, state)[1]
     if abs(system._centre(then, new)[2] - height) > _CLOSE * (1.0 + abs(height)):
         raise checks.error(
             "relabel", "does not name the same posture: the centre of mass is at another height "
@@ -451,9 +445,9 @@ def _check_statement(checks: Checks, equations: hybrid.System) -> None:
         _check_pose(checks, state)
         _check_energies(checks, equations, state)
         for phase in equations.phases:
-            tied = equations.State(*_tied(phase, state))
-            _check_phase(checks, equations, phase, tied)
-            _check_resets(checks, equations, phase, tied)
+            here = tied(state, phase.links)
+            _check_phase(checks, equations, phase, here)
+            _check_resets(checks, equations, phase, here)
     for phase in equations.phases:
         if len(constants_used(equations, phase)) > MOST_CONSTANTS:
             raise checks.error(
@@ -515,11 +509,10 @@ def _check_energies(checks: Checks, equations: hybrid.System, state: Any) -> Non
     checks.numbers("measure", checks.tried("measure", equations.measure, *given), 4)
 
 
-def _tied(phase: Phase, state: Any) -> list[Any]:
-    """Return a state in which coordinates that are tied move with the last free one."""
-    half = len(state) // 2
-    return [part[min(i, phase.links - 1)] for part in (state[:half], state[half:])
-            for i in range(half)]  # fmt: skip
+def _rate(value: Any, state: Any, bends: Sequence[Any]) -> Any:
+    """Return the rate of a value, given the accelerations of all coordinates."""
+    moves = (*state[len(bends) :], *bends)
+    return sum(d * v for d, v in zip(rates_by(value, state), moves, strict=True))
 
 
 def _check_phase(checks: Checks, equations: hybrid.System, phase: Phase, state: Any) -> None:
@@ -533,13 +526,12 @@ def _check_phase(checks: Checks, equations: hybrid.System, phase: Phase, state: 
     found = checks.tried(name, Derived(phase.accelerations), body, state, control, _SLOPING)
     checks.numbers(name, found, phase.links)
 
-    def powers(body: Any, state: Any) -> tuple:
+    def bends_of(body: Any, state: Any) -> list[Any]:
         turns = phase.accelerations(body, state, control, _SLOPING)
-        moves = [*state[count:], *(turns[min(i, phase.links - 1)] for i in range(count))]
+        return [turns[min(i, phase.links - 1)] for i in range(count)]
 
-        def rate(value: Any) -> Any:
-            return sum(d * v for d, v in zip(rates_by(value, state), moves, strict=True))
-
+    def powers(body: Any, state: Any) -> tuple:
+        rate = partial(_rate, state=state, bends=bends_of(body, state))
         gained = [rate(equations.kinetic_energy(body, state))]
         gained.append(rate(equations.potential_gain(body, start, state, _SLOPING)))
         if equations.spring_gain is not None:
@@ -553,12 +545,9 @@ def _check_phase(checks: Checks, equations: hybrid.System, phase: Phase, state: 
         return tuple(gained)
 
     def forces(body: Any, state: Any) -> tuple:
-        turns = phase.accelerations(body, state, control, _SLOPING)
-        bends = [turns[min(i, phase.links - 1)] for i in range(count)]
-        changes = [
-            sum(d * v for d, v in zip(rates_by(p, state), (*state[count:], *bends), strict=True))
-            for p in equations.momentum(body, state)  # type: ignore[misc]
-        ]
+        bends = bends_of(body, state)
+        momenta = equations.momentum(body, state)  # type: ignore[misc]
+        changes = [_rate(momentum, state, bends) for momentum in momenta]
         back, up = equations.ground_force(body, state, bends, _SLOPING)  # type: ignore[misc]
         weight = checks.system.total_mass
         return (*changes, back + weight * _SLOPING.sine, up - weight * _SLOPING.cosine)
@@ -635,7 +624,7 @@ def _check_resets(checks: Checks, equations: hybrid.System, phase: Phase, state:
         if abs(moved) > 1e-6:
             raise checks.error(name, f"moves the walker by {abs(moved):.3g}: its posture must stay")
         links = equations.phases[reset.into or 0].links
-        if not np.allclose(after, _tied(equations.phases[reset.into or 0], after), atol=1e-9):
+        if not np.allclose(after, tied(after, links), atol=1e-9):
             raise checks.error(
                 name, f"leaves coordinates moving apart that its next phase, of {links} links, "
                 "moves together"

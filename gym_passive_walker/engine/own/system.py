@@ -552,7 +552,7 @@ class System(Model):
             place=self._place,
             kinetic_energy=Derived(self._kinetic_energy),
             potential_gain=self._potential_gain,
-            foot_clearance=lambda body, state: self.landing(body, state)[1],
+            foot_clearance=self._clearance,
             mass_matrix=Derived(self._mass_matrix),
             travel=self.travel,
             works=self.Control(*[1.0] * len(self.Control._fields)),  # type: ignore[attr-defined]
