@@ -74,17 +74,11 @@ class Linear(NamedTuple):
 
 
 class _Rules(NamedTuple):
-    """What holds in recorded steps.
+    """What holds in recorded steps."""
 
-    Attributes:
-        given: The environment's scene.
-        scene: The parts of it that have derivatives.
-        rewarded: Whether rewards have derivatives.
-    """
-
-    given: Scene
-    scene: Scene
-    rewarded: bool
+    given: Scene  # the environment's
+    scene: Scene  # the parts of it that have derivatives
+    rewarded: bool  # whether rewards have derivatives
 
 
 class StepRecorder:

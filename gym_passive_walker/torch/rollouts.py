@@ -102,7 +102,7 @@ def initial_state(
             a `System` does not support.
         WalkerError: if a walker has no such parameter.
     """
-    scene, count = _differentiable(make_scene(scene)), whole(count, "count")
+    scene, count = _differentiable(scene), whole(count, "count")
     batch = Batch(scene, count)
     seed_randoms(batch, seed, range(count))
     batch.start(np.arange(count), np.empty(count * batch.observation_size, np.float32))
@@ -140,12 +140,9 @@ def initial_state(
     return here._replace(last=last)
 
 
-def _differentiable(scene: Scene) -> Scene:
-    """Return the scene after a check that rollouts can follow its episodes.
-
-    Raises:
-        SceneError: if feasibility constraints end its episodes.
-    """
+def _differentiable(given: SceneLike) -> Scene:
+    """Return a scene after a check that no feasibility constraint ends its episodes."""
+    scene = make_scene(given)
     ending = [name for name, what in scene.constraints.items() if what == "end"]
     if ending:
         raise SceneError(
@@ -194,7 +191,7 @@ def rollout(
             "rollout needs a function or a module from tensors of observations to tensors of "
             f"actions, not {shown(policy)}: robustness and gauntlet take other controllers"
         )
-    scene, horizon = _differentiable(make_scene(scene)), whole(horizon, "horizon")
+    scene, horizon = _differentiable(scene), whole(horizon, "horizon")
     here = initial_state(scene, count, seed=seed) if start is None else _checked(scene, start)
     impulses = None
     if pushes is not None:
@@ -222,11 +219,7 @@ def rollout(
 
 
 def _checked(scene: Scene, start: RolloutState) -> RolloutState:
-    """Return states after a check that they are as those of a scene.
-
-    Raises:
-        ValueError: if arrays have other sizes.
-    """
+    """Return states after a check that their arrays have the sizes of a scene's."""
     actions = len(scene.actions)
     wanted = {
         "states": (scene.walker.size,), "strengths": (actions,),

@@ -271,15 +271,10 @@ def _walked(
     impulses: Tensor | None,
     options: FlowOptions,
 ) -> tuple[FlowResult, _Pushes]:
-    """Integrate walkers to a time of their strides, with all pushes on the way.
+    """Integrate walkers to a time of their strides, (n,), with all pushes on the way.
 
-    Args:
-        scene: The scene.
-        here: States before the step.
-        grounded: Slope, controls, and changes to the next foothold, (n,) each.
-        until: Times at which the step ends, (n,).
-        impulses: Impulses on the hip as the step begins, (n,); None for none.
-        options: Options, without pushes.
+    `grounded` has the slope, the controls, and the changes to the next foothold, (n,) each; the
+    `options` are without pushes, and the `impulses` those with which the step begins.
     """
     zeros = torch.zeros_like(until)
     push, met = zeros if impulses is None else impulses, _Pushes(here.due, here.pushes, zeros)

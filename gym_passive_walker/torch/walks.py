@@ -235,15 +235,9 @@ _Result = TypeVar("_Result", Stride, Tick)
 def _found(
     kind: type[_Result], walker: Walker, units: Units, time: Tensor, moved: FlowResult, held: Tensor
 ) -> _Result:
-    """Return results for n walkers as a `Stride` or a `Tick`, in the walkers' own units.
+    """Return results for n walkers in their own units, from dimensionless ones.
 
-    Args:
-        kind: Class of the result.
-        walker: The walker.
-        units: Its units, which parameters may change.
-        time: The unit of time, (n, 1).
-        moved: Dimensionless results.
-        held: Dimensionless torques, (n, controls).
+    `units` are those of the walkers, with `time` (n, 1); `held` are their torques, (n, controls).
     """
     works, half = walker.equations().works, moved.columns.report.size // 2
     found = {
@@ -360,11 +354,7 @@ def _walk(
 def _controls(
     walker: Any, actuation: Actuation, met: tuple[Any, Any, Any], controls: Any
 ) -> tuple[Any, ...]:
-    """Return the values of the walker's controls, in their order.
-
-    Raises:
-        ValueError: if the walker has no such actuator, or the foothold's slope changes.
-    """
+    """Return the values of the walker's controls in their order, after a check of all inputs."""
     asked = dict(controls or {})
     if "actuation" in walker.supports:
         if asked:

@@ -243,8 +243,8 @@ class Walker(Shown, Model):
 
     def facts(self) -> dict[str, str]:
         """The walker's parameters, in its own units."""
-        numbers = (field.name for field in fields(self) if field.name != "knees")
-        return {name: f"{getattr(self, name):.6g}" for name in numbers} | {"knees": str(self.knees)}
+        numbers = {name: f"{value:.6g}" for name, value in self.parameters.items()}
+        return numbers | {"knees": str(self.knees)}
 
     def __repr__(self) -> str:
         """The expression that makes the walker, without parameters that have their default."""
