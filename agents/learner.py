@@ -163,10 +163,8 @@ def begin_with(model: BaseAlgorithm, name: str, *, trust: bool = False) -> None:
     hidden, last = PLACES["sac" if squashed else "ppo"]
     modules = [*attrgetter(hidden)(model.policy), attrgetter(last)(model.policy)]
     layers = [module for module in modules if isinstance(module, nn.Linear)]
-    found, own = (
-        [tuple(weight.shape) for weight in weights]
-        for weights in ([weight for weight, _ in network.layers], [x.weight for x in layers])
-    )
+    found = [tuple(weight.shape) for weight, _ in network.layers]
+    own = [tuple(layer.weight.shape) for layer in layers]
     if network.squashed != squashed or found != own:
         raise ConfigError(
             f"{name} cannot be continued: it is of {config.algo.upper()} with layers {found}, and "

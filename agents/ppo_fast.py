@@ -250,16 +250,8 @@ class FastPPO(BaseAlgorithm):
         return ["policy", "policy.optimizer"], []
 
     def _excluded_save_params(self) -> list[str]:
-        return [
-            *super()._excluded_save_params(),
-            "actor",
-            "critic",
-            "most",
-            "weights",
-            "gradient",
-            "helper",
-            "walkers",
-        ]
+        own = ("actor", "critic", "most", "weights", "gradient", "helper", "walkers")
+        return [*super()._excluded_save_params(), *own]
 
     def _setup_learn(self, *arguments: Any, **named: Any) -> tuple[int, BaseCallback]:
         prepared = super()._setup_learn(*arguments, **named)

@@ -21,14 +21,7 @@ from gym_passive_walker._tools.arguments import shown, unknown
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.actuation import Actuation, check_actuation
 from gym_passive_walker.gaits.control.ticks import hold
-from gym_passive_walker.gaits.flow import (
-    Entry,
-    Reported,
-    Walkers,
-    go_on,
-    new_records,
-    report_of,
-)
+from gym_passive_walker.gaits.flow import Entry, Reported, Walkers, go_on, new_records, report_of
 from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.equations.numbers import complex_step, step_derivative
 from gym_passive_walker.models.equations.systems import UNEVEN

@@ -29,12 +29,7 @@ from gym_passive_walker.gaits.scenes.scene import (
 from gym_passive_walker.models.model import check_heights_only
 from gym_passive_walker.models.units import observed_numbers
 from gym_passive_walker.torch.counting import applied, check_alone
-from gym_passive_walker.torch.operation import (
-    array_of,
-    as_tensor,
-    check_parameters,
-    check_phases,
-)
+from gym_passive_walker.torch.operation import array_of, as_tensor, check_parameters, check_phases
 from gym_passive_walker.torch.steps import (
     RolloutState,
     drawn,

@@ -88,14 +88,10 @@ def assemble(
         WalkerError: if the parts have no mass, or the walker is impossible.
         ValueError: if a length or an angle is not a finite number.
     """
-    thigh_length, shank_length = (
-        number(thigh_length, "thigh_length"),
-        number(shank_length, "shank_length"),
-    )
-    foot_radius, knee_angle = (
-        number(foot_radius, "foot_radius"),
-        one_slope(knee_angle, "knee_angle"),
-    )
+    thigh_length = number(thigh_length, "thigh_length")
+    shank_length = number(shank_length, "shank_length")
+    foot_radius = number(foot_radius, "foot_radius")
+    knee_angle = one_slope(knee_angle, "knee_angle")
     upper, lower = combine(thigh), combine(shank)
     reach = shank_length - foot_radius
     sine, cosine = math.sin(knee_angle), math.cos(knee_angle)

@@ -106,11 +106,8 @@ def interpolate(a: WalkerLike, b: WalkerLike, fraction: float) -> Walker:
         ValueError: if the fraction is not a number.
         WalkerError: if only one of them has knees, or the result is invalid.
     """
-    a, b, fraction = (
-        check_supports(as_walker(a), "McGeer's parameters"),
-        check_supports(as_walker(b), "McGeer's parameters"),
-        number(fraction, "fraction"),
-    )
+    a, b = (check_supports(as_walker(walker), "McGeer's parameters") for walker in (a, b))
+    fraction = number(fraction, "fraction")
     if a.knees != b.knees:
         raise WalkerError("cannot interpolate between walkers of which `knees` differs")
     values = {
