@@ -121,7 +121,7 @@ def kernels() -> None:
         f"Scene `level`, compiled for sm_{CAPABILITY}0. A step reads {8 * there.read} bytes of a "
         f"walker's column and writes {8 * there.size}; actions and results are {passed} more"
     )
-    _report("gpu kernels", f"{table(heads, rows)}\n\n{said}.")
+    keep("gpu kernels", f"{table(heads, rows)}\n\n{said}.", GPU)
 
 
 def launch() -> None:
@@ -155,7 +155,7 @@ def launch() -> None:
                 kernel = cuda.jit(lambda given: None)
                 rows.append((label, _microseconds(lambda k=kernel, a=argument: k[16, 64, 0](a))))
     text = table(["a kernel takes", "µs"], rows)
-    _report("gpu launch", f"{text}\n\n{machine('numba-cuda')}")
+    keep("gpu launch", f"{text}\n\n{machine('numba-cuda')}", GPU)
 
 
 def _handed_over(stream: Any, config: Any, kernel: Any, *arguments: Any) -> None:
@@ -244,7 +244,7 @@ def warps() -> None:
         f"{100.0 * share:.0f} % of control steps are one integration step without an event; "
         f"{ends:.1f} % end an episode."
     )
-    _report("gpu warps", f"{text}\n\n{said}")
+    keep("gpu warps", f"{text}\n\n{said}", GPU)
 
 
 def _operations() -> tuple[Any, Any]:
@@ -294,10 +294,6 @@ def _walked(count: int = 4096, warm: int = 100, steps: int = 32) -> list[_Step]:
             )
         over = fell | late
     return found
-
-
-def _report(name: str, text: str) -> None:
-    keep(name, text, GPU)
 
 
 PARTS = {"kernels": kernels, "launch": launch, "warps": warps}

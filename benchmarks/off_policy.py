@@ -25,7 +25,7 @@ from agents.config import configure
 from agents.envs import arena, training_envs
 from agents.exploration import explorers
 from agents.learner import LearnedPolicy, schedule
-from benchmarks.report import machine, table
+from benchmarks.report import machine, spread, table
 from gym_passive_walker._tools import console
 from gym_passive_walker._tools.extras import extra
 from gym_passive_walker.envs.evaluation.walks import simulate_episodes
@@ -84,12 +84,6 @@ def learn(learner: str, seed: int, steps: int | None) -> dict[str, Any]:
         "return": float(walks.reward.mean()), "speed": speed,
         "gap": cost / least_cost("level", speed) - 1.0, "cpu": took,
     }  # fmt: skip
-
-
-def spread(values: list[float], form: str) -> str:
-    """Median of values, and their range if there are several."""
-    low, middle, high = (format(x, form) for x in np.percentile(values, [0.0, 50.0, 100.0]))
-    return middle if len(values) == 1 else f"{middle} ({low} to {high})"
 
 
 def main() -> None:

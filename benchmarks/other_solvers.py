@@ -135,14 +135,8 @@ def heyoka_stride(
     return stride
 
 
-def heyoka_batch(
-    p: Problem, tolerance: float, lanes: int, *, events: bool = True
-) -> Callable[[NDArray], NDArray]:
-    """A stride map of `lanes` states, (lanes, 6), by heyoka's batch mode.
-
-    Without `events`, each phase is integrated for its duration in the first stride. The run time is
-    then a lower bound, as if events cost nothing, and the states returned are not at events.
-    """
+def heyoka_batch(p: Problem, tolerance: float, lanes: int) -> Callable[[NDArray], NDArray]:
+    """A stride map of `lanes` states, (lanes, 6), by heyoka's batch mode."""
     import heyoka as hy
 
     phases, integrators = p.system.phases, []
@@ -152,46 +146,29 @@ def heyoka_batch(
         integrators.append(
             hy.taylor_adaptive_batch(
                 equations, np.zeros((2 * phase.links, lanes)), tol=tolerance, fast_math=True,
-                **({"t_events": [ending]} if events else {}),
+                t_events=[ending],
             )
         )  # fmt: skip
     collisions = [_collision(p, phase) for phase in phases]
-    durations = [] if events else [np.full(lanes, time) for time in _durations(p)]
 
     def stride(starts: NDArray) -> NDArray:
         y = np.array(coordinates(phases[0], starts.T))
-        for i, (phase, ta) in enumerate(zip(phases, integrators, strict=True)):
+        for phase, ta, collide in zip(phases, integrators, collisions, strict=True):
             ta.set_time(np.zeros(lanes))
             ta.state[:] = y
-            if not events:
-                ta.propagate_until(durations[i])
-            else:
-                ta.reset_cooldowns()
-                until = np.full(lanes, _LONGEST)
-                running = np.ones(lanes, bool)
-                while running.any():
-                    ta.propagate_until(until)
-                    stopped = np.array([int(r[0]) == -1 for r in ta.propagate_res])
-                    stopped &= counts(p, phase, ta.state)
-                    running &= ~stopped
-                    until[stopped] = ta.time[stopped]
-            y = collisions[i](ta.state)
+            ta.reset_cooldowns()
+            until = np.full(lanes, _LONGEST)
+            running = np.ones(lanes, bool)
+            while running.any():
+                ta.propagate_until(until)
+                stopped = np.array([int(r[0]) == -1 for r in ta.propagate_res])
+                stopped &= counts(p, phase, ta.state)
+                running &= ~stopped
+                until[stopped] = ta.time[stopped]
+            y = collide(ta.state)
         return y.T
 
     return stride
-
-
-def _durations(p: Problem) -> list[float]:
-    """Durations of a stride's phases, from the problem's first initial state."""
-    y, times = coordinates(p.system.phases[0], p.starts[0]), []
-    for phase, ta in zip(p.system.phases, heyoka_integrators(p, 1e-12), strict=True):
-        ta.state[:] = y
-        ta.propagate_until(_LONGEST)
-        while not counts(p, phase, ta.state):
-            ta.propagate_until(_LONGEST)
-        times.append(ta.time)
-        y = struck(p, phase, ta.state)
-    return times
 
 
 def heyoka_swings(p: Problem, end: float, lanes: int = 8) -> Callable[[NDArray, float], NDArray]:

@@ -1,7 +1,5 @@
 """Benefit of exact events: the straight-legged walker on a penalty contact, in MuJoCo.
 
-    python -m benchmarks.penalty
-
 The walker is that of the "straight" problem, in the engine's units (leg length, total mass,
 sqrt(l/g)). A general engine does not locate impacts: a landing is detected at a time step, and a
 collision is a stiff spring and damper that acts over some steps.
@@ -16,9 +14,8 @@ from numpy.typing import NDArray
 
 from benchmarks.engine import again, new_batch
 from benchmarks.problem import WALKS, Problem, problem
-from benchmarks.report import command, machine, seconds, table
+from benchmarks.report import seconds, table
 from gym_passive_walker import WALKERS, Gait, find_gait, stride, stride_jacobian
-from gym_passive_walker._tools import console
 from gym_passive_walker.gaits.gait import multipliers_of
 
 TRIED = {"implicitfast": (1e-2, 3e-3, 1e-3, 3e-4, 1e-4), "RK4": (1e-2, 1e-3)}
@@ -225,13 +222,3 @@ step, so strides scatter. Multipliers are therefore a linear fit through {SAMPLE
 to {SPREAD} around the fixed point at mid-stance. This width gives MuJoCo's smallest errors. Of
 MuJoCo's integrators, implicitfast is the more accurate one. RK4 takes more time, and its step
 period does not converge on a contact this stiff."""
-
-
-def main() -> None:
-    """Print the report."""
-    command(__doc__)
-    print(f"{report()}\n\n{machine('mujoco')}.")
-
-
-if __name__ == "__main__":
-    raise SystemExit(console.run(main))

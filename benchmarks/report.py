@@ -13,6 +13,8 @@ from datetime import date
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+import numpy as np
+
 from benchmarks.tables import DOCS
 
 
@@ -160,6 +162,12 @@ def plot(
         axes.invert_xaxis()
     legend(axes)
     save(figure, DOCS / "images" / f"{name}.png")
+
+
+def spread(values: Sequence[float], form: str) -> str:
+    """Median of values, and their range if there are several."""
+    low, middle, high = (format(x, form) for x in np.percentile(values, [0.0, 50.0, 100.0]))
+    return middle if len(values) == 1 else f"{middle} ({low} to {high})"
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

@@ -42,11 +42,10 @@ ROUNDS = 5
 
 def by_turns(jobs: dict[str, Callable[[], object]]) -> dict[str, float]:
     """Seconds of each job: the least over some rounds, each of which runs all jobs."""
-    best = dict.fromkeys(jobs, float("inf"))
-    for _ in range(ROUNDS):
-        for name, job in jobs.items():
-            best[name] = min(best[name], seconds(job, at_least=0.1, repeats=2))
-    return best
+    rounds = [
+        [seconds(job, at_least=0.1, repeats=2) for job in jobs.values()] for _ in range(ROUNDS)
+    ]
+    return dict(zip(jobs, map(min, *rounds), strict=True))
 
 
 def kinds() -> str:

@@ -18,24 +18,14 @@ from statistics import median
 from typing import Any
 
 import gymnasium as gym
-import numba
 import numpy as np
 
 import gym_passive_walker  # noqa: F401  (registers the environment)
 from benchmarks import engine, reference
 from benchmarks.engine import microseconds
-from benchmarks.problem import WALKS, Problem, error, problem
+from benchmarks.problem import WALKS, error, problem
 from benchmarks.report import command, machine, plot, seconds, table
 from benchmarks.tables import BENCHMARKS, keep
-from gym_passive_walker.engine import jit
-from gym_passive_walker.engine.compiled import constants_used
-from gym_passive_walker.engine.compiler import PRIMITIVES
-from gym_passive_walker.engine.equations import Equations
-from gym_passive_walker.engine.layout import TILE, WIDTH, aligned
-from gym_passive_walker.engine.machine import loaded, object_code
-from gym_passive_walker.engine.native import GROUP, Function, Memory, Module
-
-call = PRIMITIVES[jit.call]
 
 CORES = os.cpu_count() or 1
 SIZES = [10**k for k in range(7)]
@@ -45,45 +35,16 @@ def accelerations() -> None:
     """Measure one evaluation of the equations of motion: over a tile's lanes, and of one walker."""
     rows = []
     for name in WALKS:
-        together, alone = (_nanoseconds(problem(name), vectorized) for vectorized in (True, False))
+        equations, tile = engine.equations_of(problem(name))
+        together, alone = (
+            engine.nanoseconds(
+                engine.over_tile([engine.acceleration(equations)], alone=alone), tile, alone=alone
+            )
+            for alone in (False, True)
+        )
         rows.append((name, together, alone, alone / together))
     heads = ["walker", "ns, one of a tile", "ns, one alone", "ratio"]
     keep("accelerations", f"{table(heads, rows)}\n\nOne core. {machine()}.", BENCHMARKS)
-
-
-def _nanoseconds(p: Problem, vectorized: bool) -> float:
-    """Nanoseconds per lane of an evaluation: of a whole tile, or of one lane after another."""
-    phase = p.system.phases[0]
-    used = constants_used(p.system, phase)
-    equations, module = Equations(p.system, phase, used), Module()
-    function = Function(module, "evaluate", (TILE,))
-
-    def evaluate(tile: Memory) -> None:
-        for link, a in enumerate(equations.accelerations(tile, equations.state(tile))):
-            # Change the state a little, so that each evaluation has other values.
-            tile["angle", link] = tile["angle", link] + 1e-9 * a
-
-    function.over_lanes(evaluate) if vectorized else function.once(evaluate, lane=True)
-    function.end()
-    code = loaded(object_code(module))
-    address, vectors = code.get_function_address("evaluate"), code.get_global_value_address("table")
-    tile, times = aligned(TILE, 1), 20_000
-    tile["angle"] = np.random.default_rng(0).uniform(-1.0, 1.0, tile["angle"].shape)
-    tile["ground"] = np.array(p.ground)[:, None]
-    body = np.array([getattr(p.body, name) for name in used])
-    tile["body"][:, : len(body)] = body[:, None]
-
-    @numba.njit
-    def evaluated(start, times):  # type: ignore[no-untyped-def]
-        for turn in range(times):
-            if not vectorized:
-                call(address, start, vectors, turn % WIDTH, 0, 0.0, 0.0)
-                continue
-            for group in range(WIDTH // GROUP):
-                call(address, start + 8 * GROUP * group, vectors, 0, 0, 0.0, 0.0)
-
-    job = partial(evaluated, tile.ctypes.data, times)
-    return seconds(job) / times / (WIDTH if vectorized else 1) * 1e9
 
 
 def strides() -> None:

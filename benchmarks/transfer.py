@@ -25,7 +25,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.env_util import make_vec_env
 
 import gym_passive_walker  # noqa: F401  (registers the environments)
-from benchmarks.report import machine, table
+from benchmarks.report import machine, spread, table
 from benchmarks.tables import DOCS, keep
 from gym_passive_walker._tools import console
 
@@ -82,12 +82,6 @@ def walks(name: str, seed: int, steps: int, where: str) -> list[dict[str, float]
         place.write_text(json.dumps(found), "utf-8")
         print(name, seed, "in", where, "done", flush=True)
     return json.loads(place.read_text("utf-8"))
-
-
-def spread(values: list[float], form: str) -> str:
-    """Median and range."""
-    low, high = min(values), max(values)
-    return f"{median(values):{form}} ({low:{form}} to {high:{form}})"
 
 
 def main() -> int:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from benchmarks.stress_cases.case import Finding, case
 from benchmarks.stress_cases.flight import Flock, flock
-from benchmarks.stress_cases.gaits import every_gait, start
+from benchmarks.stress_cases.gaits import every_gait, near
 from gym_passive_walker import WALKERS, Outcome
 from gym_passive_walker.engine.layout import PAIR
 from gym_passive_walker.engine.run import new_records
@@ -70,12 +70,9 @@ def proportional(count: int, rng: np.random.Generator) -> Finding:
     tried, worst = 0, 0.0
     tolerances = 10.0 ** np.arange(-4.0, -13.5, -1.0)
     medians = []
-    for name, gait in every_gait():
+    for _, gait in every_gait():
         mine = flock(gait.walker)
-        states = start(gait) * (1.0 + 0.02 * rng.normal(size=(count, 6)))
-        states[:, 1:3] = -states[:, :1]
-        if not WALKERS[name].knees:
-            states[:, 5] = states[:, 4]
+        states = near(gait, rng, count, 0.02)
         options = {"slope": gait.slope, "torque": 0.003}
         exact = mine.follow(states, tolerance=1e-15, **options)
         walked = exact["outcome"] == Outcome.HEELSTRIKE

@@ -17,7 +17,6 @@ from gym_passive_walker.models.model import bodies
 TOPIC = "Anything at all"
 _SHAPES, _THROWS = 200, 50  # shapes of a portion; initial states of each shape
 _TOLERANCES = (1e-4, 1e-8, 1e-12)
-_ROUNDING = 1e-14  # of energies over m g l; a walker almost at rest has much smaller energies
 
 
 def random_flock(rng: np.random.Generator, kind: int) -> Flock:
@@ -50,11 +49,7 @@ def any_walker(count: int, rng: np.random.Generator) -> Finding:
         tried += portion
         failed += int((~known).sum())
         if mine.works:
-            missing, moved = mine.energy_balance(states, walks)
-            # The tolerance is relative to the largest angle or angular velocity, so a slow walker's
-            # error may exceed its energies.
-            largest = np.maximum(np.abs(states), np.abs(walks["state"])).max(axis=1)
-            share = missing / (tolerance * (moved + largest**2) + _ROUNDING)
+            share = mine.error_over_tolerance(states, walks, tolerance)
             worst = max(worst, float(share[known].max()))
     return Finding(tried, failed, worst)
 

@@ -12,7 +12,6 @@ from benchmarks.stress_cases.flight import (
     FREE,
     Flock,
     flock,
-    flock_of,
     mirrored,
     random_shapes,
     random_states,
@@ -29,9 +28,9 @@ def flocks(rng: np.random.Generator, count: int) -> list[Flock]:
     """Walkers of each kind, with random shapes."""
     n = max(1, count // 3)
     return [
-        flock_of(random_shapes(rng, n, knees=True)),
-        flock_of(random_shapes(rng, n, knees=False)),
-        flock_of([SIMPLEST] * n),
+        flock(*random_shapes(rng, n, knees=True)),
+        flock(*random_shapes(rng, n, knees=False)),
+        flock(*[SIMPLEST] * n),
     ]
 
 
@@ -75,7 +74,7 @@ def heelstrike_momenta(count: int, rng: np.random.Generator) -> Finding:
     tried, failed, worst = 0, 0, 0.0
     for knees in (True, False):
         walkers = random_shapes(rng, max(1, count // 2), knees=knees)
-        mine, n = flock_of(walkers), len(walkers)
+        mine, n = flock(*walkers), len(walkers)
         angle = rng.uniform(0.0, 1.0, n)
         rates = rng.normal(size=(n, 3))
         before = np.concatenate([np.outer(angle, [-1.0, 1.0, 1.0]), rates], axis=1)
@@ -108,7 +107,7 @@ def kneestrike_momenta(count: int, rng: np.random.Generator) -> Finding:
     before = random_states(rng, count, straight=True, angle=1.0)
     before[:, 2] -= 1e-15
     before[:, 5] = before[:, 4] + rng.uniform(0.5, 2.0, count)
-    records = flock_of(walkers).follow(before, 1e-14, phase=FREE)
+    records = flock(*walkers).follow(before, 1e-14, phase=FREE)
     old, new = Bodies(walkers, before), Bodies(walkers, records["state"])
     kept = [
         old.momentum(0.0 * old.hip) - new.momentum(0.0 * new.hip),
@@ -161,7 +160,7 @@ def mirror(count: int, rng: np.random.Generator) -> Finding:
     tried, worst = 0, 0.0
     for knees in (True, False):
         walkers = random_shapes(rng, max(1, count // 2), knees=knees)
-        here, there = flock_of(walkers), flock_of([mirrored(walker) for walker in walkers])
+        here, there = flock(*walkers), flock(*map(mirrored, walkers))
         states, _ = in_flight(rng, here)
         states[:, 2], states[:, 5] = states[:, 1], states[:, 4]  # a knee bends one way only
         n = len(states)

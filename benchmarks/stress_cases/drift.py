@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.stress_cases.case import Finding, case
-from benchmarks.stress_cases.flight import flock, flock_of
+from benchmarks.stress_cases.flight import flock
 from benchmarks.stress_cases.gaits import every_gait, start
 from gym_passive_walker import Outcome, Walker
 from gym_passive_walker.engine.run import new_records
@@ -84,7 +84,7 @@ def million_strides(count: int, rng: np.random.Generator) -> Finding:
     kinds = {gait.walker.equations().name for gait in stable}
     for system in (SYSTEMS[name] for name in sorted(kinds)):
         own = [gait for gait in stable if gait.walker.equations() is system]
-        mine = flock_of([gait.walker for gait in own])
+        mine = flock(*(gait.walker for gait in own))
         points = np.array([start(gait) for gait in own])
         records = new_records(points, [gait.slope for gait in own])[:, 0]
         least, most = points.copy(), points.copy()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from benchmarks.stress_cases.case import Finding, case
 from benchmarks.stress_cases.flight import flock
-from benchmarks.stress_cases.gaits import every_gait, gaits, start
+from benchmarks.stress_cases.gaits import every_gait, gaits, near, start
 from gym_passive_walker import WALKERS, Outcome, Walker, stride
 from gym_passive_walker.engine.run import LONGEST_STRIDE
 
@@ -78,13 +78,9 @@ def any_throw(count: int, rng: np.random.Generator) -> Finding:
         tolerance = float(rng.choice([1e-3, 1e-8, 1e-12]))
         end_on_toe_stub = bool(rng.random() < 0.5)
         walks = mine.follow(
-            states,
-            LONGEST_STRIDE,
-            slope=slope,
-            torque=torque,
-            tolerance=tolerance,
+            states, slope=slope, torque=torque, tolerance=tolerance,
             end_on_toe_stub=end_on_toe_stub,
-        )
+        )  # fmt: skip
         tried += n
         failed += int((~ended(walks)).sum())
     return Finding(tried, failed)
@@ -98,12 +94,9 @@ def any_throw(count: int, rng: np.random.Generator) -> Finding:
 def huge_torque(count: int, rng: np.random.Generator) -> Finding:
     """Test torques of both signs, from states near a gait."""
     tried, failed, worst = 0, 0, 0.0
-    for name, gait in every_gait():
+    for _, gait in every_gait():
         n = count // len(WALKERS)
-        states = start(gait) * (1.0 + 0.1 * rng.normal(size=(n, 6)))
-        states[:, 1:3] = -states[:, :1]
-        if not WALKERS[name].knees:
-            states[:, 5] = states[:, 4]
+        states = near(gait, rng, n, 0.1)
         torque = rng.choice([-100.0, 100.0], n)
         mine = flock(gait.walker)
         walks = mine.follow(states, slope=gait.slope, torque=torque, tolerance=1e-14)
@@ -171,14 +164,11 @@ def shallow_slopes(count: int, rng: np.random.Generator) -> Finding:
 def slopes_without_gaits(count: int, rng: np.random.Generator) -> Finding:
     """Test slopes downhill and uphill, also slopes without a gait."""
     tried, failed, worst = 0, 0, 0.0
-    for name, gait in every_gait():
+    for _, gait in every_gait():
         n = count // len(WALKERS)
         slope = 10.0 ** rng.uniform(-10.0, np.log10(0.5), n) * rng.choice([-1.0, 1.0], n)
-        states = start(gait) * (1.0 + 0.1 * rng.normal(size=(n, 6)))
-        states *= np.minimum(1.0, 3.0 * np.cbrt(np.abs(slope)))[:, None]  # how gaits shrink
-        states[:, 1:3] = -states[:, :1]
-        if not WALKERS[name].knees:
-            states[:, 5] = states[:, 4]
+        shrunk = np.minimum(1.0, 3.0 * np.cbrt(np.abs(slope)))  # as gaits shrink
+        states = near(gait, rng, n, 0.1, size=shrunk)
         mine = flock(gait.walker)
         walks = mine.follow(states, slope=slope, tolerance=1e-14)
         tried += n

@@ -19,6 +19,8 @@ FREE = 0
 BACKWARDS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
 """Factors that reverse the velocities of a state, for motion backwards in time."""
 
+_ROUNDING = 1e-14  # of energies over m g l; a walker almost at rest has much smaller energies
+
 STRAIGHT = {name: walker for name, walker in WALKERS.items() if not walker.knees}
 KNEED = {name: walker for name, walker in WALKERS.items() if walker.knees}
 
@@ -135,10 +137,23 @@ class Flock(NamedTuple):
         missing, moved = self.energy_balance(starts, records)
         return missing / moved
 
+    def error_over_tolerance(self, starts: NDArray, records: NDArray, tolerance: float) -> NDArray:
+        """Error of each energy balance over that which the tolerance permits, (n,).
 
-def flock(walker: Walker, *, using: tuple[str, ...] = ()) -> Flock:
-    """Any number of equal walkers; `using` names items of `EXTRAS` and `UNEVEN`."""
-    return Flock(walker.equations(using), bodies(walker))
+        The tolerance is relative to the largest angle or angular velocity, so a slow walker's error
+        may exceed its energies.
+        """
+        missing, moved = self.energy_balance(starts, records)
+        largest = np.maximum(np.abs(starts), np.abs(records["state"])).max(axis=1)
+        return missing / (tolerance * (moved + largest**2) + _ROUNDING)
+
+
+def flock(*walkers: Walker, using: tuple[str, ...] = ()) -> Flock:
+    """Walkers of one kind: any number of one, or each of several once.
+
+    `using` names items of `EXTRAS` and `UNEVEN`.
+    """
+    return Flock(walkers[0].equations(using), bodies(*walkers))
 
 
 def random_shapes(rng: np.random.Generator, count: int, *, knees: bool) -> list[Walker]:
@@ -167,11 +182,6 @@ def random_shapes(rng: np.random.Generator, count: int, *, knees: bool) -> list[
             )
         )
     return walkers
-
-
-def flock_of(walkers: list[Walker]) -> Flock:
-    """Walkers of one kind, each with its own shape."""
-    return Flock(walkers[0].equations(), bodies(*walkers))
 
 
 def mirrored(walker: Walker) -> Walker:
