@@ -155,10 +155,6 @@ def test_gaits_and_families_have_the_motors_that_are_asked_for(words, drive, rep
     assert family["stance_angle"] == exact.stance_angle.tolist()
 
 
-def test_a_pushed_walker_has_a_gait_on_level_ground(reported):
-    assert reported("gait", "D", 0.0, "--push-off", 0.05)[0]["speed"] > 0.0
-
-
 def test_programs_read_names_as_in_python_and_full_digits(reported, capsys):
     strides = reported("simulate", "D", 0.009, "--strides", 1)
     for name in strides[0].keys() - {"stride", "stance_angle"}:
@@ -424,14 +420,6 @@ def test_a_walk_of_a_controller_that_looks_ahead_is_printed_as_simulated(reporte
     assert [row["stance_angle"] for row in rows] == walk.states[::100, 0].tolist()
 
 
-def test_agents_are_evaluated_on_the_given_ground(reported):
-    smooth, bumpy = (
-        reported("evaluate", "level-ppo", "--episodes", 2, *ground)
-        for ground in ([], ["--terrain", "rough:height_std=0.004"])
-    )
-    assert smooth[0]["distance"] != bumpy[0]["distance"]
-
-
 def test_where_there_is_no_gait_the_status_tells(capsys):
     assert main(["gait", "lab", "0.001"]) == 1
     said = capsys.readouterr()
@@ -453,48 +441,6 @@ def test_a_missing_library_is_named_before_anything_is_computed(monkeypatch, cap
         assert main(words.split()) == 2
         said = capsys.readouterr().err
         assert f"needs {module}" in said and 'pip install "gym-passive-walker[' in said
-
-
-def test_a_family_is_printed_with_its_ends(reported, capsys):
-    family, exact = reported("family", "D", 0.005, 0.02), gpw.gait_family("D", 0.005, 0.02)
-    assert family["gaits"]["stance_angle"] == exact.stance_angle.tolist()
-    assert family["period_doublings"] == list(exact.period_doublings) != []
-    assert family["ends"] == [list(end) for end in exact.ends] or family["ends"][0]["reason"]
-    assert main("family D 0.005 0.02".split()) == 0
-    assert exact.ends[0].reason in capsys.readouterr().out
-
-
-def test_walks_settle_on_doubled_periods_as_the_slope_grows(reported, capsys):
-    words = ["bifurcation", "D", 0.012, 0.0175, "--slopes", 3, "--n-transient", 300]
-    assert reported(*words)["period"] == [1, 1, 2]
-    assert main(list(map(str, words))) == 0
-    assert "period 2" in capsys.readouterr().out.splitlines()[-1]
-
-
-def test_each_start_of_a_basin_leads_somewhere(reported, capsys):
-    found = reported("basin", "D", 0.009, "--resolution", 12, "--strides", 100)
-    settled = np.array(found["settled"])
-    assert settled.shape == (12, 12) and found["gaits"][0]["stable"]
-    assert main("basin D 0.009 --resolution 12 --strides 100".split()) == 0
-    rows = capsys.readouterr().out.splitlines()[2:]
-    shares = [float(row.split()[-1]) for row in rows]
-    assert sum(shares) == pytest.approx(1.0, abs=1e-5)
-    assert shares[0] == pytest.approx(np.mean(settled == -1), abs=1e-5)
-
-
-def test_a_check_is_the_reality_check_of_the_gait(reported, capsys):
-    gait = gpw.find_gait("lab", 0.036)
-    exact = gpw.reality_check("lab", 0.036, gait.state)
-    assert reported("check", "lab", 0.036)["passed"] == exact.passed
-    assert main(["check", "lab", "0.036"]) == 0
-    assert capsys.readouterr().out == f"{exact}\n"
-
-
-def test_a_walk_on_its_gait_repeats_itself(reported):
-    strides = reported("simulate", "lab", 0.036, "--strides", 4)
-    assert [row["outcome"] for row in strides] == ["HEELSTRIKE"] * 4
-    angles = [row["stance_angle"] for row in strides]
-    assert angles == pytest.approx([gpw.find_gait("lab", 0.036).stance_angle] * 4, rel=1e-9)
 
 
 def test_a_walk_that_falls_is_printed_to_its_end(reported):

@@ -466,13 +466,6 @@ def printed(words, capsys):
     return capsys.readouterr().out
 
 
-def test_every_option_of_evaluate_is_heard(capsys):
-    base = printed("evaluate --policy steep-ppo --episodes 1", capsys)
-    for words in ("steep-sac --episodes 1", "steep-ppo --episodes 2",
-                  "steep-ppo --episodes 1 --seed 5"):  # fmt: skip
-        assert printed(f"evaluate --policy {words}", capsys) != base
-
-
 def test_every_option_of_gait_is_heard(capsys, tmp_path, monkeypatch):
     base = printed("gait lqr --scene steep", capsys)
     for words in (
