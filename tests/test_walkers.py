@@ -94,18 +94,9 @@ def test_knees_are_there_or_not(knees):
 
 
 @pytest.mark.parametrize("name", ["thigh_length", "shank_length", "gravity"])
-@pytest.mark.parametrize("value", [0.0, -1.0])
-def test_lengths_and_gravity_are_positive(name, value):
-    with pytest.raises(WalkerError, match=f"{name} must be positive, not {value}"):
-        replace(LAB, **{name: value})
-
-
-@pytest.mark.parametrize(
-    "name", ["thigh_mass", "shank_mass", "hip_mass", "thigh_gyration", "shank_gyration"]
-)
-def test_masses_and_radii_of_gyration_are_not_negative(name):
-    with pytest.raises(WalkerError, match=f"{name} must not be negative, but is -0.1"):
-        replace(LAB, **{name: -0.1})
+def test_lengths_and_gravity_are_positive(name):
+    with pytest.raises(WalkerError, match=f"{name} must be positive, not 0.0"):
+        replace(LAB, **{name: 0.0})
 
 
 @pytest.mark.parametrize("radius", [-0.01, 0.46, 0.5])
@@ -119,13 +110,6 @@ def test_the_shank_reaches_the_foots_centre(angle):
     """At the lab walker's lengths the sine of the angle must be below 0.26 / 0.35."""
     with pytest.raises(WalkerError, match=r"foot_angle .* must be below 0.83"):
         replace(LAB, foot_angle=angle)
-
-
-def test_the_limit_of_the_foots_angle_is_the_one_that_the_error_names():
-    limit = math.asin(0.26 / 0.35)
-    assert replace(LAB, foot_angle=limit - 1e-9).shank_angle < 0.5 * math.pi
-    with pytest.raises(WalkerError, match=f"{limit:.6g}"):
-        replace(LAB, foot_angle=limit + 1e-9)
 
 
 @pytest.mark.parametrize("angle", [0.5 * math.pi, -0.5 * math.pi])
@@ -201,53 +185,6 @@ def test_a_straight_leg_goes_from_hip_to_foot_centre(name):
     assert sides[0] == pytest.approx(sides[1], rel=1e-15)
 
 
-TABLE = """
-      A       B    C       D    E
-l_t   0.35    0.5  0.35    0.5  0.5
-w_t   -0.023  0    -0.023  0    0
-r_t   0.1882  0    0.1882  0    0
-c_t   0.084   0    0.084   0    0
-l_s   0.46    0.5  0.46    0.5  0.5
-w_s   0.022   0    0.022   0    0
-r_s   0.1226  0    0.1226  0    0
-R     0.2     0.2  0.2     0    0
-eps_T 0.097   0    0.097   0    0
-"""
-WORDS = {
-    "l_t": "thigh_length",
-    "w_t": "thigh_offset",
-    "r_t": "thigh_gyration",
-    "c_t": "thigh_com",
-    "l_s": "shank_length",
-    "w_s": "shank_offset",
-    "r_s": "shank_gyration",
-    "R": "foot_radius",
-    "eps_T": "foot_angle",
-}
-
-
-def test_the_tabulated_walkers_are_those_of_table_4_1():
-    header, *rows = (line.split() for line in TABLE.strip().splitlines())
-    for symbol, *values in rows:
-        for name, value in zip(header, values, strict=True):
-            assert getattr(WALKERS[name], WORDS[symbol]) == float(value), (name, symbol)
-
-
-@pytest.mark.parametrize(
-    ("name", "thigh", "shank"),
-    [("A", 2.345, 1.013), ("B", 0.4, 0.1), ("C", 2.345, 1.013), ("E", 0.4, 0.1), ("F", 0.45, 0.05)],
-)
-def test_the_masses_of_the_tabulated_walkers(name, thigh, shank):
-    walker = WALKERS[name]
-    assert (walker.thigh_mass, walker.shank_mass, walker.hip_mass) == (thigh, shank, 0.0)
-
-
-def test_only_c_and_the_lab_walker_have_knees():
-    assert [name for name, walker in WALKERS.items() if walker.knees] == ["C", "lab"]
-    assert replace(WALKERS["lab-straight"], knees=True) == LAB
-    assert replace(WALKERS["A"], knees=True) == WALKERS["C"]
-
-
 def test_only_d_has_legs_without_mass():
     assert [name for name, walker in WALKERS.items() if walker.massless_legs] == ["D"]
 
@@ -304,11 +241,6 @@ def test_a_blend_goes_from_one_walker_to_the_other():
     a, b = tune(LAB), LAB
     assert interpolate(a, b, 0.0) == a
     assert interpolate(a, b, 1.0) == b
-    half = interpolate(a, b, 0.5)
-    for name in NUMBERS:
-        assert getattr(half, name) == pytest.approx(
-            0.5 * (getattr(a, name) + getattr(b, name)), rel=1e-15
-        )
     beyond = interpolate(a, b, 1.5)
     assert beyond.thigh_offset == pytest.approx(1.5 * b.thigh_offset - 0.5 * a.thigh_offset)
 
@@ -563,7 +495,8 @@ def test_walkers_without_a_title_are_called_by_preset_tuning_or_kind():
     for name, walker in WALKERS.items():
         assert name_of(replace(walker)) == name
         assert describe(replace(walker)) == f"walker {name!r}"
-    assert name_of(tune("C")) == "C (tuned)" and describe(tune("C")) == str(tune("C"))
+    assert name_of(replace(tune("C"))) == name_of(tune("C")) == "C (tuned)"
+    assert describe(tune("C")) == str(tune("C"))
     assert describe(LAB.titled("x")) == "walker 'x'"
     for walker, kind in (
         (replace(LAB, hip_mass=1.0), "kneed, leg length 0.81, mass 7.716"),
@@ -674,17 +607,3 @@ def test_each_part_is_checked_for_mass_and_inertia():
         with pytest.raises(WalkerError, match="mass and inertia of a part must not be negative"):
             combine([Part(1.0, 0.1), bad])
     assert combine([Part(0.0, 9.0), Part(1.0, 0.1)]) == Part(1.0, 0.1)
-
-
-def test_a_walker_without_a_title_has_the_name_of_its_preset_or_its_kind_and_sizes():
-    for name, preset in WALKERS.items():
-        assert name_of(replace(preset)) == name and describe(replace(preset)) == f"walker {name!r}"
-    assert name_of(replace(gpw.tune("C"))) == "C (tuned)"
-    sizes = "leg length 1.1, mass 2.5"
-    for parts, kind in (
-        ({"shank_mass": 0.25, "shank_com": 0.2, "knees": True}, "kneed"),
-        ({"shank_mass": 0.25, "knees": False}, "straight-legged"),
-        ({"thigh_mass": 0.0, "shank_mass": 0.0, "hip_mass": 2.5, "knees": False}, "simplest"),
-    ):
-        shared = {"thigh_length": 0.6, "shank_length": 0.5, "thigh_mass": 0.5, "hip_mass": 1.0}
-        assert name_of(Walker(**shared | parts)) == f"{kind}, {sizes}"

@@ -12,6 +12,14 @@ from gym_passive_walker.apps.sweeps.version import version
 from gym_passive_walker.envs.policies import TENSORS, policy_folder
 
 
+@pytest.fixture(scope="module")
+def copied(tmp_path_factory):
+    """A copy of the package."""
+    copy = tmp_path_factory.mktemp("package") / "copy"
+    only = shutil.ignore_patterns("__pycache__")
+    return shutil.copytree(Path(gpw.__file__).parent, copy, ignore=only)
+
+
 @pytest.mark.parametrize(
     ("part", "counts"),
     [
@@ -31,16 +39,13 @@ from gym_passive_walker.envs.policies import TENSORS, policy_folder
     ],
 )
 def test_another_equation_search_or_policy_is_another_version_and_another_picture_is_not(
-    part, counts, tmp_path, monkeypatch
+    part, counts, copied, monkeypatch
 ):
-    only = shutil.ignore_patterns("__pycache__")
-    copy = tmp_path / "copy"
-    shutil.copytree(Path(gpw.__file__).parent, copy, ignore=only)
-    monkeypatch.setattr(module, "__file__", str(copy / "apps" / "sweeps" / "version.py"))
-    before = version("gait")
-    with (copy / part).open("a") as file:
-        file.write("# another\n")
+    monkeypatch.setattr(module, "__file__", str(copied / "apps" / "sweeps" / "version.py"))
+    before, content = version("gait"), (copied / part).read_bytes()
+    (copied / part).write_bytes(content + b"# another\n")
     assert (version("gait") != before) == counts
+    (copied / part).write_bytes(content)
 
 
 def test_a_function_of_ones_own_counts_with_its_module(odd):
