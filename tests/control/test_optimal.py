@@ -29,7 +29,7 @@ SCENES = sorted(path.stem for path in optimal.STORE.glob("*.json"))
 def problem_of(gait, further=0, **changes):
     """The problem that a gait of "level" solves, with further ticks, in a changed scene."""
     ticks = len(gait.controller.hip_torque) + further
-    return Problem(make_scene("level", **changes), gait.froude_speed, ticks, 4)
+    return Problem(make_scene("level", **changes), gait.froude_speed, ticks)
 
 
 def test_a_motor_that_pushes_both_ways_at_once_is_not_paid_for_it(monkeypatch):
@@ -74,7 +74,7 @@ def test_how_far_the_toe_clears_the_ground_is_known_with_its_derivatives(actions
 
 def test_a_stiff_leg_through_the_ground_is_allowed_only_without_the_rule():
     for end_on_toe_stub in (True, False):
-        problem = Problem(make_scene("level", end_on_toe_stub=end_on_toe_stub), 0.1, 48, 4)
+        problem = Problem(make_scene("level", end_on_toe_stub=end_on_toe_stub), 0.1, 48)
         problem.clears = True
         z = problem.begun_at(stiff())
         assert problem.measured(z).stubs
@@ -114,7 +114,7 @@ def test_the_toe_clears_the_ground_where_the_scene_asks_for_it():
 
 @pytest.mark.slow
 def test_without_the_rule_a_stiff_leg_walks_for_less():
-    problem = Problem(make_scene("level", end_on_toe_stub=False), 0.1, 48, 4)
+    problem = Problem(make_scene("level", end_on_toe_stub=False), 0.1, 48)
     found = problem.measured(problem.solve(problem.begun_at(stiff())))
     assert found.stubs and found.motor_cost < 0.003
 

@@ -285,7 +285,7 @@ def test_a_stored_gait_reports_what_its_torques_do_in_its_scene(name):
 def test_the_gradient_of_the_cost_and_the_constraints_is_that_of_differences(energy):
     scene = make_scene("level", energy=energy)
     gait = optimal.load("level")[4]
-    problem = Problem(scene, gait.froude_speed * 0.99, len(gait.controller.hip_torque) + 2, 4)
+    problem = Problem(scene, gait.froude_speed * 0.99, len(gait.controller.hip_torque) + 2)
     random = np.random.default_rng(0)
     z = problem.begun_at(gait)
     inside = slice(problem.m, len(z))
@@ -302,7 +302,7 @@ def test_the_gradient_of_the_cost_and_the_constraints_is_that_of_differences(ene
 def test_torques_of_hip_and_ankle_are_each_a_share_of_their_own_largest():
     scene = make_scene("level", walker="E", actions=("ankle", "hip", "push_off"),
                        max_push_off=0.2, max_ankle_torque=0.03)  # fmt: skip
-    problem = Problem(scene, 0.1, 4, 3)
+    problem = Problem(scene, 0.1, 4)
     hip, ankle = [0.01, -0.02], [-0.003, 0.0, 0.006]
     z = problem.begun([0.2, -0.3, -0.1], {"hip": hip, "ankle": ankle, "push_off": 0.05})
     np.testing.assert_allclose(

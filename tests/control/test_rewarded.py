@@ -39,9 +39,7 @@ def smooth(step):
 
 
 def problem_of(scene, gait, reward):
-    return Problem(
-        scene, None, gait.control_steps, gait.point.section.dimension, StrideReward(scene, reward)
-    )
+    return Problem(scene, None, gait.control_steps, StrideReward(scene, reward))
 
 
 def paid_by_the_environment(scene, gait, reward):
@@ -114,7 +112,7 @@ def paid_when_closed(problem, z):
     taken = len(walked.steps.rows)
     if taken == problem.ticks:
         return -problem.at(z)[0]
-    torques = np.append(problem.torques(z), problem.torques(z)[-1])[:taken]
+    torques = np.append(problem.torques(z)[0], problem.torques(z)[0, -1])[:taken]
     other = problem.with_ticks(taken)
     again = other.begun(z[: problem.m], {"hip": torques})
     return -other.at(again)[0]

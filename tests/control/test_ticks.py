@@ -119,7 +119,7 @@ def test_a_stubbed_toe_ends_a_stride_where_that_is_a_rule(stubbing):
 
 def test_a_gait_says_whether_its_toe_would_stub(stubbing):
     point, torque = stubbing
-    problem = Problem(make_scene("level", slope=0.02), 0.1, 1, 4)
+    problem = Problem(make_scene("level", slope=0.02), 0.1, 1)
     assert problem.measured(problem.begun(point, {"hip": torque})).stubs
     gait = gpw.find_gait(WALKER, 0.02)
     point = Section(walker=WALKER).points_at(gait.state)[0]

@@ -6,7 +6,6 @@ stable-baselines3 does.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -24,7 +23,7 @@ from gym_passive_walker.gaits.control import optimal
 from gym_passive_walker.gaits.control.feedback import Method, by_inputs, gains, powered_gait
 from gym_passive_walker.gaits.control.optimal import OptimalGait
 from gym_passive_walker.gaits.control.policy import Policy, StridePlan
-from gym_passive_walker.gaits.control.ticks import ticked_stride
+from gym_passive_walker.gaits.control.ticks import control_steps, hold_time, ticked_stride
 from gym_passive_walker.gaits.find.fixed_point import find_gait
 from gym_passive_walker.gaits.scenes.rules import CHANNELS
 from gym_passive_walker.gaits.scenes.scene import Scene, make_scene, recorded_weight
@@ -141,11 +140,7 @@ class Held(StrideFeedback):
 
 
 def _shares(name: str, scene: Scene, given: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
-    """Return dimensionless controls by action as shares of the scene's largest, (N, actions).
-
-    Raises:
-        ValueError: if the scene permits less.
-    """
+    """Return dimensionless controls by action as shares of the scene's largest, (N, actions)."""
     largest = {action: scene.largest(action) for action in scene.actions}
     for action, values in given.items():
         needed, most = np.abs(values).max(), largest.get(action, 0.0)
@@ -270,7 +265,7 @@ class LinearFeedback(StrideFeedback):
             point, scale = self.gait.point.values[0], largest[0]
             torque = self.gait.stride_map.actuation.hip_torque
             free = ticked_stride(walker, slope, point, np.array([torque]), tick=np.inf)
-            count = 1 if scene.control == "stride" else math.ceil(free.duration / scene.tick)
+            count = control_steps(scene, float(free.duration))
             torques = np.full(count, torque)
             walked = ticked_stride(walker, slope, point, torques, tick=scene.tick)
             # Which ticks belong to which piece.
@@ -339,8 +334,7 @@ class Optimal(StrideFeedback):
             )
         self.gait = gait
         point, torques = gait.point.values[0], gait.dimensionless.controller.hip_torque
-        tick = scene.tick if scene.control == "tick" else np.inf
-        walked = ticked_stride(scene.walker, gait.slope, point, torques, tick=tick)
+        walked = ticked_stride(scene.walker, gait.slope, point, torques, tick=hold_time(scene))
         rows = gains(walked.by_point, walked.by_torque, torque_weight=torque_weight)
         self.closed_loop = walked.by_point - walked.by_torque @ rows
         plan, scale = _shares("the optimal gait", scene, {"hip": torques}), scene.largest("hip")

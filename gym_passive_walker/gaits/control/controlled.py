@@ -23,7 +23,7 @@ from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.actuation import for_each
 from gym_passive_walker.gaits.control.baselines import StrideFeedback
 from gym_passive_walker.gaits.control.policy import method_of, policy_name
-from gym_passive_walker.gaits.control.ticks import Choice, Steps, follow
+from gym_passive_walker.gaits.control.ticks import Choice, Steps, follow, hold_time
 from gym_passive_walker.gaits.flow import (
     Walkers,
     go_on,
@@ -40,11 +40,10 @@ from gym_passive_walker.gaits.scenes.scene import Scene, make_scene, recorded_we
 from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.gaits.stride import Stride, account, reported_as
 from gym_passive_walker.gaits.stride_map import Samples, Seeds, StrideMap
-from gym_passive_walker.models.equations.hybrid import Outcome, State
+from gym_passive_walker.models.equations.hybrid import Outcome
 from gym_passive_walker.models.units import observed_numbers
 from gym_passive_walker.models.walkers.walker import Walker
 
-_STATE = len(State._fields)
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 _SHIFTS = 1e-6, 5e-4  # of a coordinate, for differences in double and in single precision
 _SETTLING, _BESIDE = 100, 15  # strides and walkers before a search begins
@@ -216,7 +215,7 @@ class ControlledMap(StrideMap):
     @property
     def hold(self) -> float:
         """For how long torques are held."""
-        return self.scene.tick if self.scene.control == "tick" else math.inf
+        return hold_time(self.scene)
 
     @property
     def terrain_lookahead(self) -> int:

@@ -33,9 +33,6 @@ ControllerLike: TypeAlias = (
 """Type of controller arguments; see `acting`."""
 
 
-_OF_LEGS = {"end_on_toe_stub": None}
-
-
 def acting(
     controller: ControllerLike,
     scene: SceneLike | None = None,
@@ -86,11 +83,7 @@ def acting(
 
 
 def _form(controller: Any) -> Callable[[Scene], Policy]:
-    """Return the function that makes a policy of a controller for a scene.
-
-    Raises:
-        ValueError: if it cannot act.
-    """
+    """Return the function that makes a policy of a controller for a scene."""
     if isinstance(controller, Actuation | Mapping):
         return lambda scene: Held(scene, controller)
     if isinstance(controller, OptimalGait):
@@ -117,11 +110,7 @@ def _form(controller: Any) -> Callable[[Scene], Policy]:
 
 
 def _loaded(name: str | PathLike[str]) -> Policy:
-    """Return a trained policy by its name or path.
-
-    Raises:
-        ValueError: if there is none.
-    """
+    """Return a trained policy by its name or path."""
     try:
         return import_module(POLICIES[0]).load_policy(name if isinstance(name, str) else Path(name))
     except ValueError:
@@ -135,5 +124,6 @@ def _loaded(name: str | PathLike[str]) -> Policy:
 
 def with_changes(scene: SceneLike, changes: Mapping[str, Any]) -> Scene:
     """A scene with changes; whether a toe stub ends a walk depends on the new walker's legs."""
-    legs: dict[str, Any] = {} if changes.keys().isdisjoint(("walker", "system")) else _OF_LEGS
-    return make_scene(scene, **legs | dict(changes))
+    if not changes.keys().isdisjoint(("walker", "system")):
+        changes = {"end_on_toe_stub": None, **changes}
+    return make_scene(scene, **changes)

@@ -94,11 +94,7 @@ def first_driven(walker: Walker, slope: float, part: str, amounts: Iterable[floa
 
 
 def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> Points:
-    """Return the fixed point near a state (6,), which is in the walker's own units.
-
-    Raises:
-        GaitNotFound: if Newton's method does not settle.
-    """
+    """Return the fixed point near a state (6,), which is in the walker's own units."""
     strides = StrideMap.of(walker, controller=Actuation(hip_torque=torque))
 
     def equations(points: NDArray) -> tuple[NDArray, NDArray]:

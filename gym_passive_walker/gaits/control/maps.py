@@ -112,11 +112,7 @@ def stride_map(
 
 
 def _repeating(terrain: TerrainLike | None) -> Terrain | None:
-    """Return the ground of a stride map; None if it is smooth.
-
-    Raises:
-        ValueError: if it is random, or does not repeat.
-    """
+    """Return the ground of a stride map; None if it is smooth."""
     ground = terrain_from(terrain)
     if ground is None or ground.smooth:
         return None

@@ -25,7 +25,7 @@ from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.control.feedback import first_driven, powered_gait
 from gym_passive_walker.gaits.control.optimum import OptimalGait, Problem, slope_of
 from gym_passive_walker.gaits.control.stride_reward import StrideReward, own_reward
-from gym_passive_walker.gaits.control.ticks import ticked_stride
+from gym_passive_walker.gaits.control.ticks import control_steps, ticked_stride
 from gym_passive_walker.gaits.find.search import seek
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.map_result import NoStride
@@ -120,12 +120,8 @@ def optimal_gait(
     near = start or _at_hand(scene, speed, rewarded)
     begun = near or constant_gait(scene)
     spare = 1.0 if rewarded else _SPARE
-    ticks = (
-        1
-        if scene.control == "stride"
-        else math.ceil(spare * begun.dimensionless.step_period / scene.tick)
-    )
-    problem = Problem(scene, speed, ticks, begun.point.section.dimension, rewarded)
+    ticks = control_steps(scene, spare * begun.dimensionless.step_period)
+    problem = Problem(scene, speed, ticks, rewarded)
     problem.deadline = deadline
     try:
         with progress("iterations of the search for an optimal gait") as problem.iterated:
@@ -142,19 +138,12 @@ def optimal_gait(
 
 
 def _most_rewarded(problem: Problem, begun: OptimalGait) -> OptimalGait:
-    """Return the gait of most reward, in as many control steps as are best.
-
-    Raises:
-        GaitNotFound: if there is none.
-        TimeoutError: if the problem's deadline has passed.
-        ValueError: if the reward is not smooth there.
-    """
-    solved: dict[int, tuple[float, Problem, NDArray]] = {}
-
-    def add(problem: Problem, z: NDArray) -> None:
-        solved[problem.ticks] = problem.at(z)[0], problem, z
-
-    add(problem, _solved(problem, begun, lambda: begun))
+    """Return the gait of most reward, in as many control steps as are best."""
+    start = problem.begun_at(begun)
+    z = problem.solve(start)
+    if not problem.allowed(z):
+        z = _clearing(problem, [z, start])
+    solved = {problem.ticks: (problem.at(z)[0], problem, z)}
     tried = {problem.ticks, 0}
     while problem.steps:
         count = min(solved, key=lambda count: solved[count][0])
@@ -166,7 +155,8 @@ def _most_rewarded(problem: Problem, begun: OptimalGait) -> OptimalGait:
         with suppress(GaitNotFound):
             start = other.begun_at(there.measured(z))
             z = other.solve(start, known=cost)
-            add(other, z if other.allowed(z) else _clearing(other, [start]))
+            z = z if other.allowed(z) else _clearing(other, [start])
+            solved[other.ticks] = other.at(z)[0], other, z
     _, there, z = min(solved.values(), key=lambda each: each[0])
     best = _with_corners(there, z)
     assert problem.reward is not None
@@ -181,24 +171,19 @@ def _most_rewarded(problem: Problem, begun: OptimalGait) -> OptimalGait:
 def _best(
     problem: Problem, begun: OptimalGait, near: OptimalGait | None, start: OptimalGait | None
 ) -> OptimalGait:
-    """Return the best gait of the searches of `optimal_gait`.
+    """Return the gait of least cost of the searches of `optimal_gait`.
 
     Args:
         problem: The problem.
         begun: Gait from which the search begins.
         near: The same, if its speed is near.
         start: The same, if the user has given it.
-
-    Raises:
-        GaitNotFound: if there is none.
-        TimeoutError: if the problem's deadline has passed.
     """
-    scene, speed = problem.scene, problem.speed
-
-    def other() -> OptimalGait:
-        return begun if start is None else _at_hand(scene, speed) or constant_gait(scene)
-
-    best = first = _with_corners(problem, _solved(problem, begun, other))
+    scene, z = problem.scene, problem.solve(problem.begun_at(begun))
+    if not problem.allowed(z):
+        other = begun if start is None else _at_hand(scene, problem.speed) or constant_gait(scene)
+        z = _clearing(problem, [z, problem.begun_at(begun), problem.begun_at(other)])
+    best = first = _with_corners(problem, z)
     if near is None and problem.ticks > 1:
         # From a start so far away, torques may have come to lie in ticks too late or too early.
         for shifted in _shifted(first):
@@ -207,24 +192,6 @@ def _best(
                 if problem.allowed(z):
                     best = _cheaper(best, _with_corners(problem, z))
     return best
-
-
-def _solved(problem: Problem, begun: OptimalGait, other: Callable[[], OptimalGait]) -> NDArray:
-    """Return the solution that a search comes to; the toe clears the ground if it has to.
-
-    Args:
-        problem: The problem.
-        begun: Gait from which the search begins.
-        other: Returns the gait from which it begins again if it comes to none that the scene
-            allows.
-
-    Raises:
-        GaitNotFound: if there is none.
-    """
-    z = problem.solve(problem.begun_at(begun))
-    if not problem.allowed(z):
-        return _clearing(problem, [z, problem.begun_at(begun), problem.begun_at(other())])
-    return z
 
 
 def _with_corners(problem: Problem, z: NDArray) -> OptimalGait:
@@ -254,11 +221,10 @@ def _cheaper(known: OptimalGait, found: OptimalGait) -> OptimalGait:
 def _shifted(gait: OptimalGait) -> list[OptimalGait]:
     """Return gaits with the torques a tick later, and a tick earlier."""
     held: Any = gait.controller
-    torques = held._asdict() if isinstance(held, Actuation) else dict(held)
-    push_off = {"push_off": torques.pop("push_off")} if isinstance(held, Actuation) else {}
-    count, found = len(next(iter(torques.values()))), []
+    controls = held._asdict() if isinstance(held, Actuation) else held
+    count, found = gait.control_steps, []
     for order in (np.maximum(np.arange(count + 1) - 1, 0), slice(count > 1, None)):
-        moved = {name: values[order] for name, values in torques.items()} | push_off
+        moved = {name: x[order] if np.ndim(x) else x for name, x in controls.items()}
         found.append(replace(gait, controller=type(held)(**moved)))
     return found
 
@@ -268,9 +234,6 @@ def _clearing(problem: Problem, starts: list[NDArray]) -> NDArray:
 
     It is a condition only once a search without it has ended in a gait that the scene forbids: to
     know the swing leg at kneestrike takes about as long as the rest of a stride.
-
-    Raises:
-        GaitNotFound: if there is none.
     """
     problem.clears = True
     for z in starts[:-1]:
@@ -286,20 +249,19 @@ def _at_hand(
 
     Without a speed it is the one with the most reward.
     """
+
+    def cost(gait: OptimalGait) -> float:
+        problem = Problem(scene, None, gait.control_steps, reward)
+        return problem.at(problem.begun_at(gait))[0]
+
     try:
         gaits = load(stored_name(scene))
     except ValueError:
         return None
     if speed is None:
-        return min(gaits, key=lambda gait: _reward_cost(scene, gait, reward))
+        return min(gaits, key=cost)
     nearest = min(gaits, key=lambda gait: abs(gait.froude_speed - speed))
     return nearest if abs(nearest.froude_speed - speed) < _AT_HAND else None
-
-
-def _reward_cost(scene: Scene, gait: OptimalGait, reward: StrideReward | None) -> float:
-    """Return minus the mean reward of the control steps of a gait."""
-    problem = Problem(scene, None, gait.control_steps, gait.point.section.dimension, reward)
-    return problem.at(problem.begun_at(gait))[0]
 
 
 def _known_speeds(scene: Scene, begun: OptimalGait) -> str:
@@ -344,8 +306,8 @@ def constant_gait(scene: Scene) -> OptimalGait:
     else:
         push_off = None
     walked = ticked_stride(walker, slope, point, torques, tick=math.inf, push_off=push_off)
-    ticks = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)
-    problem = Problem(scene, float(walked.length / walked.duration), ticks, len(point))
+    speed, ticks = float(walked.length / walked.duration), control_steps(scene, walked.duration)
+    problem = Problem(scene, speed, ticks)
     try:
         return problem.measured(problem.begun(point, held))
     except NoStride as error:
@@ -356,11 +318,7 @@ def constant_gait(scene: Scene) -> OptimalGait:
 
 
 def _driven(scene: Scene) -> Gait:
-    """Return a gait, passive or with one constant actuator.
-
-    Raises:
-        GaitNotFound: if there is none.
-    """
+    """Return a gait, passive or with one constant actuator."""
     walker, slope = scene.walker, slope_of(scene)
     passive = seek(walker, slope).gait
     if passive is not None:
@@ -419,14 +377,12 @@ def optimal_gaits(
                     continue
                 searched()
                 try:
-                    last = found = optimal_gait(scene, speed, start=last)
+                    found = optimal_gait(scene, speed, start=last)
+                    if speed not in best or found.charged_cost < best[speed].charged_cost:
+                        best[speed] = found
                 except GaitNotFound:
                     if speed not in best:
                         break
-                    last = best[speed]
-                    continue
-                if speed not in best or found.charged_cost < best[speed].charged_cost:
-                    best[speed] = found
                 last = best[speed]
     return [best[speed] for speed in sorted(best)]
 
@@ -521,13 +477,7 @@ def least_cost(
 
 
 def _searched_cost(scene: Scene, speed: float, time_limit: float) -> float:
-    """Return the cost of an optimal gait; a cache file keeps it, or the reason why there is none.
-
-    Raises:
-        GaitNotFound: if there is none.
-        TimeoutError: if the search takes longer than `time_limit`, in s.
-        ValueError: if the scene has a range of slopes or no actuator.
-    """
+    """Return the cost of an optimal gait, which is searched for once."""
     if time_limit == 0.0:
         raise TimeoutError(
             f"no cost of an optimal gait of this scene at speed {speed:.4g} is stored, and with "
@@ -567,12 +517,7 @@ def most_reward(scene: Scene, *, time_limit: float = math.inf) -> float:
 
 
 def _kept(name: str, search: Callable[[], float]) -> float:
-    """Return the result of a search; a cache file keeps it, or the reason why there is none.
-
-    Raises:
-        GaitNotFound: if there is none.
-        TimeoutError: if the search takes too long.
-    """
+    """Return the result of a search; a cache file keeps it, or the reason why there is none."""
     if kept := cached.found(name):
         known = json.loads(kept)
     else:

@@ -27,6 +27,8 @@ from gym_passive_walker.gaits.control.stride_reward import StrideReward
 from gym_passive_walker.gaits.control.ticks import (
     PiecewiseConstantStride,
     before_kneestrike,
+    control_steps,
+    hold_time,
     ticked_stride,
 )
 from gym_passive_walker.gaits.design.design_nlp import slsqp
@@ -216,14 +218,12 @@ class Problem:
     iterated: Callable[[], object] = staticmethod(int)
 
     def __init__(
-        self, scene: Scene, speed: float | None, ticks: int, m: int,
-        reward: StrideReward | None = None,
-    ) -> None:  # fmt: skip
-        self.slope = slope_of(scene)
-        self.scene, self.speed, self.ticks, self.m = scene, speed, ticks, m
-        self.reward = reward
+        self, scene: Scene, speed: float | None, ticks: int, reward: StrideReward | None = None
+    ) -> None:
+        self.scene, self.speed, self.ticks, self.reward = scene, speed, ticks, reward
+        self.slope, self.m = slope_of(scene), scene.walker.chart.dimension
         self.steps = ticks if reward is not None and scene.control == "tick" else 0
-        self.tick = scene.tick if scene.control == "tick" else math.inf
+        self.tick = hold_time(scene)
         self.absolute, self.net = SHARES[scene.energy]
         self.edge: float | None = None  # when the knee has to lock, if that is fixed
         self.clears = False  # whether the swing leg has to be clear of the ground as the knee locks
@@ -241,7 +241,7 @@ class Problem:
 
     def with_ticks(self, ticks: int) -> Problem:
         """Return the problem with another number of ticks."""
-        other = Problem(self.scene, self.speed, ticks, self.m, self.reward)
+        other = Problem(self.scene, self.speed, ticks, self.reward)
         other.deadline, other.iterated = self.deadline, self.iterated
         return other
 
@@ -251,10 +251,9 @@ class Problem:
         return driving, braking
 
     def torques(self, z: NDArray) -> NDArray:
-        """Torque of each tick, (ticks,); of several motors, (motors, ticks)."""
+        """Torque of each motor in each tick, (motors, ticks)."""
         driving, braking = self.parts(z)
-        torques = self.largest * (driving - braking)
-        return torques if self.motors == 1 else torques.reshape(self.motors, -1)
+        return (self.largest * (driving - braking)).reshape(self.motors, -1)
 
     def push_off(self, z: NDArray) -> float | None:
         """The push-off, if there may be any."""
@@ -269,10 +268,7 @@ class Problem:
 
     def at(self, z: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
         """Return the cost with its gradient, and the equality constraints with theirs."""
-        cost, gradient, gap, by_gap, _, _ = self._known(z)
-        if self.edge is None:  # the last one is when the knee locks
-            return cost, gradient, gap[:-1], by_gap[:-1]
-        return cost, gradient, gap - np.append(np.zeros(len(gap) - 1), self.edge), by_gap
+        return self._known(z)[:4]
 
     def room(self, z: NDArray) -> tuple[NDArray, NDArray]:
         """Return conditions that must not be negative, and their derivatives.
@@ -285,12 +281,12 @@ class Problem:
 
     def _known(self, z: NDArray) -> tuple[float, NDArray, NDArray, NDArray, NDArray, NDArray]:
         """Return cost, constraints and derivatives at z; those of the last z are kept."""
-        key = z.tobytes(), self.clears
+        key = z.tobytes(), self.clears, self.edge
         if key != self._last[0]:
             try:
                 self._last = key, self._evaluate(z)
             except NoStride:  # no step of a line search ends here
-                size, gaps = len(z), self.m + 1 + (self.speed is not None)
+                size, gaps = len(z), self.m + (self.speed is not None) + (self.edge is not None)
                 sides = len(_AHEAD) * self.clears + 2 * (self.steps > 0)
                 nowhere = math.inf, np.zeros(size), np.ones(gaps), np.zeros((gaps, size))
                 self._last = key, (*nowhere, -np.ones(sides), np.zeros((sides, size)))
@@ -326,7 +322,9 @@ class Problem:
         if self.speed is not None:
             gap = np.append(gap, walked.length - self.speed * walked.duration)
             by_gap = np.vstack([by_gap, by[m + 1] - self.speed * by[m]])
-        gap, by_gap = np.append(gap, walked.kneestrike), np.vstack([by_gap, by[-1]])
+        if self.edge is not None:
+            gap = np.append(gap, walked.kneestrike - self.edge)
+            by_gap = np.vstack([by_gap, by[-1]])
         return cost, gradient, gap, by_gap, *self._room(z, walked)
 
     def _work(
@@ -347,23 +345,17 @@ class Problem:
         return cost, (by_work - cost * by_length) / length
 
     def _paid(self, z: NDArray, walked: PiecewiseConstantStride) -> tuple[float, NDArray]:
-        """Return minus the mean reward of the control steps, with its gradient.
-
-        Raises:
-            NoStride: if the reward is not finite.
-        """
+        """Return minus the mean reward of the control steps, with its gradient."""
         assert self.reward is not None
         m, n, ticks = self.m, len(self.largest), self.ticks
         driving, braking = self.parts(z)
-        torques, held = (self.largest * x for x in (driving - braking, driving + braking))
+        held = (self.largest * (driving + braking)).reshape(-1, ticks)
         by_motor = dict(
             zip(self.channels, np.reshape(driving - braking, (-1, ticks)), strict=False)
         )
         pushed = np.full(ticks, z[-1])
         shares = np.array([by_motor.get(name, pushed) for name in self.scene.actions])
-        total, by = self.reward.at(
-            walked, torques.reshape(-1, ticks), held.reshape(-1, ticks), shares
-        )
+        total, by = self.reward.at(walked, self.torques(z), held, shares)
         if not (math.isfinite(total) and np.isfinite(by).all()):
             raise NoStride("the reward of this stride is not finite")
         own, by_held, by_shares = np.split(by, [walked.by.shape[1], walked.by.shape[1] + n])
@@ -453,16 +445,12 @@ class Problem:
         """Return the beginning of a message on a gait that is not found."""
         at = "" if self.speed is None else f" at speed {self.speed:g}"
         steps = f" in {self.steps} control steps" * (self.steps > 0)
-        return f"no gait{at}{steps} by motors of {self._motors()}"
-
-    def _motors(self) -> str:
-        """Return a description of the actuators, for messages."""
         there = {"hip": "at the hip", "ankle": "at the ankle", "push_off": "as a push-off"}
         said = []
         for name in self.scene.actions:
             most, unit = self.scene.largest(name), self.scene.actuator(name).unit
             said.append(f"up to {most:g} {unit}".rstrip() + f" {there.get(name, 'as ' + name)}")
-        return " and ".join(said)
+        return f"no gait{at}{steps} by motors of {' and '.join(said)}"
 
     def _minimised(
         self, start: NDArray, free: NDArray, iterations: int, patience: int = _PATIENCE
@@ -579,15 +567,14 @@ class Problem:
         """Return the gait of a solution."""
         gap, walked, scene = self.at(z)[2], self.walk(z), self.scene
         walker, units = scene.walker, scene.walker.units
-        taken = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)
+        taken = control_steps(scene, float(walked.duration))
         walkers, pushes = Walkers(walker=walker), np.array([walked.push_work])
-        torques = np.zeros((len(self.channels), self.ticks))
+        torques, works = np.zeros((len(self.channels), self.ticks)), np.zeros((2, 2, 1))
         torques[: self.motors] = self.torques(z)
-        turns, works = np.zeros((2, *torques.shape)), np.zeros((2, 2, 1))
-        turns[0, : self.motors], turns[1, : self.motors] = walked.swing, walked.turn
-        working, places = torques * np.array(walkers.system().works)[:, None], reported_as(walker)
-        np.add.at(works[:, 0, 0], places, (working * turns[0]).sum(axis=1))
-        np.add.at(works[:, 1, 0], places, (np.abs(working) * turns[1]).sum(axis=1))
+        working = (torques * np.array(walkers.system().works)[:, None])[: self.motors]
+        places = reported_as(walker)[: self.motors]
+        np.add.at(works[:, 0, 0], places, (working * walked.swing).sum(axis=1))
+        np.add.at(works[:, 1, 0], places, (np.abs(working) * walked.turn).sum(axis=1))
         stride = account(
             walker, walkers.system(), walkers.constants, walked.steps.after[-1:, 0].copy(),
             works * units.energy, pushes * units.energy, (),

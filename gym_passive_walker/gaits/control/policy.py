@@ -192,11 +192,7 @@ class ModulePolicy:
         return actions.detach().numpy(), change.numpy()
 
     def _answers(self, module: Any, rows: Any) -> Any:
-        """Return the actions of a module for observations (n, size).
-
-        Raises:
-            ValueError: if it does not take them, or returns no actions (n, actions).
-        """
+        """Return the actions of a module for observations (n, size)."""
         try:
             actions = module(rows)
         except RuntimeError as error:

@@ -62,8 +62,7 @@ class StrideReward:
         self._system = scene.walker.equations()
         works = np.divide(self._system.works, recorded_weight(scene.walker))
         self._works = dict(zip(scene.channels, works.tolist(), strict=False))
-        known: dict[Any, Any] = {}
-        self._result = self._traced(rule_of(checked_rule("reward", function)), known)
+        self._result = self._traced(rule_of(checked_rule("reward", function)))
         order = _ordered(self._result)
         reads = {x.args[0]: x for x in order if x.op == "read"}
         self._check(reads)
@@ -72,19 +71,14 @@ class StrideReward:
             derivative = None if place[0] in _KNOWN else Tangents({variable: one})(self._result)
             if derivative is not None:
                 self._by[place] = derivative
-        self._places = tuple(reads)
         self.corner = next((_WORDS[x.op] for x in order if _has_corner(x)), "")
         numbers = {x: i for i, x in enumerate(order)}
         text = [(x.op, [numbers.get(a, repr(a)) for a in _operands(x) or x.args]) for x in order]
         self.digest = hashlib.sha256(repr(text).encode()).hexdigest()
 
-    def _traced(self, function: Callable[[Transition], Any], known: dict) -> Expression:
-        """Return the expression of a reward.
-
-        Raises:
-            ValueError: if there is none.
-        """
-        step = self._step(known)
+    def _traced(self, function: Callable[[Transition], Any]) -> Expression:
+        """Return the expression of a reward, or refuse a function that has none."""
+        step = self._step()
         try:
             found, again = (function(step) for _ in range(2))
             found, again = (step.distance.number(x) for x in (found, again))
@@ -101,11 +95,7 @@ class StrideReward:
         return found
 
     def _check(self, reads: Mapping[_Place, Any]) -> None:
-        """Refuse a reward of fields that no periodic gait has.
-
-        Raises:
-            ValueError: if it reads one.
-        """
+        """Refuse a reward of fields that no periodic gait has."""
         for name in _GROWING:
             if (name,) in reads:
                 raise ValueError(
@@ -119,9 +109,10 @@ class StrideReward:
                 f"to {high:g}: choose one by make_scene(scene, command=...)"
             )
 
-    def _step(self, known: dict) -> Transition:
+    def _step(self) -> Transition:
         """Return a control step of expressions, on smooth ground without disturbances."""
         scene, State = self.scene, self._system.State
+        known: dict[Any, Any] = {}
         zero = Expression(known, "constant", 0.0)
 
         def of(*place: Any) -> Expression:
@@ -134,19 +125,12 @@ class StrideReward:
             {name: of(kind, name) if name in scene.actions else zero for name in self._works}
             for kind in ("net", "absolute")
         )
-        energy, push_off_work = zero, zero
-        for name in self._works:
-            energy = (
-                energy
-                + {
-                    "absolute": absolute[name],
-                    "positive": 0.5 * (absolute[name] + net[name]),
-                    "net": net[name],
-                }[scene.energy]
-            )
-        if "push_off" in scene.actions and "actuation" in scene.walker.supports:
-            push_off_work = of("push_off_work")
-        struck, distance, energy = of("heelstrike") > 0.5, of("distance"), energy + push_off_work
+        positive = {name: 0.5 * (absolute[name] + net[name]) for name in net}
+        charged = {"absolute": absolute, "positive": positive, "net": net}[scene.energy]
+        pushes = "push_off" in scene.actions and "actuation" in scene.walker.supports
+        push_off_work = of("push_off_work") if pushes else zero
+        energy = sum(charged.values(), zero) + push_off_work
+        struck, distance = of("heelstrike") > 0.5, of("distance")
         length, period, command = of("step_length"), of("step_period"), zero
         reward = rules.reward(distance, energy, scene.energy_weight)
         if scene.command is not None:
@@ -286,7 +270,6 @@ def _ordered(x: Expression) -> list[Expression]:
 
 def _has_corner(x: Expression) -> bool:
     """Return whether the derivative of an operation may jump along a stride's derivatives."""
-    if x.op not in _WORDS:
-        return False
-    compared = _ordered(x.args[0])
-    return any(each.op == "read" and each.args[0][0] not in _KNOWN for each in compared)
+    return x.op in _WORDS and any(
+        each.op == "read" and each.args[0][0] not in _KNOWN for each in _ordered(x.args[0])
+    )

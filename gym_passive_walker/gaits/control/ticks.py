@@ -8,6 +8,7 @@ here is dimensionless.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import pairwise
@@ -29,6 +30,7 @@ from gym_passive_walker.gaits.flow import (
     rows_of,
 )
 from gym_passive_walker.gaits.map_result import NoStride
+from gym_passive_walker.gaits.scenes.scene import Scene
 from gym_passive_walker.gaits.stride_map import LONGEST
 from gym_passive_walker.models.equations.hybrid import Outcome, State
 from gym_passive_walker.models.walkers import Walker
@@ -36,6 +38,16 @@ from gym_passive_walker.models.walkers import Walker
 _TOGETHER = 2048, 128  # walkers that are followed at once, without tangents and with them
 _STATE = len(State._fields)
 _RUNNING, _STRUCK = int(Outcome.RUNNING), int(Outcome.HEELSTRIKE)
+
+
+def hold_time(scene: Scene) -> float:
+    """Return for how long an action is held, over sqrt(l/g); infinite if for a whole stride."""
+    return scene.tick if scene.control == "tick" else math.inf
+
+
+def control_steps(scene: Scene, duration: float) -> int:
+    """Return the number of control steps in a stride of some duration, over sqrt(l/g)."""
+    return max(1, math.ceil(duration / hold_time(scene)))
 
 
 class Choice(NamedTuple):
@@ -442,12 +454,12 @@ def before_kneestrike(
 
     Args:
         walkers: The walker, as in `ticked_strides`.
-        walked: The stride, from `ticked_stride`, in which the knee locks.
+        walked: The stride of several motors, from `ticked_stride`, in which the knee locks.
 
     Returns:
         The dimensionless state (6,), and its derivatives by the columns of `walked.by`.
     """
-    steps, motors = walked.steps, walked.swing.ndim
+    steps, motors = walked.steps, len(walked.swing)
     (now,) = np.flatnonzero(steps.locked)
     records = steps.before[[now]]
     records["end"] = (1.0 - STATE_BEFORE) * walked.kneestrike
