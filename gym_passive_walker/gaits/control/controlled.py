@@ -241,9 +241,8 @@ class ControlledMap(StrideMap):
     @cached_property
     def walkers(self) -> Walkers:
         """The walkers, and how exactly they are followed."""
-        using = tuple(name for name in self._inputs if name != "hip_torque")
         return Walkers(
-            walker=self.walker, using=using, tolerance=self.tolerance,
+            walker=self.walker, using=tuple(self._inputs), tolerance=self.tolerance,
             parameters=self.varied,
             end_on_toe_stub=bool(self.scene.end_on_toe_stub and self.walker.toe_stubs),
         )  # fmt: skip

@@ -186,10 +186,9 @@ def map_in(scene: Scene, policy: Policy | None) -> StrideMap:
         ValueError: if a stride depends on more than the state in which it begins: the policy
             remembers, actions are delayed, or commands vary.
     """
-    slope = float(np.mean(scene.slope))
     if policy is None:
         return StrideMap.of(
-            scene.walker, slope=slope, tolerance=scene.tolerance,
+            scene.walker, slope=float(np.mean(scene.slope)), tolerance=scene.tolerance,
             end_on_toe_stub=bool(scene.end_on_toe_stub and scene.walker.toe_stubs),
         )  # fmt: skip
     depends = "a stride must depend on the state in which it begins, and "
@@ -197,29 +196,27 @@ def map_in(scene: Scene, policy: Policy | None) -> StrideMap:
         raise ValueError(f"{depends}action_delay={scene.action_delay} carries actions over")
     if np.ptp(np.ravel(scene.command or 0.0)):
         raise ValueError(f"{depends}commands vary in this scene: choose one, as command=0.15")
-    there = calm(scene, slope)
+    there = calm(scene)
     strides = ControlledMap(
-        walker=there.walker, slope=slope, agent=policy, scene=there, tolerance=scene.tolerance
-    )
+        walker=there.walker, slope=there.slope,  # type: ignore[arg-type]
+        agent=policy, scene=there, tolerance=scene.tolerance,
+    )  # fmt: skip
     if strides.remembers:
         raise ValueError(f"{depends}{strides.controller_name} remembers earlier ones")
     return strides
 
 
-def calm(scene: Scene, slope: float | None = None) -> Scene:
+def calm(scene: Scene) -> Scene:
     """Return a scene without disturbances, on smooth ground of one slope, with one command.
 
-    Args:
-        scene: The scene. Motors are charged for absolute work, and an agent that sees the ground
-            ahead sees that it is smooth.
-        slope: Slope in rad; the scene's, or the middle of its range, when None.
+    These are the middles of their ranges. Motors are charged for absolute work, and an agent that
+    sees the ground ahead sees that it is smooth.
     """
-    slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
     command = None if scene.command is None else float(np.mean(scene.command))
     undisturbed(scene, "controllers of stride maps go", {"observation": None})
     alike: dict[str, Any] = {"energy": "absolute", "reset_noise_scale": 0.0}
     alike |= {"domain_randomization": {}, "randomization_pool": None}
-    alike |= UNDISTURBED | {"slope": slope, "command": command}
+    alike |= UNDISTURBED | {"slope": float(np.mean(scene.slope)), "command": command}
     if scene.terrain_lookahead:
         alike |= {"terrain": Terrain(), "terrain_lookahead": scene.terrain_lookahead}
     return make_scene(scene, **alike)

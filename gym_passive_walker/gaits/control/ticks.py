@@ -353,9 +353,8 @@ def ticked_stride(
     points, held = (np.asarray(x, dtype=float)[None] for x in (point, torques))
     motors = _inputs(walker, 1 if held.ndim == 2 else held.shape[1], push_off is not None)
     walkers = Walkers(
-        walker=walker, tolerance=tolerance, end_on_toe_stub=end_on_toe_stub,
-        using=tuple(name for name in motors if name != "hip_torque"),
-    )  # fmt: skip
+        walker=walker, tolerance=tolerance, end_on_toe_stub=end_on_toe_stub, using=motors
+    )
     pushed = None if push_off is None else np.array([push_off])
     *parts, steps = ticked_strides(walkers, slope, points, held, tick=tick, push_offs=pushed)
     walked = PiecewiseConstantStride._make([*(part[0] for part in parts), steps])
