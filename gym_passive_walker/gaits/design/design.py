@@ -16,13 +16,7 @@ from numpy.typing import NDArray
 from gym_passive_walker._tools.arguments import boolean, gait_kind, number, one_slope, shown, whole
 from gym_passive_walker._tools.progress import said
 from gym_passive_walker.gaits.branches.sensitivity import SLOPE, place_near
-from gym_passive_walker.gaits.design.design_nlp import (
-    CIRCLE,
-    Candidates,
-    DesignProblem,
-    Judged,
-    slsqp,
-)
+from gym_passive_walker.gaits.design.design_nlp import Candidates, DesignProblem, Judged, slsqp
 from gym_passive_walker.gaits.design.objectives import (
     OF_ONE_STRIDE,
     QUANTITIES,
@@ -336,10 +330,7 @@ def _nearest(start: Gait, tuned: Walker, radius: float) -> Gait | None:
     ties = np.stack([tied(x) - tied(np.zeros(6)) for x in np.eye(6)], axis=1)
 
     def circle(x: NDArray) -> tuple[NDArray, NDArray]:
-        judged = candidates.at(x)
-        if judged is None:
-            return -np.ones(CIRCLE), np.zeros((CIRCLE, 6))
-        values, by = judged.inside(radius)
+        values, by = candidates.inside(x, radius)
         return values, by[:, :6]
 
     def distance(x: NDArray) -> tuple[float, NDArray]:

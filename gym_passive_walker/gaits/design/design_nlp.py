@@ -35,8 +35,7 @@ _PIECES = (1, 4, 16)  # in which a gait is followed to another walker, as long a
 _LEAP = 0.3  # from where a gait is expected to where Newton's method finds one
 _LEAST_RADIUS, _LARGEST_RADIUS = 1e-3, 1e3
 _MARGIN = 1.05  # of the radius that the search for the least begins with, over the largest modulus
-CIRCLE = 5
-"""Conditions that multipliers lie inside a circle."""
+_CIRCLE = 5  # conditions that multipliers lie inside a circle
 
 
 class Judged(NamedTuple):
@@ -52,16 +51,6 @@ class Judged(NamedTuple):
     gait: Sensitivity
     quantities: dict[str, Graded]
     cubic: tuple[NDArray[np.float64], NDArray[np.float64]] | None
-
-    def inside(self, radius: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Conditions that all multipliers lie inside a circle, positive if so.
-
-        Returns:
-            Values (5,), and derivatives (5, k + 1) by the shares and the radius.
-        """
-        assert self.cubic is not None
-        values, by = inside(self.cubic[0], radius)
-        return values, np.column_stack([by[:, :3] @ self.cubic[1], by[:, 3]])
 
 
 class Candidates:
@@ -109,6 +98,19 @@ class Candidates:
                 judged = None
             self._last = x.tobytes(), judged
         return self._last[1]
+
+    def inside(self, x: NDArray, radius: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Conditions that all multipliers lie inside a circle, positive if so; -1 without a gait.
+
+        Returns:
+            Values (5,), and derivatives (5, k + 1) by the shares and the radius.
+        """
+        judged = self.at(x)
+        if judged is None:
+            return -np.ones(_CIRCLE), np.zeros((_CIRCLE, len(x) + 1))
+        assert judged.cubic is not None
+        values, by = inside(judged.cubic[0], radius)
+        return values, np.column_stack([by[:, :3] @ judged.cubic[1], by[:, 3]])
 
     def _values(self, place: Points) -> NDArray[np.float64]:
         """Return the parameters at a place, (k,)."""
@@ -255,7 +257,7 @@ class DesignProblem:
         sides, radius = (self.equal, None) if equal else (self.beyond, self.radius)
         radius = z[-1] if self.sought and not equal else radius
         count = len(sides)
-        values = -np.ones(count + CIRCLE * (radius is not None))
+        values = -np.ones(count + _CIRCLE * (radius is not None))
         derivatives = np.zeros((len(values), len(z)))
         judged = self.candidates.at(z[: self.count])
         if judged is None:  # no step of a line search ends here
@@ -264,7 +266,7 @@ class DesignProblem:
             value, gradient = judged.quantities[name]
             values[i], derivatives[i, : self.count] = scale * (value - bound), scale * gradient
         if radius is not None:
-            values[count:], by = judged.inside(radius)
+            values[count:], by = self.candidates.inside(z[: self.count], radius)
             derivatives[count:] = by[:, : len(z)]  # by the radius as well if it is part of z
         return values, derivatives
 
