@@ -306,8 +306,8 @@ def constant_gait(scene: Scene) -> OptimalGait:
     else:
         push_off = None
     walked = ticked_stride(walker, slope, point, torques, tick=math.inf, push_off=push_off)
-    speed, ticks = float(walked.length / walked.duration), control_steps(scene, walked.duration)
-    problem = Problem(scene, speed, ticks)
+    speed = float(walked.length / walked.duration)
+    problem = Problem(scene, speed, control_steps(scene, float(walked.duration)))
     try:
         return problem.measured(problem.begun(point, held))
     except NoStride as error:
