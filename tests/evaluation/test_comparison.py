@@ -55,6 +55,14 @@ def test_a_summary_counts_walks_and_falls_by_kind_with_intervals():
     assert (mine["speed"], mine["distance"], mine["strides"]) == pytest.approx((0.15, 10.5, 20))
 
 
+def test_a_walk_to_the_time_limit_without_a_stride_has_no_cost_and_hides_no_other():
+    mine = walks(LASTING)
+    mine.length[0] = 0.0
+    assert np.isnan(mine.cost_of_transport).sum() == 1
+    found = Evaluation(make_scene("level"), {"mine": mine}, {"mine": 0.016}, {}).summary()["mine"]
+    assert found["cost_of_transport"] == pytest.approx(0.02)
+
+
 def test_a_cost_is_above_the_optimum_by_a_share_of_the_optimum():
     mine, passive = card().summary().values()
     assert mine["above_optimum"] == pytest.approx(0.02 / 0.016 - 1.0)

@@ -18,6 +18,7 @@ from gym_passive_walker.envs.evaluation.walks import (
     TIME_LIMIT,
     Share,
     Walks,
+    median,
     score_table,
     simulate_episodes,
 )
@@ -289,9 +290,8 @@ def evaluate(
 
 
 def median_of_lasting(walks: Walks, name: str) -> float:
-    """Return the median of a quantity of the walks that reach the time limit; NaN without any."""
-    lasting = getattr(walks, name)[walks.reached_limit]
-    return float(np.median(lasting)) if len(lasting) else math.nan
+    """Return the median of a quantity of walks that reach the time limit; NaN without any."""
+    return median(getattr(walks, name)[walks.reached_limit])
 
 
 def _unused(name: str, known: Mapping[str, Any]) -> str:
