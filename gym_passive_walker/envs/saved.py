@@ -2,7 +2,7 @@
 
 Compiled code uses the indices in a record without checks: an invalid phase leads to an invalid
 address. A saved state may come from a file, so each of its entries is checked. Functions that
-check raise a `StateError`, whose message names what is wrong.
+check raise a `StateError`; its message names what is wrong.
 """
 
 from __future__ import annotations

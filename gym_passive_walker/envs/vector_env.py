@@ -337,7 +337,8 @@ class PassiveWalkerVectorEnv(
             names = *task.EVERY_STEP, *task.EVERY_STRIDE
             strides = np.zeros((len(task.EVERY_STRIDE), self.num_envs))
             strides[:, ended] = measures.T
-            columns = dict(zip(names, (*steps, counts[0], *strides), strict=True))
+            columns: dict[str, NDArray] = {}
+            columns |= zip(names, (*steps, counts[0], *strides), strict=True)
             columns |= {name: np.where(mask, x, 0) for name, x in others.items()}
             columns["outcome"] = _OUTCOMES.take(counts[1])
             columns["outcome"][~mask] = None  # as Gymnasium fills it
