@@ -46,6 +46,7 @@ from benchmarks.tables import commit
 
 MOST = 240.0  # seconds of tests for a mutant
 ALWAYS = "tests/test_refusals.py"  # and these
+TOGETHER = 8  # files of tests that are measured in one process
 PATIENCE = 300  # seconds beyond ten times the usual time, after which a test has noticed a mutant
 FORKS = get_context("fork" if hasattr(os, "fork") else None)  # processes that have the libraries
 LOCK = FORKS.Lock()  # of the cache that all copies begin with
@@ -186,7 +187,7 @@ class Copy:
 class Measured:
     """Tests that pass, their seconds, and the lines that they execute; tests that do not pass.
 
-    Each file of tests is measured once, in a folder of measurements.
+    Each file of tests is measured once, some together, in a folder of measurements.
     """
 
     def __init__(self, kept: Path, tests: Sequence[str], workers: int) -> None:
@@ -196,19 +197,26 @@ class Measured:
         for test in tests:
             stem = test.removesuffix(".py").replace("/", "-")
             results[test] = kept / f"{stem}-{digest([test])}.json"
-        new = [test for test in tests if not results[test].exists()]
+        new = {test: path for test, path in results.items() if not path.exists()}
+        first, done = time.monotonic(), 0
         with ProcessPoolExecutor(workers, FORKS) as pool:
-            done = {pool.submit(measure, test, results[test], kept / "cache"): test for test in new}
-            for number, each in enumerate(as_completed(done), 1):
-                each.result()
-                print(f"measured {number} of {len(new)}: {done[each]}", flush=True)
+            names = iter([*new])
+            groups = iter(lambda: [*islice(names, TOGETHER)], [])
+            going = [
+                pool.submit(measure, {test: new[test] for test in group}, kept / "cache")
+                for group in groups
+            ]
+            for each in as_completed(going):
+                done += each.result()
+                minutes = (time.monotonic() - first) / 60.0
+                print(f"measured {done} of {len(new)} files, {minutes:.0f} min", flush=True)
         for test in tests:
             for name, (outcome, seconds) in json.loads(results[test].read_text("utf-8")).items():
                 self.left |= {} if outcome == "passed" else {name: outcome}
                 self.seconds |= {name: seconds} if outcome == "passed" else {}
-            if (lines := results[test].with_suffix(".coverage")).exists():
-                self.data.append(CoverageData(str(lines)))
-                self.data[-1].read()
+        for lines in sorted(kept.glob("*.coverage")):
+            self.data.append(CoverageData(str(lines)))
+            self.data[-1].read()
 
     @lru_cache  # noqa: B019 (lives as long as the program)
     def lines(self, file: str) -> dict[int, set[str]]:
@@ -260,15 +268,24 @@ class Measured:
         return tests, len(self.seconds.keys() & on_line)
 
 
-def measure(test: str, results: Path, filled: Path) -> None:
-    """Measure a file of tests, and write its results and the lines that they execute."""
-    lines = results.with_suffix(".coverage")
+def measure(results: dict[str, Path], filled: Path) -> int:
+    """Measure files of tests, and write their results and the lines that they execute.
+
+    A crash is measured again with each file alone. Returns their number.
+    """
+    lines = next(iter(results.values())).with_suffix(".coverage")
     lines.unlink(missing_ok=True)
     with Copy.made(filled) as copy:
-        failed, found = copy.run({test: 0.0}, measured=lines)
+        failed, found = copy.run(dict.fromkeys(results, 0.0), measured=lines)
         with LOCK:
             shutil.copytree(copy.cache, filled, dirs_exist_ok=True)
-    results.write_text(json.dumps(found or {test: (failed or "skipped", 0.0)}), "utf-8")
+    if not found and len(results) > 1:
+        return sum(measure({test: path}, filled) for test, path in results.items())
+    for test, path in results.items():
+        own = {name: each for name, each in found.items() if name.startswith(f"{test}::")}
+        none = "skipped" if found or not failed else failed
+        path.write_text(json.dumps(own or {test: (none, 0.0)}), "utf-8")
+    return len(results)
 
 
 def attempt(mutant: Mutant, tests: dict[str, float], on_line: int, filled: Path) -> dict[str, Any]:

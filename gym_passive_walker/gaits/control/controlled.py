@@ -41,7 +41,7 @@ from gym_passive_walker.gaits.scenes.starts import Starts
 from gym_passive_walker.gaits.stride import Stride, account, reported_as
 from gym_passive_walker.gaits.stride_map import Samples, Seeds, StrideMap
 from gym_passive_walker.models.equations.hybrid import Outcome
-from gym_passive_walker.models.units import observed_numbers
+from gym_passive_walker.models.units import observed_numbers, unit_of
 from gym_passive_walker.models.walkers.walker import Walker
 
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
@@ -395,9 +395,13 @@ class ControlledMap(StrideMap):
                 beside, _ = self._differences(points, slopes, lanes, own, place)
                 found[:, :, 1 + at] = beside[:, :, 1]
             return found, ended
-        size = np.abs(change).max(axis=1)
+        units = np.ones(change.shape[2])
+        for name in seeds.moving.keys() & self.parameters.keys():
+            units[seeds.moving[name]] = self._unit(name)
+        size = np.abs(change).max(axis=1) * units
         size[:, list(seeds.moving.values())] += 1.0
-        steps = self.spread * _SHIFTS[self._acts.single] / np.where(size > 0.0, size, 1.0)  # (n, k)
+        shift = self.spread * _SHIFTS[self._acts.single]
+        steps = shift / np.where(size > 0.0, size, 1.0) * units  # (n, k)
         count, still = steps.shape[1], Seeds(np.zeros((n * steps.shape[1], m, 0)), {})
         results = []
         for shifts in (steps, -steps):
@@ -421,6 +425,12 @@ class ControlledMap(StrideMap):
         by = (results[0] - results[1]) / (2.0 * steps[:, None])
         values, ended = self._stride(points, slopes, lanes, Seeds(change[:, :, :0], {}), place)
         return np.concatenate([values, by], axis=2), ended
+
+    def _unit(self, name: str) -> float:
+        """Return the size of changes of a parameter; of a user's system there is its value alone."""
+        if "units" in self.walker.supports:
+            return unit_of(self.walker, name)
+        return abs(self.parameters[name]) or 1.0
 
     def _steps(
         self,
