@@ -130,6 +130,26 @@ def test_a_policy_without_a_derivative_is_differentiated_by_differences():
         exact.linearize(point, by=("push_off",))
 
 
+def rounded(observation):
+    return (0.1 * np.asarray(observation)[:, :1]).astype(np.float32), None
+
+
+def test_differences_are_those_of_a_walker_a_thousand_times_smaller():
+    """Lengths, masses and gravity: angles and torques over m g l are the same at all times."""
+    walker, by = gpw.WALKERS["C"], ("thigh_mass", "shank_com", "gravity")
+    names = {name for name in walker.parameters if name not in ("foot_angle", "knees")}
+    small = replace(walker, **{name: 1e-3 * walker.parameters[name] for name in names})
+    found = []
+    for each in (walker, small):
+        policy = SimpleNamespace(scene=None, predict=lambda seen, *_, **__: rounded(seen))
+        strides = gpw.stride_map(each, 0.02, controller=policy)
+        assert not strides.exact
+        _, change = strides.linearize(strides.beginning(0.02), by=by)
+        found.append(change.ends[0] * [each.parameters[name] for name in by])
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-4, atol=1e-7)
+    assert np.abs(found[0][0, :2]).min() > 0.01
+
+
 def test_walkers_of_a_batch_are_each_alone_and_falls_are_none():
     strides = gpw.stride_map(controller="steep-ppo")
     points = np.repeat(point_of(strides), 4, axis=0)

@@ -427,7 +427,7 @@ class ControlledMap(StrideMap):
         return np.concatenate([values, by], axis=2), ended
 
     def _unit(self, name: str) -> float:
-        """Return the size of changes of a parameter; of a user's system there is its value alone."""
+        """Return the size of changes of a parameter: its unit; of a user's system, its value."""
         if "units" in self.walker.supports:
             return unit_of(self.walker, name)
         return abs(self.parameters[name]) or 1.0
