@@ -398,6 +398,21 @@ def test_vmap_is_a_larger_batch():
     assert torch.equal(found, each) and (found != 0.0).any()
 
 
+def test_a_compiled_function_leaves_strides_out_as_the_page_says():
+    slope, states = gait("lab")
+    left_out = torch.compiler.disable(stride)
+    net = torch.nn.Linear(6, 1, dtype=torch.float64)
+
+    def loss(states):
+        torques = 1e-3 * net(states)[:, 0]
+        return (left_out("lab", slope, states, hip_torque=torques).state ** 2).sum()
+
+    found = [torch.autograd.grad(each(states), [states, *net.parameters()])
+             for each in (loss, torch.compile(loss, backend="eager"))]  # fmt: skip
+    for plain, compiled in zip(*found, strict=True):
+        torch.testing.assert_close(compiled, plain, rtol=1e-12, atol=0.0)
+
+
 def test_the_gradient_of_a_weighted_loss_has_a_derivative_by_the_weights():
     """It is linear in them, so that no second derivative of the walk is needed."""
     slope, states = gait("A")
