@@ -398,6 +398,7 @@ def test_vmap_is_a_larger_batch():
     assert torch.equal(found, each) and (found != 0.0).any()
 
 
+@pytest.mark.filterwarnings("ignore:The .grad attribute of a Tensor")  # torch itself looks there
 def test_a_compiled_function_leaves_strides_out_as_the_page_says():
     slope, states = gait("lab")
     left_out = torch.compiler.disable(stride)
