@@ -61,7 +61,7 @@ def cut(text: str) -> str:
     return text if len(text) <= _SHOWN else f"{text[:half]} ... {text[-half:]}"
 
 
-def aligned(rows: Sequence[Sequence[str]], left: Container[int] = ()) -> list[str]:
+def in_columns(rows: Sequence[Sequence[str]], left: Container[int] = ()) -> list[str]:
     """Return the rows of a table as lines; numbers of the columns in `left` are aligned left."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [

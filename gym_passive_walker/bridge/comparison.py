@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker._tools.arguments import shown, whole
-from gym_passive_walker._tools.console import aligned
+from gym_passive_walker._tools.console import in_columns
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker._tools.shown import Table
 from gym_passive_walker.bridge.export import check_plane
@@ -122,7 +122,7 @@ class Comparison(Table):
             row += [f"{self.found[name][i]:.6g} ({self.error[name][i]:+.3%})" for name in MEASURED]
             ended = "" if outcome == WALKED else f", {outcome}"
             rows.append([*row, f"{self.penetration[i]:.1e}", f"{self.strides[i]}{ended}"])
-        return "\n".join([f"{title}, in {self.simulator}", *aligned(rows)])
+        return "\n".join([f"{title}, in {self.simulator}", *in_columns(rows)])
 
 
 def compare(

@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 
 from gym_passive_walker._tools.arguments import shown
-from gym_passive_walker._tools.console import aligned, cut
+from gym_passive_walker._tools.console import cut, in_columns
 from gym_passive_walker.envs import interface
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.custom import Custom, is_custom
@@ -71,7 +71,7 @@ def as_text(env: Any = "level") -> str:
     for title, rows in as_rows(env).items():
         heads = list(rows[0])
         cells = [heads, *([_written(row[head]) for head in heads] for row in rows)]
-        table = aligned(cells, left=range(len(heads)))
+        table = in_columns(cells, left=range(len(heads)))
         lines += ["", title, *(f"  {line}".rstrip() for line in table)]
     return "\n".join(lines)
 

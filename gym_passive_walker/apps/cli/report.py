@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gym_passive_walker._tools.console import aligned
+from gym_passive_walker._tools.console import in_columns
 from gym_passive_walker.gaits.measures import SI, SYMBOLS, UNIT_OF
 
 _WORDS = {
@@ -77,7 +77,7 @@ def table(rows: Sequence[Mapping[str, Any]], units: Mapping[str, str] = SI) -> s
     cells = [[_label(name, units) for name in rows[0]]]
     cells += [[_written(value) for value in row.values()] for row in rows]
     words = [i for i, value in enumerate(rows[0].values()) if isinstance(value, str)]
-    return "\n".join(aligned(cells, left=words))
+    return "\n".join(in_columns(cells, left=words))
 
 
 def plain(value: Any) -> Any:

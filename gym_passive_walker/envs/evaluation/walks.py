@@ -13,7 +13,7 @@ import numpy as np
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
-from gym_passive_walker._tools.console import aligned
+from gym_passive_walker._tools.console import in_columns
 from gym_passive_walker._tools.progress import progress
 from gym_passive_walker.envs.evaluation.steps import steps
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
@@ -261,7 +261,7 @@ def score_table(
     for ending, _ in Counter(e for walks in columns.values() for e in walks.endings).most_common():
         counts = (_counted(ending, walks) for walks in columns.values())
         rows.append([ending, *counts])
-    lines = aligned(rows, left=(0,))
+    lines = in_columns(rows, left=(0,))
     rule = "─" * len(lines[0])
     return "\n".join([title, rule, lines[0], rule, *lines[1:], rule])
 
