@@ -482,7 +482,7 @@ def flow(
             for x in (states, slopes, controls, push_offs, rises, turns)
         )
     uneven = rises is not None or turns is not None
-    tangents = _tangents_by(walkers, by, along)
+    tangents = _tangents_by(walkers, by, along) if by else _NONE
     system = walkers.system((*by, *UNEVEN) if uneven else by)
 
     def began(planes: int = 0) -> NDArray:
@@ -496,7 +496,8 @@ def flow(
         return records
 
     records = began(len(tangents.names))
-    _seed(records, tangents)
+    if by:
+        _seed(records, tangents)
     bodies = walkers.bodies(tangents.names, lanes)
     walked = Flow(walkers, system, tangents, bodies, records, began, True, instants)
     return walked.integrate(backend, threads)
@@ -525,11 +526,12 @@ def go_on(
         on_section: Whether a stride begins here.
     """
     uneven = np.count_nonzero(records["ground"][..., 2:])  # heights, slopes of next footholds
-    tangents = _tangents_by(walkers, by)
+    tangents = _tangents_by(walkers, by) if by else _NONE
     walked = np.zeros((len(records), 1 + len(tangents.names)), records.dtype)
     numbers_of(walked)[:, :1] = numbers_of(records)
     walked["outcome"] = 0
-    _seed(walked, tangents)
+    if by:
+        _seed(walked, tangents)
     system = walkers.system((*by, *UNEVEN) if uneven else by)
     bodies = walkers.bodies(tangents.names, lanes)
     return Flow(walkers, system, tangents, bodies, walked, lambda: records, on_section).integrate()
@@ -537,8 +539,6 @@ def go_on(
 
 def _tangents_by(walkers: Walkers, by: Sequence[str], along: NDArray | None = None) -> FlowTangents:
     """Tangents by name, with changes of the states (n, 6, k) if they are given."""
-    if not by:
-        return _NONE
     if along is None:
         return _tangents(walkers.walker, tuple(by))
     others = sum(name != "point" for name in by)
