@@ -56,6 +56,14 @@ def test_without_an_algorithm_it_is_the_fast_one():
     assert (of_seven.algo, of_seven.seed) == ("sac", 7)
 
 
+def test_a_run_that_is_continued_keeps_what_is_not_asked_for():
+    kept = configure("ppo", "lab", seed=5, steps=3000, n_envs=3, every=1000)
+    nothing = train.asked_for(train.train_parser().parse_args([]), kept)
+    assert nothing == kept
+    more = train.asked_for(train.train_parser().parse_args(["--steps", "9000"]), kept)
+    assert (more.steps, more.seed, more.n_envs, more.every) == (9000, 5, 3, 1000)
+
+
 def test_an_evaluation_tells_each_agents_own_episodes(steep_run):
     with (steep_run / "evaluation.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -142,6 +150,15 @@ def test_what_a_run_draws_with_is_looked_for_before_it_learns(tmp_path, monkeypa
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert train.main(["--out", str(tmp_path / "run"), *TINY]) == 2
     assert "needs matplotlib" in capsys.readouterr().err and not (tmp_path / "run").exists()
+
+
+def test_arguments_reach_the_configuration():
+    text = (
+        "--algo sac --scene lab --walker C --slope 0 0.05 --control stride --steps 2.5e4 --seed 9"
+    )
+    config = train.asked_for(train.train_parser().parse_args([*text.split(), "--seed", "9"]))
+    assert (config.algo, config.scene, config.steps, config.seed) == ("sac", "lab", 25_000, 9)
+    assert config.env == {"walker": "C", "control": "stride", "slope": [0.0, 0.05]}
 
 
 REFUSED = {

@@ -182,6 +182,16 @@ def test_seconds_of_training_add_up(tmp_path, monkeypatch):
     assert [row["seconds"] for row in run.notes["curve"]] == [2.0, 5.0, 10.0]
 
 
+@pytest.mark.parametrize("algo", ["ppo", "ppo-fast"])
+def test_the_same_seed_learns_the_same(tmp_path, algo):
+    runs = []
+    for i, seed in enumerate((1, 1, 2)):
+        runs.append(Run(small(algo, seed=seed), tmp_path / str(i)))
+        runs[-1].train(progress=False)
+    first, second, other = (weights(run.model) for run in runs)
+    assert np.array_equal(first, second) and not np.array_equal(first, other)
+
+
 @pytest.mark.parametrize("algo", ALGORITHMS)
 def test_trainings_with_other_seeds_have_other_walkers_and_no_evaluation_s(algo):
     met = []

@@ -8,6 +8,7 @@ import pytest
 from gym_passive_walker import (
     WALKERS,
     GaitNotFound,
+    Walker,
     WalkerError,
     find_gait,
     find_gaits,
@@ -88,11 +89,31 @@ def test_the_simplest_walker_at_009_is_that_of_the_literature():
     assert long.stable and not short.stable
 
 
+def test_the_simplest_walker_s_small_steps_obey_the_series_of_the_literature():
+    long, short = find_gaits("D", 1e-9)
+    assert long.stance_angle / 1e-3 == pytest.approx(0.970956, abs=2e-6)
+    assert short.stance_angle / 1e-3 == pytest.approx(0.943976, abs=2e-6)
+    unit = WALKERS["D"].time_unit
+    assert long.step_period / unit == pytest.approx(3.812092, abs=2e-6)
+    assert short.step_period / unit == pytest.approx(np.pi, abs=2e-6)
+
+
 def test_a_gait_that_few_starts_lead_to_is_found_by_a_second_look():
     gait = find_gait("C", 0.002)
     assert gait.kind == "long" and np.abs(gait.multipliers).max() < 1.0
     end = stride("C", 0.002, gait.state).state
     np.testing.assert_allclose(end, gait.state, atol=1e-9)
+
+
+def test_the_compass_gait_is_that_of_the_literature():
+    compass = Walker(
+        thigh_length=0.5, thigh_mass=5.0, thigh_com=0.5, shank_length=0.5, shank_mass=0.0,
+        hip_mass=10.0, knees=False, gravity=9.8,
+    )  # fmt: skip
+    gait = find_gait(compass, np.radians(3.0))
+    assert np.degrees(gait.stance_angle) == pytest.approx(15.53, abs=0.02)
+    assert gait.step_period == pytest.approx(0.7347, abs=2e-4)
+    assert gait.stable
 
 
 def test_the_lab_walker_s_own_fixed_point_is_found():

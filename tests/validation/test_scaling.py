@@ -56,6 +56,21 @@ def test_the_exponent_is_the_slope_of_the_family_in_logarithms():
         assert exponent[i] == pytest.approx(difference, abs=1e-9)
 
 
+def test_transition_slopes_are_near_the_three_halves_power_of_the_foot_s_share():
+    shares = {"E": 0.1 / 0.8, "F": 0.05 / 0.9}
+    slopes = {name: transition_slope(name) for name in shares}
+    ratio = slopes["E"] / slopes["F"]
+    assert ratio == pytest.approx((shares["E"] / shares["F"]) ** 1.5, rel=0.12)
+    for name, share in shares.items():
+        assert 0.1 < slopes[name] / share**1.5 < 0.3
+
+
+def test_the_transition_lies_where_the_local_exponent_changes():
+    for name in ("E", "F"):
+        (half,) = exponent_crossings(gait_family(name, 1e-6, 0.1, "short"))
+        assert 0.5 < half / transition_slope(name) < 1.0
+
+
 def test_the_ratio_of_transition_slopes_does_not_depend_on_the_cube_root_line():
     plain = transition_slope("E") / transition_slope("F")
     other = transition_slope("E", cube_root=2.0) / transition_slope("F", cube_root=2.0)
